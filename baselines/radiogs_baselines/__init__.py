@@ -1,0 +1,1 @@
+"""Published figures, readers of public codes' output folders, and baseline methods."""

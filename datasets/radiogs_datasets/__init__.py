@@ -1,0 +1,1 @@
+"""Image files, scene loaders, generated ground truth and the committed miniatures."""

@@ -1,0 +1,82 @@
+"""How kernels are started: Warp's set-up, threads on the CPU, and scalar types."""
+
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from typing import Any
+
+import torch
+import warp as wp
+
+
+@cache
+def start_warp() -> None:
+    """Initialise Warp once, silently; a missing CUDA driver is no news on a machine without a GPU."""
+    wp.config.quiet = True
+    with _silenced_stderr():
+        wp.init()
+
+
+@contextmanager
+def _silenced_stderr() -> Any:
+    """Send file descriptor 2 to nowhere: Warp's native library writes its driver warning past sys.stderr."""
+    sys.stderr.flush()
+    kept = os.dup(2)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def scalar_type(dtype: torch.dtype) -> Any:
+    """The Warp scalar of a torch dtype; the kernels exist in float32 and float64."""
+    scalars = {torch.float32: wp.float32, torch.float64: wp.float64}
+    if dtype not in scalars:
+        raise TypeError(f"kernels run in float32 or float64, not in {dtype}")
+    return scalars[dtype]
+
+
+def workers(device: torch.device) -> int:
+    """Launches that run side by side: torch's thread count on the CPU, one on CUDA.
+
+    Each worker owns its gradient buffers, because Warp's atomics on the CPU are plain read-modify-write.
+    """
+    return torch.get_num_threads() if device.type == "cpu" else 1
+
+
+@cache
+def _pool(size: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(size, thread_name_prefix="radiogs-kernel")
+
+
+def launch_in_parallel(
+    launch: Callable[[int, int, int], None], count: int, device: torch.device, chunks_per_worker: int = 8
+) -> None:
+    """Call ``launch(begin, end, worker)`` so that the ranges cover [0, count).
+
+    On CUDA that is one call. On the CPU the range is cut into equal chunks, dealt to the workers in a fixed
+    order (chunk k to worker k mod n): the sums are repeatable for a given thread count. Warp releases the
+    interpreter lock during a launch, so the workers really run side by side.
+    """
+    team = workers(device)
+    if count == 0:
+        return
+    if team == 1:
+        launch(0, count, 0)
+        return
+    pieces = min(count, team * chunks_per_worker)
+    bounds = [count * piece // pieces for piece in range(pieces + 1)]
+
+    def work(worker: int) -> None:
+        for piece in range(worker, pieces, team):
+            launch(bounds[piece], bounds[piece + 1], worker)
+
+    for done in [_pool(team).submit(work, worker) for worker in range(team)]:
+        done.result()

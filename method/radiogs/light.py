@@ -1,0 +1,49 @@
+"""Distant light as a latitude-longitude map: Z up, centre column towards +X.
+
+Texel (row j, column i) of an H x W map looks along azimuth pi - 2 pi (i + 0.5) / W and polar angle
+pi (j + 0.5) / H from +Z: u = 1/2 - atan2(y, x) / 2 pi, v = acos(z) / pi (facts of the data sets, section 0).
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class EnvironmentMap:
+    """Incident radiance from infinity, linear RGB, [height, width, 3]; see the module for the orientation."""
+
+    radiance: Float[Tensor, "height width 3"]
+
+    def lookup(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """Bilinear radiance along unit directions towards the light; wraps at the seam, clamps at the poles."""
+        height, width = self.radiance.shape[:2]
+        x, y, z = directions.unbind(-1)
+        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * width - 0.5
+        # atan2(|xy|, z) is acos(z) without its loss of digits (and infinite slope) at the poles.
+        polar = torch.atan2(torch.hypot(x, y), z)
+        row = (polar / torch.pi * height - 0.5).clamp(0, height - 1)
+        left, top = column.floor(), row.floor()
+        right_share, bottom_share = (column - left)[..., None], (row - top)[..., None]
+        first, upper = left.long() % width, top.long()
+        second, lower = (first + 1) % width, (upper + 1).clamp(max=height - 1)
+        above = torch.lerp(self.radiance[upper, first], self.radiance[upper, second], right_share)
+        below = torch.lerp(self.radiance[lower, first], self.radiance[lower, second], right_share)
+        return torch.lerp(above, below, bottom_share)
+
+
+def texel_directions(height: int, width: int, **like: object) -> Float[Tensor, "height width 3"]:
+    """Unit direction towards each texel's centre, in the world."""
+    polar = (torch.arange(height, dtype=torch.float64) + 0.5) * (torch.pi / height)
+    azimuth = torch.pi - (torch.arange(width, dtype=torch.float64) + 0.5) * (2 * torch.pi / width)
+    polar, azimuth = torch.meshgrid(polar, azimuth, indexing="ij")
+    sine = polar.sin()
+    return torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), polar.cos()], -1).to(**like)  # type: ignore[call-overload]
+
+
+def texel_solid_angles(height: int, width: int, **like: object) -> Float[Tensor, "height 1"]:
+    """Exact solid angle of a texel of each row, in steradian; they sum to 4 pi over the map."""
+    edges = torch.cos(torch.arange(height + 1, dtype=torch.float64) * (torch.pi / height))
+    return ((edges[:-1] - edges[1:]) * (2 * torch.pi / width))[:, None].to(**like)  # type: ignore[call-overload]

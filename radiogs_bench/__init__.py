@@ -1,0 +1,1 @@
+"""The harness: command line, suites, cells, store, statistics, metrics."""
