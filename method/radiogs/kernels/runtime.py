@@ -15,7 +15,7 @@ import warp as wp
 @cache
 def start_warp() -> None:
     """Initialise Warp once, silently; a missing CUDA driver is no news on a machine without a GPU."""
-    wp.config.quiet = True
+    wp.config.log_level = wp.LOG_WARNING
     with _silenced_stderr():
         wp.init()
 

@@ -1,0 +1,34 @@
+"""A non-finite value stops training at once, with the name of the tensor, the surfel and the iteration."""
+
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor
+
+from .errors import NumericalFailure
+
+
+def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> None:
+    """Raise NumericalFailure if any of the named tensors holds a NaN or an infinity."""
+    for name, value in values.items():
+        if bool(torch.isfinite(value.sum())):
+            continue
+        bad = torch.nonzero(~torch.isfinite(value.reshape(value.shape[0], -1) if value.dim() else value[None, None]))
+        if len(bad) == 0:
+            continue  # finite entries whose sum overflows
+        raise NumericalFailure(
+            f"{name} is not finite in stage '{stage}' at iteration {iteration}: entry {int(bad[0, 0])}"
+            f" ({len(bad)} values in all)",
+            "Training on would spread it to every surfel.",
+            "The last checkpoint is kept beside the run; continue from it with --verbose to see where it begins.",
+        )
+
+
+def backward(stage: str, iteration: int, losses: Mapping[str, Tensor], parameters: Mapping[str, Tensor]) -> None:
+    """Add the losses up and propagate them; losses and gradients are checked before anyone steps on them."""
+    require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})
+    torch.stack(list(losses.values())).sum().backward()
+    gradients = {
+        f"the gradient of '{name}'": value.grad for name, value in parameters.items() if value.grad is not None
+    }
+    require_finite(stage, iteration, gradients)

@@ -1,0 +1,101 @@
+"""Incident light at surfels: what arrives from a set of directions, traced through the surfels themselves."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from .kernels.bvh import SurfelBVH
+from .kernels.geometry import TRACE_TRANSMITTANCE_STOP
+from .kernels.trace import Hits, trace
+from .sampling import hemisphere_directions
+from .surfels import Surfels
+
+SELF_OFFSET = 1.0
+"""Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
+are the same surface seen twice, not occluders."""
+
+
+@dataclass
+class Incident:
+    """Incident light of N surfels from S directions each.
+
+    direction: unit, world, towards the light. weight: solid angle in steradian that each stands for.
+    visibility: V, 1 where the distant light is seen. radiance: L_ind, linear RGB, from other surfels.
+    """
+
+    direction: Float[Tensor, "surfels samples 3"]
+    weight: Float[Tensor, "surfels samples"]
+    visibility: Float[Tensor, "surfels samples"]
+    radiance: Float[Tensor, "surfels samples 3"]
+
+    def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
+        """Overwrite the entries of some surfels, without gradient."""
+        for name in ("direction", "weight", "visibility", "radiance"):
+            getattr(self, name)[index] = getattr(fresh, name).detach()
+
+
+class SurfelTracer:
+    """Traces rays from surfels to surfels; holds the bounding volumes, which ``follow`` refits."""
+
+    def __init__(self, surfels: Surfels) -> None:
+        self.follow(surfels)
+        self.bvh = SurfelBVH.build(self.geometry.detach())
+
+    def follow(self, surfels: Surfels) -> None:
+        """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
+        self.surfels = surfels
+        self.geometry = surfels.geometry()
+        if hasattr(self, "bvh"):
+            self.bvh.refit(self.geometry.detach())
+
+    def trace(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        features: Float[Tensor, "surfels channels"],
+    ) -> Hits:
+        """Rays from the centres of the surfels ``index``; flattened to [chosen * samples] rays."""
+        samples = direction.shape[1]
+        origin = self.geometry.centre[index].repeat_interleave(samples, 0)
+        reach = SELF_OFFSET * self.surfels.scale.detach().max(-1).values[index]
+        return trace(
+            self.bvh, self.geometry, self.surfels.sh, features,
+            origin, direction.flatten(0, 1), reach.repeat_interleave(samples),
+        )  # fmt: skip
+
+    def incident(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+    ) -> Incident:
+        """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels."""
+        none = self.geometry.centre.new_zeros(len(self.geometry), 0)
+        hits = self.trace(index, direction, none)
+        visibility, whole = visibility_of(hits)
+        shape = direction.shape[:2]
+        radiance = hits.radiance * whole[:, None]
+        return Incident(direction, weight, visibility.view(shape), radiance.view(*shape, 3))
+
+
+def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"]]:
+    """V = T, and the factor that makes blended values whole.
+
+    A ray that ended early (T < 3 %) met a solid surface: V is 0 and its values are divided by 1 - T, so that
+    the rest neither leaks sunlight through walls nor is missing from the indirect light.
+    """
+    solid = hits.transmittance < TRACE_TRANSMITTANCE_STOP
+    visibility = torch.where(solid, 0.0, hits.transmittance)
+    return visibility, 1 / torch.where(solid, 1 - hits.transmittance, 1.0)
+
+
+def gather_incident(
+    tracer: SurfelTracer, surfels: Surfels, samples: int, generator: torch.Generator | None
+) -> Incident:
+    """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off."""
+    with torch.no_grad():
+        index = torch.arange(len(surfels), device=surfels.centre.device)
+        direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
+        return tracer.incident(index, direction, weight)

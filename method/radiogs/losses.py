@@ -1,0 +1,116 @@
+"""Image-space losses (paper, appendix on losses). Images are [height, width, channels]."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import conv2d, pad
+
+SSIM_WINDOW = 11
+SSIM_SIGMA = 1.5
+SSIM_LUMINANCE_GUARD = 0.01**2
+SSIM_CONTRAST_GUARD = 0.03**2
+MASK_CONFIDENCE = 1e-6
+"""Coverage is kept this far from 0 and 1 inside the logarithm: one wrong pixel costs at most 13.8 nats."""
+
+
+def reconstruction(
+    image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]
+) -> Float[Tensor, ""]:
+    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images.
+
+    Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
+    image is not clipped, so that what is too bright keeps its gradient.
+    """
+    image = torch.where(target >= 1, image.clamp(max=1), image)
+    return 0.8 * (image - target).abs().mean() + 0.2 * (1 - structural_similarity(image, target))
+
+
+def structural_similarity(
+    image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]
+) -> Float[Tensor, ""]:
+    """Mean SSIM as splatting codes train with it: 11 Gaussian taps, sigma 1.5, zero padding, range 1.
+
+    For scoring use ``radiogs_bench.metrics``: its window is not padded.
+    """
+    offset = torch.arange(SSIM_WINDOW, dtype=image.dtype, device=image.device) - SSIM_WINDOW // 2
+    taps = torch.exp(-offset.square() / (2 * SSIM_SIGMA**2))
+    taps = taps / taps.sum()
+    x, y = image.permute(2, 0, 1), target.permute(2, 0, 1)
+    stacked = torch.cat([x, y, x * x, y * y, x * y])[:, None]
+    half = SSIM_WINDOW // 2
+    blurred = conv2d(stacked, taps.view(1, 1, 1, -1), padding=(0, half))
+    blurred = conv2d(blurred, taps.view(1, 1, -1, 1), padding=(half, 0))[:, 0]
+    mean_x, mean_y, square_x, square_y, product = blurred.chunk(5)
+    variance_x, variance_y = square_x - mean_x.square(), square_y - mean_y.square()
+    covariance = product - mean_x * mean_y
+    luminance = (2 * mean_x * mean_y + SSIM_LUMINANCE_GUARD) / (
+        mean_x.square() + mean_y.square() + SSIM_LUMINANCE_GUARD
+    )
+    contrast = (2 * covariance + SSIM_CONTRAST_GUARD) / (variance_x + variance_y + SSIM_CONTRAST_GUARD)
+    return (luminance * contrast).mean()
+
+
+def normal_consistency(
+    normal: Float[Tensor, "height width 3"],
+    alpha: Float[Tensor, "height width"],
+    depth_normal: Float[Tensor, "height width 3"],
+) -> Float[Tensor, ""]:
+    """Mean over pixels of sum_i w_i (1 - n_i . N); ``normal`` is the blended sum_i w_i n_i, N the depth's normal.
+
+    Pixels without a depth normal (N = 0) count nothing.
+    """
+    known = depth_normal.square().sum(-1) > 0
+    return (torch.where(known, alpha, 0.0) - (normal * depth_normal).sum(-1)).mean()
+
+
+def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Float[Tensor, "height width 3"]:
+    """Unit normals of the surface through per-pixel world points, by central differences, facing ``toward``.
+
+    ``toward`` is the camera's centre [3]. The border pixel is zero; so is a pixel whose neighbours coincide.
+    """
+    across = points[1:-1, 2:] - points[1:-1, :-2]
+    down = points[2:, 1:-1] - points[:-2, 1:-1]
+    # x right times y down points away from the camera: the order is swapped to face it.
+    normal = torch.linalg.cross(down, across)
+    length = normal.square().sum(-1, keepdim=True)
+    unit = normal * torch.where(length > 0, length, torch.inf).rsqrt()
+    facing = (unit * (toward - points[1:-1, 1:-1])).sum(-1, keepdim=True)
+    return pad(torch.where(facing < 0, -unit, unit), (0, 0, 1, 1, 1, 1))
+
+
+def mask_entropy(alpha: Float[Tensor, "height width"], mask: Float[Tensor, "height width"]) -> Float[Tensor, ""]:
+    """Binary cross-entropy between rendered coverage and the mask."""
+    sure = alpha.clamp(MASK_CONFIDENCE, 1 - MASK_CONFIDENCE)
+    return torch.nn.functional.binary_cross_entropy(sure, mask)
+
+
+def edge_aware_smoothness(
+    data: Float[Tensor, "height width channels"], guide: Float[Tensor, "height width 3"]
+) -> Float[Tensor, ""]:
+    """Mean of |gradient of data| exp(-|gradient of guide|), both by normalised Sobel filters.
+
+    ``guide`` is the training image in display sRGB; one-channel data meets each of its channels, three-channel
+    data its own.
+    """
+    return (sobel(data).abs() * torch.exp(-sobel(guide).abs())).sum(0).mean()
+
+
+def sobel(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "2 height width channels"]:
+    """Gradients per pixel along x and y; taps sum to one in absolute value, borders are replicated."""
+    smooth = torch.tensor([1.0, 2.0, 1.0], dtype=image.dtype, device=image.device) / 8
+    slope = torch.tensor([-1.0, 0.0, 1.0], dtype=image.dtype, device=image.device)
+    taps = torch.stack([torch.outer(smooth, slope), torch.outer(slope, smooth)])[:, None]
+    padded = pad(image.permute(2, 0, 1)[:, None], (1, 1, 1, 1), mode="replicate")
+    return conv2d(padded, taps).permute(1, 2, 3, 0)
+
+
+def light_prior(incident: Float[Tensor, "surfels 3"]) -> Float[Tensor, ""]:
+    """Mean distance of each channel of the diffuse incident light from the channels' mean: light is near white."""
+    return (incident - incident.mean(-1, keepdim=True)).abs().mean()
+
+
+def environment_smoothness(radiance: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
+    """Mean squared difference of neighbouring texels' log radiance; the map wraps around in longitude."""
+    value = radiance.log()
+    around = value - value.roll(1, dims=1)
+    return around.square().mean() + (value[1:] - value[:-1]).square().mean()

@@ -1,0 +1,27 @@
+"""What training recovers: surfels with their materials, and the light that they were seen under."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from .surfels import Surfels
+
+
+@dataclass(frozen=True)
+class Model:
+    """Surfels and the logarithm of the environment's radiance [height, 2 height, 3] (see ``light``)."""
+
+    surfels: Surfels
+    log_environment: Float[Tensor, "height width 3"]
+
+    @property
+    def environment(self) -> Float[Tensor, "height width 3"]:
+        """Linear radiance of the recovered light; its logarithm is what is learnt, so it is always positive."""
+        return self.log_environment.exp()
+
+
+def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:
+    """Log-radiance of a light that is the same from everywhere."""
+    return torch.full((height, 2 * height, 3), radiance, device=device).log()

@@ -1,0 +1,100 @@
+"""Adam over surfels whose number changes: moments follow their surfel, fresh surfels start with none."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from jaxtyping import Int
+from torch import Tensor
+
+from .surfels import Surfels
+
+ADAM_EPSILON = 1e-15
+"""3DGS's value: gradients of single surfels are small, and a larger one would freeze them."""
+
+
+class SurfelOptimiser:
+    """Steps the raw parameters of surfels, and any further named tensors, each at its own learning rate.
+
+    ``rates`` maps parameter names to learning rates; ``"sh_rest"`` is the rate of degrees above zero. A rate of
+    zero leaves the parameter alone.
+    """
+
+    def __init__(self, surfels: Surfels, further: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
+        self.rates = dict(rates)
+        self.tensors: dict[str, Tensor] = {}
+        self._adopt(surfels)
+        self.tensors |= {name: value.detach().clone().requires_grad_() for name, value in further.items()}
+        self.further = tuple(further)
+        self.adam = torch.optim.Adam(
+            [{"params": [value], "lr": self.rates[name], "name": name} for name, value in self.tensors.items()],
+            eps=ADAM_EPSILON,
+        )
+
+    def _adopt(self, surfels: Surfels) -> None:
+        # Degree 0 and the higher degrees learn at different rates, hence live in separate tensors.
+        for name, value in surfels.parameters().items():
+            parts = {"sh": value[:, :1], "sh_rest": value[:, 1:]} if name == "sh" else {name: value}
+            self.tensors |= {part: piece.detach().clone().requires_grad_() for part, piece in parts.items()}
+
+    @property
+    def surfels(self) -> Surfels:
+        """The surfels as they are now, connected to the tensors that are optimised."""
+        own = {name: value for name, value in self.tensors.items() if name not in self.further}
+        own["sh"] = torch.cat([own["sh"], own.pop("sh_rest")], 1)
+        return Surfels.of(own)
+
+    def set_rate(self, name: str, rate: float) -> None:
+        """Change one learning rate."""
+        for group in self.adam.param_groups:
+            if group["name"] == name:
+                group["lr"] = rate
+
+    def step(self) -> None:
+        """One Adam step; gradients are cleared."""
+        self.adam.step()
+        self.adam.zero_grad(set_to_none=True)
+
+    def replace(self, surfels: Surfels, origin: Int[Tensor, " surfels"]) -> None:
+        """Put ``surfels`` in the place of the present ones; ``origin`` says whose moments each inherits (-1: none)."""
+        old = dict(self.tensors)
+        self._adopt(surfels)
+        kept = origin >= 0
+        for group in self.adam.param_groups:
+            name = group["name"]
+            if name in self.further:
+                continue
+            moments = self.adam.state.pop(old[name], {})
+            group["params"] = [self.tensors[name]]
+            if moments:
+                for key in ("exp_avg", "exp_avg_sq"):
+                    fresh = torch.zeros_like(self.tensors[name])
+                    fresh[kept] = moments[key][origin[kept]]
+                    moments[key] = fresh
+                self.adam.state[self.tensors[name]] = moments
+
+    def forget(self, name: str) -> None:
+        """Clear the moments of one parameter (after it was set by hand)."""
+        self.adam.state.pop(self.tensors[name], None)
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        moments = {
+            name: dict(self.adam.state[value]) for name, value in self.tensors.items() if value in self.adam.state
+        }
+        rates = {group["name"]: group["lr"] for group in self.adam.param_groups}
+        tensors = {name: value.detach() for name, value in self.tensors.items()}
+        return {"tensors": tensors, "moments": moments, "rates": rates}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.adam.state.clear()
+        for group in self.adam.param_groups:
+            name = group["name"]
+            self.tensors[name] = state["tensors"][name].clone().requires_grad_()
+            group["params"] = [self.tensors[name]]
+            group["lr"] = state["rates"][name]
+            if name in state["moments"]:
+                self.adam.state[self.tensors[name]] = {
+                    key: value.clone() for key, value in state["moments"][name].items()
+                }

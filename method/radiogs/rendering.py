@@ -1,0 +1,132 @@
+"""Images of surfels: splatting named channels, and the maps that evaluation compares."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from .camera import Camera
+from .colour import srgb_encode
+from .incident import Incident, SurfelTracer, gather_incident
+from .kernels.rasterize import rasterize
+from .kernels.shade import shade
+from .losses import depth_normals
+from .model import Model
+from .surfels import Surfels
+
+SOLID_ALPHA = 0.5
+"""Coverage above which a pixel has a surface: its depth means something."""
+
+DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT = range(4)
+
+
+@dataclass(frozen=True)
+class Splat:
+    """Named channels blended over the surfels that each pixel sees; all multiplied by coverage.
+
+    ``depth`` is the expected z-depth, world units, zero where nothing is seen; ``normal`` the blended (not unit)
+    world normal; ``distortion`` in units of the camera's distance squared; ``touched`` marks surfels in view.
+    """
+
+    images: Mapping[str, Float[Tensor, "height width channels"]]
+    normal: Float[Tensor, "height width 3"]
+    alpha: Float[Tensor, "height width"]
+    depth: Float[Tensor, "height width"]
+    distortion: Float[Tensor, "height width"]
+    touched: Bool[Tensor, " surfels"]
+
+    def depth_normal(self, camera: Camera) -> Float[Tensor, "height width 3"]:
+        """Unit normals from the depth map; zero where the pixel or a neighbour has no surface."""
+        points = camera.centre + camera.ray_directions() * self.depth[..., None]
+        empty = (self.alpha.detach() < SOLID_ALPHA).to(points.dtype)
+        near_empty = torch.nn.functional.max_pool2d(empty[None, None], 3, stride=1, padding=1)[0, 0]
+        return depth_normals(points, camera.centre) * (1 - near_empty)[..., None]
+
+
+def splat(
+    camera: Camera, surfels: Surfels, channels: Mapping[str, Float[Tensor, "surfels _"]], depth_unit: float
+) -> Splat:
+    """Blend per-surfel ``channels`` into images, all in one pass; ``depth_unit`` scales the distortion."""
+    geometry = surfels.geometry_for(camera)
+    columns = [*channels.values(), geometry.normal]
+    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit)
+    *images, normal = raster.features.split([column.shape[-1] for column in columns], -1)
+    seen = raster.alpha > 0
+    depth = torch.where(seen, raster.depth / torch.where(seen, raster.alpha, 1.0), 0.0)
+    return Splat(
+        dict(zip(channels, images, strict=True)),
+        normal, raster.alpha, depth, raster.distortion, raster.touched,
+    )  # fmt: skip
+
+
+def shade_surfels(
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    incident: Incident,
+    outgoing: Float[Tensor, "surfels views 3"],
+    environment: Float[Tensor, "rows columns 3"],
+) -> Float[Tensor, "surfels views 4 3"]:
+    """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade``."""
+    return shade(
+        surfels.frame[..., 2], albedo, surfels.roughness, outgoing,
+        incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
+    )  # fmt: skip
+
+
+def towards(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
+    """Unit directions from the surfels to the camera, without gradient."""
+    return torch.nn.functional.normalize(camera.centre - surfels.centre.detach(), dim=-1)
+
+
+@torch.no_grad()
+def shaded_maps(
+    camera: Camera,
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    incident: Incident,
+    environment: Float[Tensor, "rows columns 3"],
+) -> dict[str, Float[Tensor, "height width _"]]:
+    """All maps of one view under a given light, as ``Renderer.render`` describes them.
+
+    ``albedo`` is given apart, because relighting scales it.
+    """
+    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment)[:, 0]
+    channels = {
+        "direct": parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT],
+        "indirect": parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT],
+        "albedo": albedo,
+        "roughness": surfels.roughness[:, None],
+    }
+    seen = splat(camera, surfels, channels, depth_unit=1.0)
+    length = seen.normal.square().sum(-1, keepdim=True)
+    return {
+        **seen.images,
+        "image": srgb_encode(seen.images["direct"] + seen.images["indirect"]).clamp(0, 1),
+        "alpha": seen.alpha[..., None],
+        "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        "depth": seen.depth[..., None],
+    }
+
+
+class Renderer:
+    """A trained model under the light it was trained in, ready to be seen from any camera.
+
+    Incident light is traced once, from ``samples`` fixed directions per surfel.
+    """
+
+    def __init__(self, model: Model, samples: int) -> None:
+        with torch.no_grad():
+            tracer = SurfelTracer(model.surfels)
+            self.model = model
+            self.incident = gather_incident(tracer, model.surfels, samples, generator=None)
+
+    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+        """Maps of one view, [height, width, channels], all composited on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear.
+        roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
+        """
+        surfels = self.model.surfels
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, self.model.environment)

@@ -1,0 +1,169 @@
+"""Stage 1, initialisation: 2DGS reconstruction with split-sum shading and simplified radiometric consistency."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..budget import Budget
+from ..colour import srgb_encode
+from ..density import Pull, densify_and_prune
+from ..finite import backward
+from ..losses import edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
+from ..model import Model, constant_light
+from ..optimiser import SurfelOptimiser
+from ..points import initial_points, neighbour_spacing
+from ..radiometric import split_sum_consistency_loss
+from ..rendering import Splat, splat, towards
+from ..scene import Scene
+from ..spherical_harmonics import surfel_radiance
+from ..splitsum import PrefilteredLight
+from ..surfels import Surfels, surfels_at
+from ..variant import Variant
+from .views import TrainingView, chosen_views, load, view_at
+
+CONSISTENCY_WEIGHT = 0.2
+DISTORTION_WEIGHT = 2.0
+"""On (z / camera distance)^2. The released weight, 1000 on m(z) = (100 - 20 / z) / 99.8, has dm = 0.2 / z^2 dz: at the
+data sets' camera distance 4.5 that is 1000 * (0.2 / 4.5)^2 = 2 on relative depth."""
+NORMAL_WEIGHT = 0.05
+NORMAL_SMOOTHNESS_WEIGHT = 0.02
+MASK_WEIGHT = 0.05
+
+BACKGROUND = 1.0
+"""White: a surfel that is missing and a surfel that is black must not look the same."""
+
+# Shares of the run at which things happen; the released schedule in iterations of 40,000.
+CONSISTENCY_FROM = 2_000 / 40_000
+DISTORTION_FROM = 3_000 / 40_000
+NORMAL_SMOOTHNESS_UNTIL = 18_000 / 40_000
+DENSIFY_FROM = 500 / 40_000
+DENSIFY_UNTIL = 25_000 / 40_000
+DEGREES_FROM = (6_000 / 40_000, 7_000 / 40_000, 8_000 / 40_000)
+POSITION_DECAY_UNTIL = 30_000 / 40_000
+
+POSITION_RATE = 1.6e-4
+POSITION_RATE_END = 1.6e-6
+RATES = {
+    "rotation": 0.001,
+    "log_scale": 0.005,
+    "opacity_logit": 0.05,
+    "sh": 0.0025,
+    "sh_rest": 0.0025 / 20,
+    "albedo_logit": 0.005,
+    "roughness_logit": 0.005,
+    "log_environment": 0.01,
+}
+"""Learning rates (paper, training details; the others are 2DGS's)."""
+
+
+class Initialisation:
+    """Stage 1. ``variant.initialise == "nvs"`` leaves out shading: novel-view synthesis alone."""
+
+    name = "initialise"
+
+    def __init__(self, scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device) -> None:
+        self.variant, self.budget, self.seed, self.device = variant, budget, seed, device
+        self.iteration, self.iterations = 0, budget.initialise_iterations
+        self.extent = scene.extent
+        chosen = chosen_views(scene, variant.view_share, seed)
+        self.views = load(chosen, device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        start = torch.Generator().manual_seed(seed)
+        points = initial_points(scene, chosen, budget.initial_surfels, start)
+        surfels = surfels_at(points, neighbour_spacing(points), start)
+        surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
+        self.generator = torch.Generator(device).manual_seed(seed)
+        light = {"log_environment": constant_light(budget.light_height, 1.0, device)}
+        self.optimiser = SurfelOptimiser(surfels, light, RATES | {"centre": self._position_rate()})
+        self.pull = Pull.none(len(surfels), device)
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        view = view_at(self.views, self.iteration, self.seed)
+        self.optimiser.set_rate("centre", self._position_rate())
+        surfels = self.optimiser.surfels
+        surfels.sh = surfels.sh[:, : self._coefficients()]
+        losses, seen = self._losses(surfels, view)
+        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        centre = self.optimiser.tensors["centre"]
+        if centre.grad is not None:
+            self.pull.observe(view.camera, centre.detach(), centre.grad, seen.touched)
+        self.optimiser.step()
+        self.iteration += 1
+        self._control_density()
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+    def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
+        camera = view.camera
+        outgoing = towards(camera, surfels)
+        channels = {"radiance": surfel_radiance(surfels.sh, outgoing)}
+        losses = {}
+        if self.variant.initialise == "radiometric":
+            light = PrefilteredLight(self.model.environment)
+            consistency, channels["shaded"] = split_sum_consistency_loss(surfels, light, outgoing)
+            if self.iteration >= CONSISTENCY_FROM * self.iterations:
+                losses["consistency"] = CONSISTENCY_WEIGHT * consistency
+        seen = splat(camera, surfels, channels, self.depth_unit)
+        target = view.over(BACKGROUND)
+        for name, image in seen.images.items():
+            losses[name] = reconstruction(composite(image, seen.alpha), target)
+        losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+        losses["mask"] = MASK_WEIGHT * mask_entropy(seen.alpha, view.mask)
+        if self.iteration >= DISTORTION_FROM * self.iterations:
+            losses["distortion"] = DISTORTION_WEIGHT * seen.distortion.mean()
+        if self.iteration < NORMAL_SMOOTHNESS_UNTIL * self.iterations:
+            losses["normal smoothness"] = NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(seen.normal, view.over(0.0))
+        return losses, seen
+
+    def _control_density(self) -> None:
+        progress = self.iteration / self.iterations
+        due = self.iteration % self.budget.densify_interval == 0
+        if not (due and DENSIFY_FROM <= progress < DENSIFY_UNTIL):
+            return
+        surfels, origin = densify_and_prune(
+            self.optimiser.surfels, self.pull, self.extent, self.budget.maximum_surfels, self.generator
+        )
+        self.optimiser.replace(surfels, origin)
+        self.pull = Pull.none(len(surfels), self.device)
+
+    def _position_rate(self) -> float:
+        progress = min(1.0, self.iteration / max(1.0, POSITION_DECAY_UNTIL * self.iterations))
+        decayed = POSITION_RATE ** (1 - progress) * POSITION_RATE_END**progress
+        return decayed * self.extent * self.budget.position_rate
+
+    def _coefficients(self) -> int:
+        degree = sum(self.iteration >= share * self.iterations for share in DEGREES_FROM)
+        return (degree + 1) ** 2
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+            "pull": {"total": self.pull.total, "seen": self.pull.seen},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+        self.pull = Pull(**state["pull"])
+
+
+def composite(linear: Tensor, alpha: Tensor) -> Tensor:
+    """A blended linear image in display sRGB, over the stage's background."""
+    return srgb_encode(linear) + BACKGROUND * (1 - alpha)[..., None]
+
+
+def mean_distance(views: tuple[TrainingView, ...], centre: Tensor) -> float:
+    """Mean distance of the cameras from the scene's centre, world units."""
+    return float(torch.stack([(view.camera.centre.cpu().double() - centre).norm() for view in views]).mean())

@@ -1,0 +1,169 @@
+"""Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from ..budget import Budget
+from ..colour import srgb_encode
+from ..finite import backward
+from ..incident import Incident, SurfelTracer, gather_incident
+from ..losses import (
+    edge_aware_smoothness,
+    environment_smoothness,
+    light_prior,
+    mask_entropy,
+    normal_consistency,
+    reconstruction,
+)
+from ..model import Model, constant_light
+from ..optimiser import SurfelOptimiser
+from ..radiometric import consistency_loss
+from ..rendering import shade_surfels, splat, towards
+from ..scene import Scene
+from ..spherical_harmonics import surfel_radiance
+from ..splitsum import PrefilteredLight
+from ..surfels import Surfels, inverse_sigmoid, roughness_to_logit
+from ..variant import Variant
+from .initialise import POSITION_RATE, RATES, mean_distance
+from .views import TrainingView, chosen_views, load, view_at
+
+NORMAL_WEIGHT = 0.05
+NORMAL_SMOOTHNESS_WEIGHT = 0.01
+MASK_WEIGHT = 0.02
+ALBEDO_SMOOTHNESS_WEIGHT = 0.2
+ROUGHNESS_SMOOTHNESS_WEIGHT = 0.1
+LIGHT_PRIOR_WEIGHT = 0.01
+LIGHT_SMOOTHNESS_WEIGHT = 0.002
+
+NORMAL_FROM = 1_000 / 20_000
+"""Share of the run after which the normals are held to the depth map again."""
+
+GEOMETRY_RATE = 0.01
+"""Geometry moves at this share of its stage-1 rates: it is refined, not learnt again."""
+
+START_ALBEDO = 0.3
+START_ROUGHNESS = 0.6
+START_LIGHT = 1.5
+
+
+class InverseRendering:
+    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh."""
+
+    name = "invert"
+
+    def __init__(
+        self,
+        scene: Scene,
+        variant: Variant,
+        budget: Budget,
+        seed: int,
+        device: torch.device,
+        initialised: Mapping[str, Any],
+    ) -> None:
+        self.variant, self.budget, self.seed, self.device = variant, budget, seed, device
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        self.generator = torch.Generator(device).manual_seed(seed)
+        surfels = surfels_of(initialised, device)
+        surfels.albedo_logit = torch.full_like(surfels.albedo_logit, inverse_sigmoid(START_ALBEDO))
+        surfels.roughness_logit = torch.full_like(surfels.roughness_logit, roughness_to_logit(START_ROUGHNESS))
+        moved = {
+            "centre": POSITION_RATE * scene.extent * budget.position_rate,
+            **{name: RATES[name] for name in ("rotation", "log_scale", "opacity_logit")},
+        }
+        light = {"log_environment": constant_light(budget.light_height, START_LIGHT, device)}
+        self.optimiser = SurfelOptimiser(
+            surfels, light, RATES | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
+        )
+        self.tracer = SurfelTracer(surfels)
+        self.incident = gather_incident(self.tracer, surfels, budget.incident_samples, self.generator)
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        view = view_at(self.views, self.iteration, self.seed)
+        model = self.model
+        self.tracer.follow(model.surfels)
+        if self.iteration and self.iteration % self.budget.refresh_interval == 0:
+            self.incident = gather_incident(self.tracer, model.surfels, self.budget.incident_samples, self.generator)
+        losses = {"consistency": self._consistency(model, view)}
+        losses |= self._image_losses(model, view)
+        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+    def _consistency(self, model: Model, view: TrainingView) -> Tensor:
+        """L_rad over N_g random surfels; what was traced for it goes into the cache."""
+        surfels = model.surfels
+        drawn = torch.randperm(len(surfels), generator=self.generator, device=self.device)
+        index = drawn[: self.budget.consistency_surfels]
+        weight = self.variant.radiometric_weight
+        with torch.set_grad_enabled(weight > 0):
+            loss, fresh = consistency_loss(
+                surfels, self.tracer, model.environment, view.camera, index,
+                self.budget.incident_samples, self.variant, self.generator,
+            )  # fmt: skip
+        self.incident.store(index, fresh)
+        return weight * loss
+
+    def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
+        surfels, camera = model.surfels, view.camera
+        outgoing = towards(camera, surfels)
+        shaded = shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment)
+        channels = {
+            "radiance": surfel_radiance(surfels.sh, outgoing),
+            "shaded": shaded[:, 0].sum(1),
+            "albedo": surfels.albedo,
+            "roughness": surfels.roughness[:, None],
+        }
+        seen = splat(camera, surfels, channels, self.depth_unit)
+        target, mask = view.over(0.0), view.mask[..., None]
+        images = seen.images
+        light = PrefilteredLight(model.environment)
+        losses = {
+            "radiance": reconstruction(srgb_encode(images["radiance"]), target),
+            "shaded": reconstruction(srgb_encode(images["shaded"]), target),
+            "mask": MASK_WEIGHT * mask_entropy(seen.alpha, view.mask),
+            "albedo smoothness": ALBEDO_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * images["albedo"], target),
+            "roughness smoothness": ROUGHNESS_SMOOTHNESS_WEIGHT
+            * edge_aware_smoothness(mask * images["roughness"], target),
+            "normal smoothness": NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * seen.normal, target),
+            "light prior": LIGHT_PRIOR_WEIGHT * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
+            "light smoothness": LIGHT_SMOOTHNESS_WEIGHT * environment_smoothness(model.environment),
+        }
+        if self.iteration >= NORMAL_FROM * self.iterations:
+            losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+        return losses
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+            "incident": vars(self.incident),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+        self.incident = Incident(**state["incident"])
+
+
+def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
+    """The surfels in a stage's saved state."""
+    tensors = {name: value.to(device) for name, value in state["optimiser"]["tensors"].items()}
+    tensors["sh"] = torch.cat([tensors["sh"], tensors.pop("sh_rest")], 1)
+    del tensors["log_environment"]
+    return Surfels.of(tensors)

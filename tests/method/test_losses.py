@@ -1,0 +1,87 @@
+import numpy as np
+import torch
+from skimage.metrics import structural_similarity as skimage_ssim
+
+from radiogs.camera import Camera
+from radiogs.losses import (
+    depth_normals,
+    edge_aware_smoothness,
+    light_prior,
+    mask_entropy,
+    normal_consistency,
+    reconstruction,
+    sobel,
+    structural_similarity,
+)
+
+
+def test_ssim_equals_skimage_on_the_zero_padded_image() -> None:
+    image, target = torch.rand(20, 24, 1, dtype=torch.float64), torch.rand(20, 24, 1, dtype=torch.float64)
+    padded = [np.pad(side[..., 0].numpy(), 5) for side in (image, target)]
+    _, expected = skimage_ssim(
+        *padded, data_range=1.0, gaussian_weights=True, sigma=1.5, use_sample_covariance=False, full=True
+    )
+    np.testing.assert_allclose(float(structural_similarity(image, target)), expected[5:-5, 5:-5].mean(), atol=1e-9)
+
+
+def test_reconstruction_is_zero_for_equal_images_and_forgives_over_exposure() -> None:
+    target = torch.rand(16, 16, 3)
+    assert float(reconstruction(target, target)) < 1e-6
+    white = torch.ones(16, 16, 3)
+    assert float(reconstruction(white * 3, white)) < 1e-6
+    assert float(reconstruction(white * 3, white * 0.9)) > 1
+
+
+def test_depth_normals_of_a_tilted_plane_are_its_normal() -> None:
+    camera = Camera(torch.eye(4, dtype=torch.float64), 40.0, 40.0, 8.0, 8.0, 16, 16)
+    normal = torch.nn.functional.normalize(torch.tensor([0.3, -0.4, -1.0], dtype=torch.float64), dim=0)
+    rays = camera.ray_directions()
+    depth = (normal @ torch.tensor([0.0, 0.0, 5.0], dtype=torch.float64)) / (rays @ normal)
+    found = depth_normals(rays * depth[..., None], camera.centre)
+    torch.testing.assert_close(found[1:-1, 1:-1], normal.expand(14, 14, 3))
+    assert (found[0] == 0).all()
+    assert (found[:, -1] == 0).all()
+
+
+def test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient() -> None:
+    points = torch.zeros(5, 5, 3, requires_grad=True)
+    found = depth_normals(points, torch.ones(3))
+    found.sum().backward()
+    assert (found == 0).all()
+    assert points.grad is not None
+    assert (points.grad == 0).all()
+
+
+def test_normal_consistency_is_the_blended_sum_of_one_minus_cosine() -> None:
+    weights = torch.tensor([0.5, 0.3])
+    normals = torch.nn.functional.normalize(torch.randn(2, 3), dim=-1)
+    depth_normal = torch.nn.functional.normalize(torch.randn(3), dim=-1)
+    blended = (weights[:, None] * normals).sum(0)
+    expected = (weights * (1 - normals @ depth_normal)).sum()
+    found = normal_consistency(blended.expand(1, 1, 3), weights.sum().expand(1, 1), depth_normal.expand(1, 1, 3))
+    torch.testing.assert_close(found, expected)
+
+
+def test_sobel_measures_the_slope_of_a_ramp() -> None:
+    ramp = torch.arange(10.0)[None, :, None].expand(6, 10, 1) * 0.1
+    slopes = sobel(ramp)
+    torch.testing.assert_close(slopes[0, :, 1:-1], torch.full((6, 8, 1), 0.1))
+    assert float(slopes[1].abs().max()) < 1e-6
+
+
+def test_edges_of_the_guide_forgive_edges_of_the_data() -> None:
+    data, flat, edge = torch.zeros(8, 8, 3), torch.zeros(8, 8, 3), torch.zeros(8, 8, 3)
+    data[:, 4:] = 1
+    edge[:, 4:] = 1
+    assert float(edge_aware_smoothness(data, edge)) < float(edge_aware_smoothness(data, flat))
+
+
+def test_mask_entropy_is_finite_at_hard_coverage_and_smallest_for_agreement() -> None:
+    mask = torch.tensor([[0.0, 1.0]])
+    assert float(mask_entropy(mask, mask)) < 1e-5
+    assert 13 < float(mask_entropy(1 - mask, mask)) < 14
+
+
+def test_light_prior_is_zero_for_white_light_only() -> None:
+    assert float(light_prior(torch.full((4, 3), 2.0))) == 0
+    assert float(light_prior(torch.tensor([[3.0, 0.0, 0.0]]))) > 1

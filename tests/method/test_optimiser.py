@@ -1,0 +1,66 @@
+import torch
+
+from radiogs.optimiser import SurfelOptimiser
+from radiogs.surfels import Surfels, surfels_at
+
+RATES = dict.fromkeys(
+    ("centre", "rotation", "log_scale", "opacity_logit", "sh", "sh_rest", "albedo_logit", "roughness_logit"), 0.01
+)
+
+
+def _optimiser() -> SurfelOptimiser:
+    generator = torch.Generator().manual_seed(0)
+    surfels = surfels_at(torch.randn(6, 3, generator=generator), torch.ones(6), generator)
+    return SurfelOptimiser(surfels, {"light": torch.zeros(2, 4, 3)}, RATES | {"light": 0.1})
+
+
+def _step(optimiser: SurfelOptimiser) -> None:
+    loss = optimiser.tensors["light"].sub(1).square().sum()
+    loss = loss + sum(value.square().sum() for value in optimiser.surfels.parameters().values())
+    loss.backward()
+    optimiser.step()
+
+
+def test_stepping_equals_torchs_adam_on_the_same_problem() -> None:
+    optimiser = _optimiser()
+    light = torch.zeros(2, 4, 3, requires_grad=True)
+    adam = torch.optim.Adam([light], lr=0.1, eps=1e-15)
+    for _ in range(5):
+        _step(optimiser)
+        adam.zero_grad()
+        light.sub(1).square().sum().backward()
+        adam.step()
+    assert torch.equal(optimiser.tensors["light"], light)
+
+
+def test_moments_follow_their_surfel_and_fresh_surfels_have_none() -> None:
+    optimiser = _optimiser()
+    for _ in range(3):
+        _step(optimiser)
+    before = optimiser.state()["moments"]["centre"]["exp_avg"]
+    origin = torch.tensor([4, 2, -1])
+    optimiser.replace(optimiser.surfels.take(torch.tensor([4, 2, 0])), origin)
+    after = optimiser.state()["moments"]["centre"]["exp_avg"]
+    assert torch.equal(after[:2], before[[4, 2]])
+    assert (after[2] == 0).all()
+    _step(optimiser)
+    assert len(optimiser.surfels) == 3
+
+
+def test_a_restored_optimiser_continues_bit_for_bit() -> None:
+    first = _optimiser()
+    for _ in range(3):
+        _step(first)
+    saved = first.state()
+    saved["tensors"] = {name: value.clone() for name, value in saved["tensors"].items()}
+    saved["moments"] = {
+        name: {key: value.clone() for key, value in moments.items()} for name, moments in saved["moments"].items()
+    }
+    second = _optimiser()
+    second.restore(saved)
+    for optimiser in (first, second):
+        for _ in range(3):
+            _step(optimiser)
+    for name, value in first.surfels.parameters().items():
+        assert torch.equal(value, getattr(second.surfels, name))
+    assert isinstance(second.surfels, Surfels)

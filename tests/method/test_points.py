@@ -1,0 +1,37 @@
+import dataclasses
+
+import pytest
+import torch
+
+from radiogs.errors import DataError
+from radiogs.points import initial_points, neighbour_spacing, view_radius
+from radiogs.scene import View
+from scenes import sphere_scene
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_points_fill_the_silhouettes_at_any_scale_of_the_world(scale: float) -> None:
+    scene = sphere_scene(views=12, size=32, scale=scale)
+    points = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0)) / scale
+    assert points.shape == (200, 3)
+    horizontal = points[:, :2].norm(dim=-1)
+    assert float(horizontal.max()) < 1.25  # a pixel and its neighbour beside the sphere
+    assert view_radius(scene) == pytest.approx(scale * 17**0.5 / 1.4 / 2, rel=1e-5)
+
+
+def test_contradicting_silhouettes_are_an_error_and_not_an_empty_model() -> None:
+    scene = sphere_scene()
+    empty = tuple(
+        View(view.name, view.camera, {**view.sources, "alpha": lambda: torch.zeros(16, 16, 1)}) for view in scene.train
+    )
+    broken = dataclasses.replace(scene, train=empty)
+    with pytest.raises(DataError, match="silhouettes"):
+        initial_points(broken, broken.train, 10, torch.Generator().manual_seed(0))
+
+
+def test_spacing_of_a_lattice_is_its_step_and_never_zero() -> None:
+    lattice = torch.cartesian_prod(*[torch.arange(4.0)] * 3) * 0.5
+    torch.testing.assert_close(neighbour_spacing(lattice), torch.full((64,), 0.5))
+    doubled = torch.cat([lattice, lattice, lattice, lattice])
+    assert float(neighbour_spacing(torch.cat([doubled, torch.rand(3, 3)])).min()) > 0
+    assert neighbour_spacing(torch.zeros(1, 3)).tolist() == [1.0]

@@ -1,0 +1,139 @@
+"""Both stages on a scene of a few pixels: they learn, resume bit for bit, and stop at the first NaN."""
+
+import dataclasses
+import io
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs.budget import budget
+from radiogs.errors import NumericalFailure
+from radiogs.kernels.counters import work
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.variant import Variant
+from scenes import sphere_scene
+
+CPU = torch.device("cpu")
+BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
+SCENE = sphere_scene(views=4, size=16)
+
+
+def through_a_file(state: dict[str, Any]) -> dict[str, Any]:
+    """A checkpoint as a later process reads it."""
+    file = io.BytesIO()
+    torch.save(state, file)
+    file.seek(0)
+    return torch.load(file, weights_only=True)
+
+
+@pytest.fixture(scope="module")
+def initialised() -> dict[str, Any]:
+    stage = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    return through_a_file(stage.state())
+
+
+def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> InverseRendering:
+    return InverseRendering(SCENE, variant or Variant(), BUDGET, 0, CPU, initialised)
+
+
+def same(first: Initialisation | InverseRendering, second: Initialisation | InverseRendering) -> bool:
+    mine, yours = first.optimiser.tensors, second.optimiser.tensors
+    return mine.keys() == yours.keys() and all(torch.equal(mine[name], yours[name]) for name in mine)
+
+
+@pytest.mark.parametrize("kind", ["radiometric", "nvs"])
+def test_initialisation_resumes_bit_for_bit_across_density_control(kind: str) -> None:
+    variant = Variant(initialise=kind)  # type: ignore[arg-type]
+    whole = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    for step in range(20):
+        if step == 7:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    resumed.restore(saved)
+    while resumed.iteration < 20:
+        resumed.step()
+    assert same(whole, resumed)
+
+
+def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dict[str, Any]) -> None:
+    whole = inverse(initialised)
+    for step in range(14):
+        if step == 6:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = inverse(initialised)
+    resumed.restore(saved)
+    while resumed.iteration < 14:
+        resumed.step()
+    assert same(whole, resumed)
+    assert torch.equal(whole.incident.radiance, resumed.incident.radiance)
+
+
+def test_initialisation_learns_the_images() -> None:
+    stage = Initialisation(SCENE, Variant(), dataclasses.replace(BUDGET, initialise_iterations=60), 0, CPU)
+    history = [stage.step()["radiance"] for _ in range(60)]
+    assert sum(history[-4:]) < 0.6 * sum(history[:4])
+
+
+@pytest.mark.parametrize(
+    ("variant", "learns"),
+    [
+        (Variant(), {"sh", "albedo_logit"}),
+        (Variant(detach="pbr"), {"sh"}),
+        (Variant(detach="surfel"), {"sh", "albedo_logit"}),
+    ],
+)
+def test_detaching_one_side_of_the_residual_cuts_its_gradient(
+    initialised: dict[str, Any], variant: Variant, learns: set[str]
+) -> None:
+    stage = inverse(initialised, variant)
+    loss = stage._consistency(stage.model, stage.views[0])
+    loss.backward()
+    moved = {
+        name
+        for name in ("sh", "albedo_logit")
+        if (gradient := stage.optimiser.tensors[name].grad) is not None and bool((gradient != 0).any())
+    }
+    assert moved == learns
+
+
+def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fresh(
+    initialised: dict[str, Any],
+) -> None:
+    stage = inverse(initialised, Variant(radiometric_weight=0.0))
+    before = stage.incident.direction.clone()
+    loss = stage._consistency(stage.model, stage.views[0])
+    assert not loss.requires_grad
+    assert float(loss) == 0
+    assert not torch.equal(before, stage.incident.direction)
+
+
+def test_novel_view_initialisation_knows_no_shading() -> None:
+    losses = Initialisation(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU).step()
+    assert "shaded" not in losses
+    assert "consistency" not in losses
+
+
+def test_a_nan_in_one_surfel_is_named_with_its_iteration(initialised: dict[str, Any]) -> None:
+    stage = inverse(initialised)
+    stage.step()
+    with torch.no_grad():
+        stage.optimiser.tensors["albedo_logit"][17, 1] = torch.nan
+    with pytest.raises(NumericalFailure, match="'invert' at iteration 1"):
+        stage.step()
+
+
+def test_the_same_seed_does_the_same_work(initialised: dict[str, Any]) -> None:
+    counts = []
+    for _ in range(2):
+        work.clear()
+        stage = inverse(initialised)
+        for _ in range(3):
+            stage.step()
+        counts.append(dict(work))
+    assert counts[0] == counts[1]
+    assert counts[0]["rays"] > 0

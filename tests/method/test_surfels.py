@@ -1,0 +1,50 @@
+import torch
+from scipy.spatial.transform import Rotation
+
+from radiogs.camera import Camera
+from radiogs.spherical_harmonics import surfel_radiance
+from radiogs.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
+
+
+def _surfels(count: int = 20) -> Surfels:
+    generator = torch.Generator().manual_seed(1)
+    points = torch.randn(count, 3, generator=generator, dtype=torch.float64)
+    return surfels_at(points, torch.full((count,), 0.1, dtype=torch.float64), generator)
+
+
+def test_frame_is_the_rotation_of_the_quaternion_whatever_its_length() -> None:
+    surfels = _surfels()
+    expected = Rotation.from_quat(surfels.rotation.numpy(), scalar_first=True).as_matrix()
+    torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
+    surfels.rotation = 1e3 * surfels.rotation
+    torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
+
+
+def test_kernel_axes_are_dual_to_the_scaled_tangents() -> None:
+    surfels = _surfels()
+    geometry = surfels.geometry()
+    span = surfels.frame[..., :2] * surfels.scale[:, None]
+    axes = torch.stack([geometry.axis_u, geometry.axis_v], 1)
+    torch.testing.assert_close(axes @ span, torch.eye(2, dtype=torch.float64).expand(20, 2, 2))
+
+
+def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
+    surfels = _surfels()
+    camera = Camera(torch.eye(4, dtype=torch.float64), 50.0, 50.0, 32.0, 32.0, 64, 64)
+    surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64)
+    own, seen = surfels.geometry(), surfels.geometry_for(camera)
+
+    def energy(geometry: object) -> torch.Tensor:
+        return geometry.opacity / (geometry.axis_u.norm(dim=-1) * geometry.axis_v.norm(dim=-1))  # type: ignore[attr-defined]
+
+    torch.testing.assert_close(energy(own), energy(seen))
+    assert (seen.axis_u.norm(dim=-1) < own.axis_u.norm(dim=-1)).all()
+
+
+def test_inverse_activations_return_what_was_asked_for() -> None:
+    surfels = _surfels()
+    surfels.roughness_logit = torch.full((20,), roughness_to_logit(0.37), dtype=torch.float64)
+    torch.testing.assert_close(surfels.roughness, torch.full((20,), 0.37, dtype=torch.float64))
+    surfels.sh[:, 0] = radiance_to_sh(torch.full((20, 3), 2.5, dtype=torch.float64))
+    outgoing = surfels.frame[..., 2]
+    torch.testing.assert_close(surfel_radiance(surfels.sh, outgoing), torch.full((20, 3), 2.5, dtype=torch.float64))

@@ -1,0 +1,39 @@
+"""A scene made on the spot: a shaded sphere seen from a ring of cameras, for tests that need a `Scene`."""
+
+import torch
+
+from radiogs.camera import Camera
+from radiogs.light import EnvironmentMap
+from radiogs.scene import Scene, View
+
+
+def look_at(position: torch.Tensor, target: torch.Tensor, size: int, focal: float) -> Camera:
+    """A camera at ``position`` looking at ``target`` with the world's Z up."""
+    forward = torch.nn.functional.normalize(target - position, dim=0)
+    right = torch.nn.functional.normalize(torch.linalg.cross(forward, torch.tensor([0.0, 0.0, 1.0])), dim=0)
+    down = torch.linalg.cross(forward, right)
+    matrix = torch.eye(4)
+    matrix[:3, :3] = torch.stack([right, down, forward], -1)
+    matrix[:3, 3] = position
+    return Camera(matrix, focal, focal, size / 2, size / 2, size, size)
+
+
+def sphere_scene(views: int = 6, size: int = 16, scale: float = 1.0) -> Scene:
+    """A unit sphere (times ``scale``) whose colour is its normal, white light, ``views`` cameras around it."""
+
+    def view(place: int) -> View:
+        angle = torch.tensor(2 * torch.pi * place / views)
+        position = scale * torch.stack([4 * angle.cos(), 4 * angle.sin(), torch.tensor(1.0)])
+        camera = look_at(position, torch.zeros(3), size, 1.4 * size)
+        rays = torch.nn.functional.normalize(camera.ray_directions(), dim=-1)
+        along = -(rays @ camera.centre)
+        discriminant = along.square() - camera.centre.square().sum() + scale**2
+        hit = discriminant > 0
+        point = camera.centre + rays * (along - discriminant.clamp(min=0).sqrt())[..., None]
+        image = torch.where(hit[..., None], point / scale * 0.4 + 0.5, 0.0)
+        alpha = hit[..., None].float()
+        return View(f"view_{place:03}", camera, {"image": lambda: image, "alpha": lambda: alpha})
+
+    everything = tuple(view(place) for place in range(views))
+    light = EnvironmentMap(torch.ones(4, 8, 3))
+    return Scene("sphere", "synthetic", everything, everything[:2], {"white": light}, light, "0" * 64)
