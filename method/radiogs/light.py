@@ -7,7 +7,7 @@ pi (j + 0.5) / H from +Z: u = 1/2 - atan2(y, x) / 2 pi, v = acos(z) / pi (facts 
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 
@@ -19,19 +19,30 @@ class EnvironmentMap:
 
     def lookup(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Bilinear radiance along unit directions towards the light; wraps at the seam, clamps at the poles."""
-        height, width = self.radiance.shape[:2]
-        x, y, z = directions.unbind(-1)
-        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * width - 0.5
-        # atan2(|xy|, z) is acos(z) without its loss of digits (and infinite slope) at the poles.
-        polar = torch.atan2(torch.hypot(x, y), z)
-        row = (polar / torch.pi * height - 0.5).clamp(0, height - 1)
-        left, top = column.floor(), row.floor()
-        right_share, bottom_share = (column - left)[..., None], (row - top)[..., None]
-        first, upper = left.long() % width, top.long()
-        second, lower = (first + 1) % width, (upper + 1).clamp(max=height - 1)
-        above = torch.lerp(self.radiance[upper, first], self.radiance[upper, second], right_share)
-        below = torch.lerp(self.radiance[lower, first], self.radiance[lower, second], right_share)
-        return torch.lerp(above, below, bottom_share)
+        texel, share = bilinear_texels(directions, *self.radiance.shape[:2])
+        return (self.radiance.flatten(0, 1)[texel] * share[..., None]).sum(-2)
+
+
+def bilinear_texels(
+    directions: Float[Tensor, "*batch 3"], height: int, width: int
+) -> tuple[Int[Tensor, "*batch 4"], Float[Tensor, "*batch 4"]]:
+    """The four texels (row * width + column) around unit directions, and their bilinear shares, which sum to one."""
+    x, y, z = directions.unbind(-1)
+    column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * width - 0.5
+    # atan2(|xy|, z) is acos(z) without its loss of digits (and infinite slope) at the poles.
+    polar = torch.atan2(torch.hypot(x, y), z)
+    row = (polar / torch.pi * height - 0.5).clamp(0, height - 1)
+    left, top = column.detach().floor(), row.detach().floor()
+    right_share, lower_share = column - left, row - top
+    first, upper = left.long() % width, top.long()
+    second, lower = (first + 1) % width, (upper + 1).clamp(max=height - 1)
+    above, below = upper * width, lower * width
+    texel = torch.stack([above + first, above + second, below + first, below + second], -1)
+    left_share, upper_share = 1 - right_share, 1 - lower_share
+    share = torch.stack(
+        [upper_share * left_share, upper_share * right_share, lower_share * left_share, lower_share * right_share], -1
+    )
+    return texel, share
 
 
 def texel_directions(height: int, width: int, **like: object) -> Float[Tensor, "height width 3"]:

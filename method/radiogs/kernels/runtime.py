@@ -43,12 +43,29 @@ def scalar_type(dtype: torch.dtype) -> Any:
     return scalars[dtype]
 
 
+_team: int | None = None
+
+
+def use_threads(count: int) -> None:
+    """Run kernels on ``count`` CPU threads and PyTorch itself on one.
+
+    PyTorch's own threads wait actively after each operation and take the cores from the kernels (measured: a
+    rasterization of 20 ms takes 100 to 200 ms while another process holds one of two cores); its operations here
+    are on arrays of a few thousand surfels, where one thread is as fast.
+    """
+    global _team
+    _team = count
+    torch.set_num_threads(1)
+
+
 def workers(device: torch.device) -> int:
-    """Launches that run side by side: torch's thread count on the CPU, one on CUDA.
+    """Launches that run side by side: ``use_threads`` on the CPU (else torch's thread count), one on CUDA.
 
     Each worker owns its gradient buffers, because Warp's atomics on the CPU are plain read-modify-write.
     """
-    return torch.get_num_threads() if device.type == "cpu" else 1
+    if device.type != "cpu":
+        return 1
+    return _team or torch.get_num_threads()
 
 
 @cache

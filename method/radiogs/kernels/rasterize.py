@@ -1,0 +1,126 @@
+"""K1: rasterize surfels into any number of feature channels, in one pass, with gradient to every parameter."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import warp as wp
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ..camera import Camera
+from .counters import count
+from .geometry import SplatGeometry, support_radius
+from .rasterize_binning import TileLists, tile_lists
+from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels
+from .runtime import launch_in_parallel, workers
+
+
+@dataclass(frozen=True)
+class Raster:
+    """What each pixel sees; everything is multiplied by coverage, on a background of zero.
+
+    features: sum_i w_i f_i. alpha: sum_i w_i. depth: sum_i w_i z_i, world units along the forward axis.
+    distortion: sum_{i<j} w_i w_j ((z_i - z_j) / depth_unit)^2. touched: the surfel's bounds meet the image.
+    """
+
+    features: Float[Tensor, "height width channels"]
+    alpha: Float[Tensor, "height width"]
+    depth: Float[Tensor, "height width"]
+    distortion: Float[Tensor, "height width"]
+    touched: Bool[Tensor, " surfels"]
+
+
+def rasterize(
+    camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"], depth_unit: float
+) -> Raster:
+    """Blend surfels front to back, ordered by the depth of their centres (2DGS; ties by index).
+
+    Gradients flow from all images to ``geometry`` and ``features``. ``depth_unit`` (world units) makes the
+    distortion independent of the scene's scale. Surfels that are degenerate (non-finite or without extent),
+    fainter than ALPHA_THRESHOLD, facing away or behind the camera take no part.
+    """
+    camera = camera.to(geometry.centre.device, geometry.centre.dtype)
+    lists = tile_lists(camera, geometry)
+    homography = _homography(camera, geometry)
+    reach = support_radius(geometry.opacity.detach()).square()
+    records = torch.cat([*homography, geometry.opacity[:, None], reach[:, None]], -1)
+    images, sums = _Blend.apply(camera, lists, depth_unit, records, features)
+    shape = (camera.height, camera.width)
+    alpha, depth, distortion = (sums[:, column].view(shape) for column in range(3))
+    return Raster(images.view(*shape, -1), alpha, depth, distortion, lists.touched)
+
+
+def _homography(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Normal, map_u, map_v [surfels, 3] in camera axes and offset [surfels, 1]; see ``rasterize_source``."""
+    towards = geometry.centre - camera.centre
+    offset = (geometry.normal * towards).sum(-1)
+    maps = (
+        offset[:, None] * axis - (axis * towards).sum(-1, keepdim=True) * geometry.normal
+        for axis in (geometry.axis_u, geometry.axis_v)
+    )
+    map_u, map_v = maps
+    return geometry.normal @ camera.axes, map_u @ camera.axes, map_v @ camera.axes, offset[:, None]
+
+
+class _Blend(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, camera: Camera, lists: TileLists, depth_unit: float, *splats: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        splats = tuple(value.detach().contiguous() for value in splats)
+        like, channels = splats[0], splats[-1].shape[1]
+        kernels = blend_kernels(like.dtype, channels)
+        pixels = camera.width * camera.height
+        images = like.new_empty(pixels, channels)
+        sums = like.new_empty(pixels, PIXEL_SUMS)
+        ends, blended = (torch.empty(pixels, dtype=torch.int32, device=like.device) for _ in range(2))
+        arguments = _arguments(kernels, camera, lists, depth_unit, splats)
+        outputs = [wp.from_torch(images, dtype=kernels.feature), *map(wp.from_torch, (sums, ends, blended))]
+        _launch(kernels.forward, camera, like.device, lambda _: [*arguments, *outputs])
+        count(blended_pairs=int(blended.sum()))
+        ctx.camera, ctx.lists, ctx.depth_unit = camera, lists, depth_unit
+        ctx.save_for_backward(images, sums, ends, *splats)
+        return images, sums
+
+    @staticmethod
+    def backward(ctx: Any, grad_images: Tensor, grad_sums: Tensor) -> Any:  # type: ignore[override]
+        images, sums, ends, *splats = ctx.saved_tensors
+        kernels = blend_kernels(images.dtype, images.shape[1])
+        team = workers(images.device)
+        gradients = [value.new_zeros(team, *value.shape) for value in splats]
+        types = [kernels.record, kernels.feature]
+        arguments = _arguments(kernels, ctx.camera, ctx.lists, ctx.depth_unit, splats)
+        saved = [
+            wp.from_torch(images, dtype=kernels.feature), wp.from_torch(sums), wp.from_torch(ends),
+            wp.from_torch(grad_images.contiguous(), dtype=kernels.feature), wp.from_torch(grad_sums.contiguous()),
+        ]  # fmt: skip
+        buffers = [
+            [wp.from_torch(value[worker], dtype=dtype) for value, dtype in zip(gradients, types, strict=True)]
+            for worker in range(team)
+        ]
+        _launch(kernels.backward, ctx.camera, images.device, lambda worker: [*arguments, *saved, *buffers[worker]])
+        return None, None, None, *(value.sum(0) for value in gradients)
+
+
+def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Any]:
+    image = kernels.Image()
+    image.width, image.height, image.tiles_across = camera.width, camera.height, -(-camera.width // TILE)
+    image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
+    image.depth_unit = depth_unit
+    packed = kernels.Splats()
+    packed.starts, packed.members = wp.from_torch(lists.starts), wp.from_torch(lists.members)
+    records, features = splats
+    packed.records = wp.from_torch(records, dtype=kernels.record)
+    packed.features = wp.from_torch(features, dtype=kernels.feature)
+    return [image, packed]
+
+
+def _launch(kernel: Any, camera: Camera, device: torch.device, arguments: Any) -> None:
+    threads = -(-camera.width // TILE) * -(-camera.height // TILE) * TILE * TILE
+    where = wp.device_from_torch(device)
+
+    def launch(begin: int, end: int, worker: int) -> None:
+        wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments(worker)], device=where)
+
+    launch_in_parallel(launch, threads, device)

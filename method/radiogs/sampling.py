@@ -1,0 +1,118 @@
+"""Directions to look for light in: spread over a hemisphere, drawn at random, or drawn from the light.
+
+All directions are unit vectors in the world that point away from the surface.
+"""
+
+import math
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from .light import EnvironmentMap, texel_solid_angles
+
+GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+
+
+def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+    """An orthonormal frame with columns t, b, n; exact for every unit normal (Duff et al. 2017).
+
+    The minimal rotation from +Z, which splatting codes use, loses orthogonality near n = -Z.
+    """
+    x, y, z = normal.unbind(-1)
+    sign = torch.where(z < 0, -1.0, 1.0).to(normal.dtype)
+    a = -1 / (sign + z)
+    b = x * y * a
+    tangent = torch.stack([1 + sign * x * x * a, sign * b, -sign * x], -1)
+    bitangent = torch.stack([b, sign + y * y * a, -y], -1)
+    return torch.stack([tangent, bitangent, normal], -1)
+
+
+def hemisphere_directions(
+    normal: Float[Tensor, "surfels 3"], samples: int, generator: torch.Generator | None
+) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+    """A spherical-Fibonacci set over each hemisphere, and the solid angle (2 pi / S) of each direction.
+
+    Sample i lies at height z = 1 - (i + 1/2) / S above the surface: every band of equal solid angle holds one,
+    so the cosine sums to exactly pi for every S (the white furnace is unbiased). ``generator`` turns the set by a
+    random azimuth per surfel; None leaves it fixed.
+    """
+    like = {"dtype": normal.dtype, "device": normal.device}
+    place = torch.arange(samples, **like)
+    height = 1 - (place + 0.5) / samples
+    sine = (1 - height.square()).sqrt()
+    turn = torch.zeros(len(normal), 1, **like)
+    if generator is not None:
+        turn = 2 * torch.pi * torch.rand(len(normal), 1, generator=generator, **like)
+    azimuth = place * GOLDEN_ANGLE + turn
+    local = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height.expand_as(azimuth)], -1)
+    weight = torch.full((len(normal), samples), 2 * torch.pi / samples, **like)
+    return local @ tangent_frame(normal).mT, weight
+
+
+def random_hemisphere_direction(
+    normal: Float[Tensor, "surfels 3"], generator: torch.Generator
+) -> Float[Tensor, "surfels 3"]:
+    """One direction per surfel, uniform in solid angle over its hemisphere."""
+    drawn = torch.randn(normal.shape, generator=generator, dtype=normal.dtype, device=normal.device)
+    direction = torch.nn.functional.normalize(drawn, dim=-1)
+    return torch.where((direction * normal).sum(-1, keepdim=True) < 0, -direction, direction)
+
+
+class LightSampler:
+    """Draws directions from an environment map in proportion to the brightest channel of its texels.
+
+    Inside a texel the direction is uniform in solid angle, so the density is piecewise constant and exact.
+    """
+
+    def __init__(self, light: EnvironmentMap) -> None:
+        self.height, self.width = light.radiance.shape[:2]
+        area = texel_solid_angles(self.height, self.width).to(light.radiance)
+        power = light.radiance.max(-1).values.clamp(min=0) * area
+        total = power.sum()
+        # A black light has nothing to prefer: every direction is as good.
+        share = torch.where(total > 0, power / torch.where(total > 0, total, 1.0), area / (4 * torch.pi))
+        self.probability = share.flatten()
+        self.density = (share / area).flatten()
+
+    def draw(self, count: int, generator: torch.Generator) -> Float[Tensor, "count 3"]:
+        """``count`` independent directions."""
+        texel = torch.multinomial(self.probability, count, replacement=True, generator=generator)
+        row, column = texel // self.width, texel % self.width
+        like = {"dtype": self.density.dtype, "device": self.density.device}
+        along, across = torch.rand(2, count, generator=generator, **like)
+        upper, lower = (torch.cos((row + edge) * (torch.pi / self.height)) for edge in (0, 1))
+        z = upper + (lower - upper) * along
+        azimuth = torch.pi - (column + across) * (2 * torch.pi / self.width)
+        sine = (1 - z.square()).clamp(min=0).sqrt()
+        return torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), z], -1)
+
+    def pdf(self, direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Density of ``draw`` per steradian."""
+        return self.density[self._texel(direction)]
+
+    def _texel(self, direction: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
+        x, y, z = direction.unbind(-1)
+        row = torch.atan2(torch.hypot(x, y), z) * (self.height / torch.pi)
+        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * self.width
+        return row.long().clamp(0, self.height - 1) * self.width + column.long().clamp(0, self.width - 1)
+
+
+def relighting_directions(
+    normal: Float[Tensor, "surfels 3"],
+    light: EnvironmentMap,
+    hemisphere_samples: int,
+    light_samples: int,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+    """Hemisphere directions joined with directions drawn from the light, by the balance heuristic.
+
+    Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two strategies; zero below the horizon.
+    """
+    sampler = LightSampler(light)
+    spread, _ = hemisphere_directions(normal, hemisphere_samples, generator)
+    drawn = sampler.draw(len(normal) * light_samples, generator).view(len(normal), light_samples, 3)
+    direction = torch.cat([spread, drawn], 1)
+    above = (direction * normal[:, None]).sum(-1) > 0
+    density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(direction)
+    return direction, torch.where(above, 1 / density, 0.0)

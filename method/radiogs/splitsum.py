@@ -1,0 +1,136 @@
+"""Split-sum shading: pre-filtered light times a pre-integrated BRDF (paper, initialisation and relighting).
+
+The light is filtered by matrices with rows that sum to one, so a constant light stays the same constant at every
+roughness, and the filter is linear in the texels: gradients to the light are exact.
+"""
+
+from functools import cache
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d
+
+from .brdf import FRESNEL_NORMAL, visibility
+from .light import EnvironmentMap, bilinear_texels, texel_directions, texel_solid_angles
+
+LARGEST_HEIGHT = 32
+GRID_HEIGHT = 16
+"""Rows of the grid that filtered light is stored on: its content is smooth."""
+
+LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
+"""Roughnesses of the filtered maps; below the first the light itself (its texels are as wide as that lobe)."""
+
+
+class PrefilteredLight:
+    """A light map, filtered for diffuse and glossy reflection; differentiable in its texels.
+
+    ``radiance``: linear, lat-long (see ``light``), averaged down to at most 32 rows.
+    """
+
+    def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
+        height = min(radiance.shape[0], LARGEST_HEIGHT)
+        small = adaptive_avg_pool2d(radiance.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0)
+        matrix = _filters(height).to(radiance)
+        filtered = (matrix @ small.reshape(-1, 3)).view(len(LEVELS) + 1, GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
+        self._diffuse = EnvironmentMap(filtered[0])
+        self._sharp = EnvironmentMap(small)
+        self._glossy = filtered[1:].flatten(0, 2)
+
+    def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+        """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
+        return self._diffuse.lookup(normal)
+
+    def glossy(
+        self, direction: Float[Tensor, "batch 3"], roughness: Float[Tensor, " batch"]
+    ) -> Float[Tensor, "batch 3"]:
+        """Light averaged over the GGX lobe about a mirrored direction; linear in between the levels."""
+        place = (roughness / LEVELS[0]).clamp(0, len(LEVELS)) - 1
+        lower = place.detach().floor().clamp(0, len(LEVELS) - 2)
+        upwards = (place - lower).clamp(min=0)
+        texel, share = bilinear_texels(direction, GRID_HEIGHT, 2 * GRID_HEIGHT)
+        level_size = 2 * GRID_HEIGHT * GRID_HEIGHT
+        first = texel + (lower.long() * level_size)[:, None]
+        both = torch.cat([first, first + level_size], -1)
+        shares = torch.cat([share * (1 - upwards)[:, None], share * upwards[:, None]], -1)
+        smooth = (self._glossy[both] * shares[..., None]).sum(-2)
+        return torch.lerp(smooth, self._sharp.lookup(direction), (-place).clamp(min=0)[:, None])
+
+
+def split_sum_radiance(
+    normal: Float[Tensor, "batch 3"],
+    albedo: Float[Tensor, "batch 3"],
+    roughness: Float[Tensor, " batch"],
+    outgoing: Float[Tensor, "batch 3"],
+    light: PrefilteredLight,
+) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch 3"]]:
+    """Diffuse and specular radiance towards unit ``outgoing``, without occlusion; zero seen from behind."""
+    cosine = (normal * outgoing).sum(-1)
+    front = (cosine > 0)[:, None]
+    mirrored = 2 * cosine[:, None] * normal - outgoing
+    scale, bias = brdf_integral(cosine.clamp(0, 1), roughness)
+    reflectance = (FRESNEL_NORMAL * scale + bias)[:, None]
+    diffuse = albedo * light.irradiance(normal)
+    return (
+        torch.where(front, diffuse, 0.0),
+        torch.where(front, reflectance * light.glossy(mirrored, roughness), 0.0),
+    )
+
+
+def brdf_integral(
+    cosine: Float[Tensor, " batch"], roughness: Float[Tensor, " batch"]
+) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
+    """A and B with F0 A + B = integral of f_s (n.wi) over the hemisphere; cosine n.wo in [0, 1]."""
+    table = _brdf_table().to(cosine)
+    size = table.shape[0]
+    row, column = cosine * (size - 1), roughness * (size - 1)
+    top, left = (place.detach().floor().clamp(0, size - 2) for place in (row, column))
+    i, j = top.long(), left.long()
+    down, right = (row - top)[:, None], (column - left)[:, None]
+    upper = torch.lerp(table[i, j], table[i, j + 1], right)
+    lower = torch.lerp(table[i + 1, j], table[i + 1, j + 1], right)
+    return torch.lerp(upper, lower, down).unbind(-1)  # type: ignore[return-value]
+
+
+@cache
+def _brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
+    """The integrals on a grid of n.wo by roughness, float32.
+
+    Half-vectors are stratified in the GGX distribution (density D (n.h)); with wi = reflected wo the integrand is
+    4 V (wo.h) (n.wi) / (n.h), split into Fresnel's constant and variable parts.
+    """
+    grid = torch.linspace(0, 1, size, dtype=torch.float64)
+    middle = (torch.arange(steps, dtype=torch.float64) + 0.5) / steps
+    cosine, roughness = grid[:, None, None, None], grid[None, :, None, None]
+    share, azimuth = middle[:, None], 2 * torch.pi * middle[None, :]
+    alpha_squared = roughness**4
+    half_z = ((1 - share) / (1 + (alpha_squared - 1) * share)).sqrt()
+    half_x = (1 - half_z.square()).clamp(min=0).sqrt() * azimuth.cos()
+    view_x = (1 - cosine.square()).sqrt()
+    view_half = view_x * half_x + cosine * half_z
+    light_z = 2 * view_half * half_z - cosine
+    valid = (view_half > 0) & (light_z > 0)
+    lobe = 4 * visibility(*torch.broadcast_tensors(cosine, light_z.clamp(min=0), roughness))
+    value = torch.where(valid, lobe * view_half * light_z / half_z, 0.0)
+    bright = torch.exp2((-5.55473 * view_half - 6.98316) * view_half)
+    return torch.stack([(value * (1 - bright)).mean((2, 3)), (value * bright).mean((2, 3))], -1).float()
+
+
+@cache
+def _filters(height: int) -> Float[Tensor, "rows texels"]:
+    """Rows: the diffuse grid, then the glossy grids; columns: texels of a light of ``height`` rows. Float32.
+
+    The glossy kernel is nvdiffrec's: seen and mirrored along the same axis, weight D(h) (n.wi) per solid angle.
+    """
+    texels = texel_directions(height, 2 * height).reshape(-1, 3)
+    area = texel_solid_angles(height, 2 * height).expand(height, 2 * height).reshape(-1)
+    axes = texel_directions(GRID_HEIGHT, 2 * GRID_HEIGHT).reshape(-1, 3)
+    cosine = (axes @ texels.T).clamp(-1, 1)
+    kernels = [cosine.clamp(min=0)]
+    half_cosine_squared = (1 + cosine) / 2
+    for roughness in LEVELS:
+        alpha_squared = roughness**4
+        denominator = half_cosine_squared * (alpha_squared - 1) + 1
+        kernels.append(alpha_squared / denominator.square() * cosine.clamp(min=0))
+    weights = torch.cat(kernels) * area
+    return (weights / weights.sum(-1, keepdim=True)).float()

@@ -1,0 +1,235 @@
+"""Cells share what they can, are run once, and fail without taking others with them."""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import torch
+
+from bench import fake_method
+from bench.fake_method import CPU, FAKE, SCENE, fake_cell
+from radiogs.errors import DataError, ExplainedError, NumericalFailure
+from radiogs.variant import Variant
+from radiogs_bench import engine
+from radiogs_bench.cell import Cell
+from radiogs_bench.claim import Claimed
+from radiogs_bench.engine import Task, run_cells
+from radiogs_bench.errors import Interrupted, StoreError
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.progress import LogProgress
+from radiogs_bench.run_cell import run_cell
+from radiogs_bench.store import Store
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.train import Bench
+
+ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]
+
+
+class Sweep:
+    """A store and what is needed to run cells of the fake method in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.store, self.interruption = Store(folder), Interruption()
+        self.bench = Bench(
+            self.store, FAKE, CPU, LogProgress(), self.interruption, checkpoint_seconds=0.0, checkpoint_share=math.inf
+        )
+
+    def one(self, cell: Cell) -> None:
+        run_cell(self.bench, cell, SCENE, fake_method.evaluate)
+
+    def run(self, cells: list[Cell]) -> list[ExplainedError]:
+        tasks = [Task(cell, cell.key) for cell in cells]
+        return run_cells(tasks, self.one, self.store, self.bench.progress, self.interruption)
+
+
+@pytest.fixture
+def sweep(tmp_path: Path) -> Sweep:
+    fake_method.begun.clear()
+    return Sweep(tmp_path)
+
+
+def test_four_of_the_five_ablations_share_one_initialisation(sweep: Sweep) -> None:
+    assert sweep.run(ROWS) == []
+    assert sorted(name for name in fake_method.begun if "initialise" in name) == [
+        "initialise nvs 0",
+        "initialise radiometric 0",
+    ]
+    assert sum("invert" in name for name in fake_method.begun) == 5
+
+
+def test_a_second_call_begins_nothing(sweep: Sweep) -> None:
+    sweep.run(ROWS)
+    before = [sweep.store.result(cell.key) for cell in ROWS]
+    fake_method.begun.clear()
+    sweep.run(ROWS)
+    assert fake_method.begun == []
+    assert [sweep.store.result(cell.key) for cell in ROWS] == before
+
+
+def test_shared_seconds_and_work_are_counted_in_every_cell(sweep: Sweep) -> None:
+    sweep.run(ROWS)
+    results = [sweep.store.result(cell.key) for cell in ROWS[:4]]
+    assert len({each["seconds"]["initialise"] for each in results if each}) == 1
+    for each in results:
+        assert each is not None
+        assert each["work"] == {
+            "initialise": {"begun": 1, "steps": 6},
+            "invert": {"begun": 1, "steps": 6},
+            "evaluate": {"evaluated": 1},
+        }
+
+
+def test_scoring_under_another_protocol_trains_nothing(sweep: Sweep) -> None:
+    sweep.run([fake_cell()])
+    fake_method.begun.clear()
+    sweep.run([fake_cell(protocol="irgs")])
+    assert fake_method.begun == []
+    assert sweep.store.result(fake_cell(protocol="irgs").key) is not None
+
+
+def test_stopping_after_any_step_gives_the_same_result(sweep: Sweep, tmp_path: Path) -> None:
+    sweep.run([fake_cell()])
+    whole = sweep.store.result(fake_cell().key)
+    assert whole is not None
+    stopped = Sweep(tmp_path / "stopped")
+    stops = 0  # three in each stage: after two of its steps and after storing it
+    while stopped.store.result(fake_cell().key) is None:
+        interruption = Interruption()
+        interruption.requested = stops < 6
+        bench = Bench(stopped.store, FAKE, CPU, LogProgress(), interruption)
+        try:
+            run_cell(bench, fake_cell(), SCENE, fake_method.evaluate)
+        except Interrupted:
+            stops += 1
+    assert stops == 6
+    resumed = stopped.store.result(fake_cell().key)
+    assert resumed is not None
+    assert resumed["metrics"] == whole["metrics"]
+    assert resumed["work"] == whole["work"]
+    assert len(resumed["sessions"]["initialise"]) == 3
+    assert not list(tmp_path.rglob("*.checkpoint.pt"))
+
+
+def test_a_cell_that_fails_leaves_the_others_alone(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
+    bad = fake_cell(seed=1)
+
+    def one(cell: Cell) -> None:
+        if cell == bad:
+            raise NumericalFailure("loss is NaN", "it spreads", "look")
+        sweep.one(cell)
+
+    tasks = [Task(cell, cell.key) for cell in (fake_cell(), bad, fake_cell(seed=2))]
+    failures = run_cells(tasks, one, sweep.store, LogProgress(), sweep.interruption)
+    assert [failure.what for failure in failures] == ["loss is NaN"]
+    assert len(list(sweep.store.results())) == 2
+    failure = sweep.store.failure(bad.key)
+    assert failure is not None
+    assert failure["exit_code"] == 4
+    assert sweep.run([bad]) == []  # tried again, and now it works
+    assert sweep.store.failure(bad.key) is None
+
+
+@pytest.mark.parametrize("kind", [DataError, StoreError, Interrupted])
+def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[ExplainedError], sweep: Sweep) -> None:
+    tried: list[Cell] = []
+
+    def one(cell: Cell) -> None:
+        tried.append(cell)
+        raise kind("it broke")
+
+    with pytest.raises(kind):
+        run_cells([Task(cell, cell.key) for cell in ROWS], one, sweep.store, LogProgress(), sweep.interruption)
+    assert len(tried) == 1
+
+
+def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
+    sweep: Sweep, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    theirs = ROWS[0]
+    claim = sweep.store.claim(theirs.key)
+    claim.__enter__()
+    waits: list[float] = []
+
+    def wait(seconds: float) -> None:
+        waits.append(seconds)
+        if len(waits) == 3:  # the other process finishes
+            claim.__exit__(None, None, None)
+            sweep.one(theirs)
+
+    monkeypatch.setattr(engine.time, "sleep", wait)
+    assert sweep.run(ROWS) == []
+    assert len(waits) == 3
+    assert len(list(sweep.store.results())) == 5
+
+
+def test_two_processes_on_one_store_share_the_cells(sweep: Sweep, tmp_path: Path) -> None:
+    """Both end, every cell is there, and no stage was begun twice."""
+    program = (
+        "import sys\n"
+        "from pathlib import Path\n"
+        "from bench import test_engine, fake_method\n"
+        "sweep = test_engine.Sweep(Path(sys.argv[1]))\n"
+        "assert sweep.run(test_engine.ROWS) == []\n"
+        "print(len(fake_method.begun))\n"
+    )
+    command, tests = [sys.executable, "-c", program, str(tmp_path)], Path(__file__).parents[1]
+    both = [subprocess.Popen(command, cwd=tests, stdout=subprocess.PIPE, text=True) for _ in range(2)]
+    counts = [int(each.communicate()[0]) for each in both]
+    assert [each.returncode for each in both] == [0, 0]
+    assert sum(counts) == 2 + 5
+    assert len(list(sweep.store.results())) == 5
+
+
+def test_a_damaged_checkpoint_costs_the_stage_and_nothing_else(sweep: Sweep, tmp_path: Path) -> None:
+    interruption = Interruption()
+    interruption.requested = True
+    with pytest.raises(Interrupted):
+        run_cell(Bench(sweep.store, FAKE, CPU, LogProgress(), interruption), fake_cell(), SCENE, fake_method.evaluate)
+    (checkpoint,) = tmp_path.rglob("*.checkpoint.pt")
+    checkpoint.write_bytes(b"garbage")
+    assert sweep.run([fake_cell()]) == []
+
+
+def test_ctrl_c_becomes_a_request_and_the_second_acts_at_once() -> None:
+    with Interruption() as interruption:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(0)
+        assert interruption.requested
+        with pytest.raises(Interrupted, match="Run the same command again"):
+            interruption.check()
+        with pytest.raises(KeyboardInterrupt):
+            os.kill(os.getpid(), signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_checkpoints_are_rarer_where_they_are_slow(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a share of 1e-9 the first checkpoint of a stage must also be its last."""
+    written: list[str] = []
+    put = sweep.store.put_tensors
+
+    def recording(name: str, content: dict[str, object]) -> None:
+        written.append(name)
+        put(name, content)
+
+    monkeypatch.setattr(sweep.store, "put_tensors", recording)
+    bench = Bench(sweep.store, FAKE, CPU, LogProgress(), sweep.interruption, 0.0, 1e-9)
+    run_cell(bench, fake_cell(), SCENE, fake_method.evaluate)
+    assert sum("checkpoint" in name for name in written) == 2
+
+
+def test_claimed_says_who_holds_it(sweep: Sweep) -> None:
+    with sweep.store.claim("x"), pytest.raises(Claimed) as caught, sweep.store.claim("x"):
+        pass
+    assert f"process {os.getpid()}" in caught.value.holder
+
+
+def test_the_model_survives_the_store(sweep: Sweep) -> None:
+    sweep.run([fake_cell(variant=Variant())])
+    stored = sweep.store.tensors(f"trained/{fake_cell().training_key}", CPU)
+    assert stored is not None
+    assert torch.equal(stored["product"]["surfels"]["sh"], torch.zeros(4, 16, 3))

@@ -1,0 +1,50 @@
+"""Progress is bars on a terminal, lines in a log, and keeps off stdout in both."""
+
+import io
+import sys
+
+import pytest
+from rich.console import Console
+
+from radiogs_bench.progress import LogProgress, TerminalProgress, progress_for_stderr
+
+
+def test_a_pipe_gets_lines_and_nothing_that_moves(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_for_stderr() as progress:
+        progress.say("corner ours seed 0: started")
+        for step in range(1000):
+            progress.advance("init", step + 1, 1000)
+    assert isinstance(progress, LogProgress)
+    assert capsys.readouterr() == ("", "corner ours seed 0: started\n")
+
+
+def test_a_terminal_gets_bars(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert isinstance(progress_for_stderr(), TerminalProgress)
+
+
+@pytest.fixture
+def screen() -> TerminalProgress:
+    """A terminal that writes into memory, whose clock the test turns."""
+    progress = TerminalProgress()
+    progress.bars.live.console = Console(file=io.StringIO(), force_terminal=True, width=120)
+    return progress
+
+
+def test_a_bar_shows_time_left_once_it_has_run_for_two_seconds(screen: TerminalProgress) -> None:
+    clock = 0.0
+    screen.bars.get_time = lambda: clock
+    screen.advance("invert", 1, 10)
+    assert not screen.bars.tasks[0].visible
+    clock = 3.0
+    screen.advance("invert", 4, 10)
+    (bar,) = screen.bars.tasks
+    assert bar.visible
+    assert bar.time_remaining == pytest.approx(6.0)  # 3 steps took 3 s, 6 are left
+
+
+def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: TerminalProgress) -> None:
+    screen.advance("init", 9, 10)
+    assert screen.bars.tasks[0].completed == 9
+    screen.advance("init", 10, 10)
+    assert screen.bars.tasks == []

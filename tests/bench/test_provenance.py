@@ -1,0 +1,67 @@
+"""A result says where it comes from."""
+
+import datetime
+import subprocess
+from pathlib import Path
+
+import pytest
+import torch
+from bench.fake_method import CPU
+
+from radiogs_bench import provenance
+from radiogs_bench.provenance import git_state, peak_memory, session
+
+
+@pytest.fixture(autouse=True)
+def _forget_git_state() -> None:
+    git_state.cache_clear()
+
+
+def git(folder: Path, *arguments: str) -> str:
+    identity = ["-c", "user.name=n", "-c", "user.email=e@example.org"]
+    done = subprocess.run(["git", *identity, *arguments], cwd=folder, capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_git_state_is_that_of_the_repository_that_tracks_the_package(tmp_path: Path) -> None:
+    git(tmp_path, "init", "--quiet")
+    package = tmp_path / "package"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    assert git_state(package) is None  # inside a repository that does not track it, as in a virtual environment
+    git(tmp_path, "add", ".")
+    git(tmp_path, "commit", "--quiet", "-m", "m")
+    git_state.cache_clear()
+    assert git_state(package) == {"commit": git(tmp_path, "rev-parse", "HEAD"), "dirty": False}
+    (package / "__init__.py").write_text("x = 1\n")
+    git_state.cache_clear()
+    assert git_state(package) == {"commit": git(tmp_path, "rev-parse", "HEAD"), "dirty": True}
+
+
+def test_without_git_there_is_no_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert git_state() is None
+
+
+def test_a_session_names_versions_machine_and_memory() -> None:
+    found = session(CPU)
+    assert found["versions"]["torch"].startswith(torch.__version__.split("+")[0])
+    assert found["machine"]["threads"] == torch.get_num_threads()
+    assert found["machine"]["gpu"] is None
+    assert datetime.datetime.fromisoformat(found["date"]).utcoffset() == datetime.timedelta(0)
+
+
+def test_peak_memory_is_in_bytes_and_grows_with_what_is_held() -> None:
+    before = peak_memory(CPU)["host"]
+    assert 2**26 < before < 2**40
+    held = torch.ones(before // 4 + 2**24)  # more than the peak so far, in four-byte floats
+    assert peak_memory(CPU)["host"] >= 4 * len(held)
+
+
+def test_the_cpu_has_a_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    provenance.cpu_name.cache_clear()
+    information = tmp_path / "cpuinfo"
+    information.write_text("processor\t: 0\nmodel name\t: Some CPU @ 3 GHz\n")
+    monkeypatch.setattr(provenance, "CPU_INFORMATION", information)
+    assert provenance.cpu_name() == "Some CPU @ 3 GHz"
+    provenance.cpu_name.cache_clear()

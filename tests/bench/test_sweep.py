@@ -1,0 +1,69 @@
+"""The manifest holds enough to rebuild a table, and says what state each cell is in."""
+
+import json
+from pathlib import Path
+
+import pytest
+from bench.fake_method import SCENE, fake_cell
+from bench.test_engine import Sweep as FakeSweep
+
+from radiogs.budget import budget
+from radiogs.errors import DataError
+from radiogs_bench.store import Store
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Place, Request, read_sweep, state_of, write_sweep
+
+
+def request() -> Request:
+    return Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu")
+
+
+def test_cells_are_every_row_of_every_scene_and_seed() -> None:
+    places = [place for place, _ in request().cells()]
+    assert len(places) == 10
+    assert len({place["key"] for place in places}) == 10
+    assert len({place["initialisation_key"] for place in places}) == 4  # two kinds, two seeds
+    assert [place["row"] for place in places[:5]] == [row.key for row in ABLATIONS.rows]
+
+
+def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
+    manifest = request().manifest([place for place, _ in request().cells()])
+    write_sweep(Store(tmp_path), manifest)
+    assert read_sweep(tmp_path) == manifest
+
+
+@pytest.mark.parametrize("content", ["{", '{"schema": "other/1"}'])
+def test_a_manifest_that_cannot_be_read_is_explained(content: str, tmp_path: Path) -> None:
+    (tmp_path / "sweep.json").write_text(content)
+    with pytest.raises(DataError, match="Run the same command again"):
+        read_sweep(tmp_path)
+
+
+def test_a_folder_without_a_run_is_explained(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="no run in"):
+        read_sweep(tmp_path / "nowhere")
+
+
+def test_states_follow_what_is_stored(tmp_path: Path) -> None:
+    sweep, cell = FakeSweep(tmp_path), fake_cell()
+    place = Place(
+        row="ours", scene="fake", seed=0, key=cell.key, training_key=cell.training_key,
+        initialisation_key=cell.initialisation_key,
+    )  # fmt: skip
+    states = [state_of(sweep.store, place)]
+    sweep.store.put_tensors(f"init/{cell.initialisation_key}.checkpoint", {})
+    states.append(state_of(sweep.store, place))
+    sweep.store.put_tensors(f"init/{cell.initialisation_key}", {})
+    states.append(state_of(sweep.store, place))
+    sweep.store.put_tensors(f"trained/{cell.training_key}.checkpoint", {})
+    states.append(state_of(sweep.store, place))
+    sweep.store.put_tensors(f"trained/{cell.training_key}", {})
+    states.append(state_of(sweep.store, place))
+    assert states == ["to do", "begun: in stage 1", "to do: stage 1 is there", "begun: in stage 2", "trained, not scored"]
+    sweep.store.drop_tensors(f"init/{cell.initialisation_key}")
+    sweep.store.drop_tensors(f"init/{cell.initialisation_key}.checkpoint")
+    sweep.store.drop_tensors(f"trained/{cell.training_key}")
+    sweep.store.drop_tensors(f"trained/{cell.training_key}.checkpoint")
+    sweep.run([cell])
+    assert state_of(sweep.store, place) == "finished"
+    assert json.loads((tmp_path / "cells" / f"{cell.key}.json").read_text())["scene"] == "fake"
