@@ -34,10 +34,10 @@ def shade(
     environment: Tensor,
 ) -> Tensor:
     """[surfels, views, 4, 3]: diffuse direct, diffuse indirect, specular direct, specular indirect."""
-    n, v, l = normal[:, None, None], outgoing[:, :, None], direction[:, None]
+    n, v, w = normal[:, None, None], outgoing[:, :, None], direction[:, None]
     r = roughness[:, None, None]
-    h = (v + l) / (v + l).norm(dim=-1, keepdim=True)
-    nv, nl, nh, vh = ((a * b).sum(-1) for a, b in ((n, v), (n, l), (n, h), (v, h)))
+    h = (v + w) / (v + w).norm(dim=-1, keepdim=True)
+    nv, nl, nh, vh = ((a * b).sum(-1) for a, b in ((n, v), (n, w), (n, h), (v, h)))
     a2 = r**4
     sine2 = (torch.linalg.cross(n.expand_as(h), h)).square().sum(-1)
     d = a2 / (math.pi * (a2 * nh**2 + sine2) ** 2)

@@ -8,7 +8,7 @@ o + t d meets the plane at t = n . (centre - o) / (n . d).
 from dataclasses import dataclass, fields
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 ALPHA_THRESHOLD = 1 / 255
@@ -61,3 +61,14 @@ def support_extent(geometry: SplatGeometry) -> Float[Tensor, "surfels 3"]:
         span_u = geometry.axis_u / geometry.axis_u.square().sum(-1, keepdim=True)
         span_v = geometry.axis_v / geometry.axis_v.square().sum(-1, keepdim=True)
         return support_radius(geometry.opacity)[:, None] * torch.hypot(span_u, span_v)
+
+
+def can_be_met(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:
+    """Whether a ray can meet the surfel at all: every number finite, neither axis zero, opacity above the cut-off.
+
+    A surfel that fails (scale of zero or infinity, a NaN anywhere) takes no part: it is neither drawn nor traced.
+    """
+    with torch.no_grad():
+        vectors = (geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, support_extent(geometry))
+        finite = torch.isfinite(torch.cat(vectors, -1)).all(-1)
+        return finite & (geometry.opacity >= ALPHA_THRESHOLD)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-import warp as wp
 from jaxtyping import Bool, Float
 from torch import Tensor
 
@@ -13,7 +12,7 @@ from .counters import count
 from .geometry import SplatGeometry, support_radius
 from .rasterize_binning import TileLists, tile_lists
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels
-from .runtime import launch_in_parallel, workers
+from .runtime import as_array, launch_in_parallel, workers
 
 
 @dataclass(frozen=True)
@@ -76,8 +75,8 @@ class _Blend(torch.autograd.Function):
         sums = like.new_empty(pixels, PIXEL_SUMS)
         ends, blended = (torch.empty(pixels, dtype=torch.int32, device=like.device) for _ in range(2))
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
-        outputs = [wp.from_torch(images, dtype=kernels.feature), *map(wp.from_torch, (sums, ends, blended))]
-        _launch(kernels.forward, camera, like.device, lambda _: [*arguments, *outputs])
+        outputs = [as_array(images, dtype=kernels.feature), *map(as_array, (sums, ends, blended))]
+        launch_in_parallel(kernels.forward, _threads(camera), like.device, lambda _: [*arguments, *outputs])
         count(blended_pairs=int(blended.sum()))
         ctx.camera, ctx.lists, ctx.depth_unit = camera, lists, depth_unit
         ctx.save_for_backward(images, sums, ends, *splats)
@@ -92,14 +91,19 @@ class _Blend(torch.autograd.Function):
         types = [kernels.record, kernels.feature]
         arguments = _arguments(kernels, ctx.camera, ctx.lists, ctx.depth_unit, splats)
         saved = [
-            wp.from_torch(images, dtype=kernels.feature), wp.from_torch(sums), wp.from_torch(ends),
-            wp.from_torch(grad_images.contiguous(), dtype=kernels.feature), wp.from_torch(grad_sums.contiguous()),
+            as_array(images, dtype=kernels.feature), as_array(sums), as_array(ends),
+            as_array(grad_images.contiguous(), dtype=kernels.feature), as_array(grad_sums.contiguous()),
         ]  # fmt: skip
         buffers = [
-            [wp.from_torch(value[worker], dtype=dtype) for value, dtype in zip(gradients, types, strict=True)]
+            [as_array(value[worker], dtype=dtype) for value, dtype in zip(gradients, types, strict=True)]
             for worker in range(team)
         ]
-        _launch(kernels.backward, ctx.camera, images.device, lambda worker: [*arguments, *saved, *buffers[worker]])
+        launch_in_parallel(
+            kernels.backward,
+            _threads(ctx.camera),
+            images.device,
+            lambda worker: [*arguments, *saved, *buffers[worker]],
+        )
         return None, None, None, *(value.sum(0) for value in gradients)
 
 
@@ -109,18 +113,13 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
     image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
     image.depth_unit = depth_unit
     packed = kernels.Splats()
-    packed.starts, packed.members = wp.from_torch(lists.starts), wp.from_torch(lists.members)
+    packed.starts, packed.members = as_array(lists.starts), as_array(lists.members)
     records, features = splats
-    packed.records = wp.from_torch(records, dtype=kernels.record)
-    packed.features = wp.from_torch(features, dtype=kernels.feature)
+    packed.records = as_array(records, dtype=kernels.record)
+    packed.features = as_array(features, dtype=kernels.feature)
     return [image, packed]
 
 
-def _launch(kernel: Any, camera: Camera, device: torch.device, arguments: Any) -> None:
-    threads = -(-camera.width // TILE) * -(-camera.height // TILE) * TILE * TILE
-    where = wp.device_from_torch(device)
-
-    def launch(begin: int, end: int, worker: int) -> None:
-        wp.launch(kernel, dim=end - begin, inputs=[begin, *arguments(worker)], device=where)
-
-    launch_in_parallel(launch, threads, device)
+def _threads(camera: Camera) -> int:
+    """One thread a pixel, of whole tiles."""
+    return -(-camera.width // TILE) * -(-camera.height // TILE) * TILE * TILE

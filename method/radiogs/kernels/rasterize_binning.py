@@ -7,7 +7,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from ..camera import Camera
-from .geometry import ALPHA_THRESHOLD, SplatGeometry, support_radius
+from .geometry import SplatGeometry, can_be_met, support_radius
 from .rasterize_source import TILE
 
 
@@ -63,9 +63,7 @@ def pixel_bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Int[Tensor, "
     )
     reach = torch.hypot(span_u[:, 2], span_v[:, 2])
     facing = (geometry.normal.double() * (geometry.centre.double() - camera.centre.double())).sum(-1) < 0
-    alive = facing & (geometry.opacity >= ALPHA_THRESHOLD) & (centre[:, 2] + reach > 0)
-    for value in (centre, span_u, span_v):
-        alive &= torch.isfinite(value).all(-1)
+    alive = can_be_met(geometry) & facing & (centre[:, 2] + reach > 0)
     whole = centre[:, 2] - reach > 0
 
     def form(x: int, y: int) -> Tensor:

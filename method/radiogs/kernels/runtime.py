@@ -2,10 +2,11 @@
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
+from itertools import pairwise
 from typing import Any
 
 import torch
@@ -21,7 +22,7 @@ def start_warp() -> None:
 
 
 @contextmanager
-def _silenced_stderr() -> Any:
+def _silenced_stderr() -> Iterator[None]:
     """Send file descriptor 2 to nowhere: Warp's native library writes its driver warning past sys.stderr."""
     sys.stderr.flush()
     kept = os.dup(2)
@@ -42,6 +43,14 @@ def scalar_type(dtype: torch.dtype) -> Any:
         raise TypeError(f"kernels run in float32 or float64, not in {dtype}")
     return scalars[dtype]
 
+
+def as_array(tensor: torch.Tensor, dtype: Any = None) -> wp.array:
+    """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors)."""
+    return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
+
+
+CHUNKS_PER_WORKER = 8
+"""Enough that a worker with expensive items does not keep the others waiting long."""
 
 _team: int | None = None
 
@@ -74,26 +83,30 @@ def _pool(size: int) -> ThreadPoolExecutor:
 
 
 def launch_in_parallel(
-    launch: Callable[[int, int, int], None], count: int, device: torch.device, chunks_per_worker: int = 8
+    kernel: wp.Kernel, count: int, device: torch.device, arguments: Callable[[int], Sequence[Any]]
 ) -> None:
-    """Call ``launch(begin, end, worker)`` so that the ranges cover [0, count).
+    """Run ``kernel`` for items [0, count); it takes the first item of its range, then ``arguments(worker)``.
 
-    On CUDA that is one call. On the CPU the range is cut into equal chunks, dealt to the workers in a fixed
+    On CUDA that is one launch. On the CPU the items are cut into equal chunks, dealt to the workers in a fixed
     order (chunk k to worker k mod n): the sums are repeatable for a given thread count. Warp releases the
     interpreter lock during a launch, so the workers really run side by side.
     """
+    where = wp.device_from_torch(device)
+    # Compiled here, once: two workers that found it missing would build into the same folder.
+    kernel.module.load(where)
     team = workers(device)
     if count == 0:
         return
     if team == 1:
-        launch(0, count, 0)
+        wp.launch(kernel, dim=count, inputs=[0, *arguments(0)], device=where)
         return
-    pieces = min(count, team * chunks_per_worker)
+    pieces = min(count, team * CHUNKS_PER_WORKER)
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        for piece in range(worker, pieces, team):
-            launch(bounds[piece], bounds[piece + 1], worker)
+        given = arguments(worker)
+        for begin, end in list(pairwise(bounds))[worker::team]:
+            wp.launch(kernel, dim=end - begin, inputs=[begin, *given], device=where)
 
     for done in [_pool(team).submit(work, worker) for worker in range(team)]:
         done.result()

@@ -3,12 +3,11 @@
 from typing import Any
 
 import torch
-import warp as wp
 from jaxtyping import Float
 from torch import Tensor
 
 from .counters import count
-from .runtime import launch_in_parallel, workers
+from .runtime import as_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 
 
@@ -33,9 +32,7 @@ def shade(
     Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
     made without gradient, and get none.
     """
-    return _Shade.apply(
-        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment
-    )
+    return _Shade.apply(normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment)
 
 
 class _Shade(torch.autograd.Function):
@@ -46,13 +43,8 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(outgoing.dtype)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
-        given, result = _inputs(kernels, inputs), wp.from_torch(out, dtype=kernels.vector)
-        where = wp.device_from_torch(out.device)
-
-        def launch(begin: int, end: int, worker: int) -> None:
-            wp.launch(kernels.forward, dim=end - begin, inputs=[begin, given, result], device=where)
-
-        launch_in_parallel(launch, surfels, out.device)
+        given, result = _inputs(kernels, inputs), as_array(out, dtype=kernels.vector)
+        launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         count(shaded_samples=surfels * views * direction.shape[1])
         ctx.save_for_backward(*inputs)
         return out
@@ -66,25 +58,22 @@ class _Shade(torch.autograd.Function):
         wants_environment = ctx.needs_input_grad[8]
         team = workers(normal.device)
         own = [torch.empty_like(value) for value in (normal, albedo, roughness)]
-        incident = [
-            torch.zeros_like(value if wants_incident else value[:0]) for value in (visibility, indirect)
-        ]
+        incident = [torch.zeros_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
         light = environment.new_zeros(team, *environment.shape)
         given = _inputs(kernels, inputs)
-        upstream = wp.from_torch(grad_out.contiguous(), dtype=kernels.vector)
+        upstream = as_array(grad_out.contiguous(), dtype=kernels.vector)
         outputs = [
-            wp.from_torch(own[0], dtype=kernels.vector), wp.from_torch(own[1], dtype=kernels.vector),
-            wp.from_torch(own[2]), wp.from_torch(incident[0]), wp.from_torch(incident[1], dtype=kernels.vector),
+            as_array(own[0], dtype=kernels.vector), as_array(own[1], dtype=kernels.vector),
+            as_array(own[2]), as_array(incident[0]), as_array(incident[1], dtype=kernels.vector),
         ]  # fmt: skip
-        lights = [wp.from_torch(buffer, dtype=kernels.vector) for buffer in light]
+        lights = [as_array(buffer, dtype=kernels.vector) for buffer in light]
         flags = [int(wants_incident), int(wants_environment)]
-        where = wp.device_from_torch(normal.device)
-
-        def launch(begin: int, end: int, worker: int) -> None:
-            arguments = [begin, given, upstream, *flags, *outputs, lights[worker]]
-            wp.launch(kernels.backward, dim=end - begin, inputs=arguments, device=where)
-
-        launch_in_parallel(launch, len(normal), normal.device)
+        launch_in_parallel(
+            kernels.backward,
+            len(normal),
+            normal.device,
+            lambda worker: [given, upstream, *flags, *outputs, lights[worker]],
+        )
         traced = incident if wants_incident else [None, None]
         return *own, None, None, None, *traced, light.sum(0) if wants_environment else None
 
@@ -96,5 +85,5 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
     )  # fmt: skip
     for name, value in zip(names, inputs, strict=True):
         is_scalar = name in ("roughness", "weight", "visibility")
-        setattr(given, name, wp.from_torch(value) if is_scalar else wp.from_torch(value, dtype=kernels.vector))
+        setattr(given, name, as_array(value) if is_scalar else as_array(value, dtype=kernels.vector))
     return given

@@ -200,9 +200,9 @@ def shade_kernels(dtype: torch.dtype) -> Any:
                             wp.cw_mul(pull_diffuse_direct, direct) + wp.cw_mul(pull_diffuse_indirect, indirect)
                         )
                         if wants_incident != 0:
-                            grad_visibility[surfel, sample] = grad_visibility[
-                                surfel, sample
-                            ] + weight * wp.dot(pull_direct, environment)
+                            grad_visibility[surfel, sample] = grad_visibility[surfel, sample] + weight * wp.dot(
+                                pull_direct, environment
+                            )
                             grad_indirect[surfel, sample] = grad_indirect[surfel, sample] + weight * pull_indirect
                         if wants_environment != 0:
                             flow = (weight * seen) * pull_direct
@@ -233,8 +233,8 @@ def shade_kernels(dtype: torch.dtype) -> Any:
                 pull_normal += pull_view_cosine * wo
         grad_normal[surfel] = pull_normal
         grad_albedo[surfel] = pull_albedo / pi
-        grad_roughness[surfel] = pull_alpha_squared * scalar(
-            4.0
-        ) * roughness * roughness * roughness + pull_k * (roughness + one) / scalar(4.0)
+        grad_roughness[surfel] = pull_alpha_squared * scalar(4.0) * roughness * roughness * roughness + pull_k * (
+            roughness + one
+        ) / scalar(4.0)
 
     return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward, vector=vector)

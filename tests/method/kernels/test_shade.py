@@ -2,12 +2,12 @@
 
 import pytest
 import torch
-from reference.shade import shade as dense_shade
 
 from radiogs.kernels.runtime import use_threads
 from radiogs.kernels.shade import shade
 from radiogs.light import EnvironmentMap
 from radiogs.sampling import hemisphere_directions
+from reference.shade import shade as dense_shade
 
 NAMES = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment")
 DIFFERENTIABLE = ("normal", "albedo", "roughness", "visibility", "indirect", "environment")
@@ -54,11 +54,11 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     given = inputs(surfels=4)
     pull = torch.randn(4, 2, 4, 3, dtype=torch.float64)
     slopes = gradients(shade, given, pull)
+    step = 1e-6
     for _ in range(8):
         shift = {name: torch.randn_like(given[name]) for name in DIFFERENTIABLE}
-        step = 1e-6
 
-        def value(sign: float) -> torch.Tensor:
+        def value(sign: float, shift: dict[str, torch.Tensor] = shift) -> torch.Tensor:
             moved = {name: given[name] + sign * step * shift[name] if name in shift else given[name] for name in NAMES}
             return (shade(*moved.values()) * pull).sum()
 

@@ -1,0 +1,169 @@
+"""K1 against a dense float64 implementation, finite differences, and what must not change the image."""
+
+import pytest
+import torch
+
+from radiogs.camera import Camera
+from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.rasterize import rasterize
+from radiogs.kernels.runtime import use_threads
+from reference.rasterize import rasterize as dense_rasterize
+from scenes import look_at
+
+FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity", "features")
+UNIT = 3.0
+
+
+def camera(width: int = 17, height: int = 13, distance: float = 4.0) -> Camera:
+    looking = look_at(torch.tensor([distance, 0.3, 0.5]), torch.zeros(3), 16, 20.0).to(dtype=torch.float64)
+    return Camera(looking.camera_to_world, 20.0, 19.0, width / 2 + 0.3, height / 2, width, height)
+
+
+def random_surfels(count: int, channels: int = 4, spread: float = 0.7) -> dict[str, torch.Tensor]:
+    frame = torch.linalg.qr(torch.randn(count, 3, 3, dtype=torch.float64)).Q
+    scale = 0.1 + 0.3 * torch.rand(count, 2, dtype=torch.float64)
+    return {
+        "centre": spread * torch.randn(count, 3, dtype=torch.float64),
+        "axis_u": frame[..., 0] / scale[:, :1],
+        "axis_v": frame[..., 1] / scale[:, 1:],
+        "normal": frame[..., 2].contiguous(),
+        "opacity": 0.05 + 0.95 * torch.rand(count, dtype=torch.float64),
+        "features": torch.rand(count, channels, dtype=torch.float64),
+    }
+
+
+def fast(given: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
+    raster = rasterize(view, SplatGeometry(*(given[name] for name in FIELDS[:5])), given["features"], UNIT)
+    return raster.features, raster.alpha, raster.depth, raster.distortion
+
+
+def dense(given: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
+    pixels = view.ray_directions().reshape(-1, 3)
+    flat = dense_rasterize(view.axes, view.centre, pixels, *given.values(), UNIT)
+    return tuple(value.unflatten(0, (view.height, view.width)) for value in flat)
+
+
+def gradients(
+    function: object, given: dict[str, torch.Tensor], view: Camera, pulls: list[torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    leaves = {name: value.clone().requires_grad_() for name, value in given.items()}
+    outputs = function(leaves, view)  # type: ignore[operator]
+    torch.stack([(out * pull).sum() for out, pull in zip(outputs, pulls, strict=True)]).sum().backward()
+    return {name: leaves[name].grad for name in FIELDS}  # type: ignore[misc]
+
+
+def assert_same(found: tuple[torch.Tensor, ...], expected: tuple[torch.Tensor, ...], tolerance: float = 1e-11) -> None:
+    for ours, theirs in zip(found, expected, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=0, atol=tolerance)
+
+
+def test_float64_equals_the_dense_image_and_its_gradients() -> None:
+    given, view = random_surfels(40), camera()
+    found, expected = fast(given, view), dense(given, view)
+    assert_same(found, expected)
+    assert float(found[1].max()) > 0.9
+    pulls = [torch.randn_like(value) for value in found]
+    ours, theirs = gradients(fast, given, view, pulls), gradients(dense, given, view, pulls)
+    for name in FIELDS:
+        assert theirs[name].abs().max() > 0, f"no gradient to {name}"
+        assert (ours[name] - theirs[name]).abs().max() < 1e-9 * theirs[name].abs().max(), name
+
+
+def test_gradients_equal_central_differences_in_random_directions() -> None:
+    given, view = random_surfels(12), camera(9, 7)
+    pulls = [torch.randn_like(value) for value in fast(given, view)]
+    slopes = gradients(fast, given, view, pulls)
+    step, agreed = 1e-7, 0
+    for _ in range(8):
+        shift = {name: torch.randn_like(given[name]) for name in FIELDS}
+
+        def value(sign: float, shift: dict[str, torch.Tensor] = shift) -> float:
+            moved = {name: held + sign * step * shift[name] for name, held in given.items()}
+            return float(sum((out * pull).sum() for out, pull in zip(fast(moved, view), pulls, strict=True)))
+
+        numeric = (value(1) - value(-1)) / (2 * step)
+        analytic = float(sum((slopes[name] * shift[name]).sum() for name in FIELDS))
+        agreed += abs(numeric - analytic) < 1e-4 * max(1.0, abs(analytic))
+    # A step may carry a hit across the alpha threshold, where the image jumps.
+    assert agreed >= 6
+
+
+def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
+    given, view = {name: value.float() for name, value in random_surfels(300).items()}, camera(33, 21)
+    rounded = {name: value.double() for name, value in given.items()}
+    exact = fast(rounded, view)
+    for ours, theirs in zip(fast(given, view), exact, strict=True):
+        assert ((ours.double() - theirs).abs() < 1e-4).double().mean() > 0.99
+    pulls = [torch.randn_like(value) for value in exact]
+    ours_by = gradients(fast, given, view, [pull.float() for pull in pulls])
+    exact_by = gradients(fast, rounded, view, pulls)
+    for name in FIELDS:
+        error = (ours_by[name].double() - exact_by[name]).abs() / exact_by[name].abs().max()
+        assert (error < 1e-4).double().mean() > 0.99, name
+
+
+@pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 17), (17, 1), (15, 33)])
+def test_any_image_shape_is_covered(width: int, height: int) -> None:
+    given, view = random_surfels(20, channels=1), camera(width, height)
+    assert_same(fast(given, view), dense(given, view))
+
+
+def test_surfels_that_cross_the_cameras_plane_are_neither_lost_nor_ghosts() -> None:
+    given, view = random_surfels(40, spread=0.5), camera(distance=0.6)
+    depths = view.depth_of(given["centre"])
+    assert float(depths.min()) < 0 < float(depths.max())
+    assert_same(fast(given, view), dense(given, view), 1e-9)
+
+
+def test_degenerate_surfels_change_no_bit() -> None:
+    given, view = random_surfels(40), camera()
+    clean = fast({name: value[:32] for name, value in given.items()}, view)
+    given["opacity"][32] = 1 / 255 - 1e-9
+    given["axis_u"][33] = torch.inf
+    given["axis_v"][34] = torch.nan
+    given["centre"][35] = torch.nan
+    given["axis_u"][36] = 0.0
+    given["opacity"][37] = torch.nan
+    given["normal"][38] = torch.nan
+    given["centre"][39] = 1000.0 * view.centre
+    for ours, theirs in zip(fast(given, view), clean, strict=True):
+        assert torch.equal(ours, theirs)
+
+
+def test_order_of_the_surfels_does_not_matter() -> None:
+    given, view = random_surfels(50), camera()
+    shuffle = torch.randperm(50)
+    assert_same(fast({name: value[shuffle] for name, value in given.items()}, view), fast(given, view), 1e-12)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_scaling_the_world_changes_only_depth(scale: float) -> None:
+    given, view = random_surfels(50), camera()
+    larger = given | {
+        "centre": scale * given["centre"],
+        "axis_u": given["axis_u"] / scale,
+        "axis_v": given["axis_v"] / scale,
+    }
+    matrix = view.camera_to_world.clone()
+    matrix[:3, 3] *= scale
+    moved = Camera(matrix, view.fx, view.fy, view.cx, view.cy, view.width, view.height)
+    features, alpha, depth, _ = fast(larger, moved)
+    expected = fast(given, view)
+    assert_same((features, alpha, depth / scale), expected[:3], 1e-10)
+
+
+def test_an_empty_scene_is_the_background_and_takes_gradients() -> None:
+    given, view = {name: value[:0] for name, value in random_surfels(3).items()}, camera()
+    found = fast(given, view)
+    assert all((value == 0).all() for value in found)
+    slopes = gradients(fast, given, view, [torch.ones_like(value) for value in found])
+    assert slopes["centre"].shape == (0, 3)
+
+
+@pytest.mark.parametrize("team", [1, 2])
+def test_gradients_repeat_bit_for_bit(team: int) -> None:
+    use_threads(team)
+    given, view = {name: value.float() for name, value in random_surfels(200).items()}, camera(40, 40)
+    pulls = [torch.randn_like(value) for value in fast(given, view)]
+    first, second = gradients(fast, given, view, pulls), gradients(fast, given, view, pulls)
+    assert all(torch.equal(first[name], second[name]) for name in FIELDS)

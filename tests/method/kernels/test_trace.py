@@ -1,0 +1,199 @@
+"""K2 against a dense float64 implementation, finite differences, ties, and closed shells."""
+
+import pytest
+import torch
+
+from radiogs.kernels.bvh import SurfelBVH
+from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.runtime import use_threads
+from radiogs.kernels.trace import Hits, trace
+from reference.trace import trace as dense_trace
+
+FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity", "sh", "features", "origin")
+OUTPUTS = ("radiance", "transmittance", "features", "depth")
+
+
+def random_inputs(surfels: int, rays: int, channels: int, coefficients: int = 16) -> dict[str, torch.Tensor]:
+    frame = torch.linalg.qr(torch.randn(surfels, 3, 3, dtype=torch.float64)).Q
+    scale = 0.3 + 0.5 * torch.rand(surfels, 2, dtype=torch.float64)
+    return {
+        "centre": torch.randn(surfels, 3, dtype=torch.float64),
+        "axis_u": frame[..., 0] / scale[:, :1],
+        "axis_v": frame[..., 1] / scale[:, 1:],
+        "normal": frame[..., 2].contiguous(),
+        "opacity": torch.rand(surfels, dtype=torch.float64),
+        "sh": 0.5 * torch.randn(surfels, coefficients, 3, dtype=torch.float64),
+        "features": torch.rand(surfels, channels, dtype=torch.float64),
+        "origin": torch.randn(rays, 3, dtype=torch.float64),
+        "direction": torch.nn.functional.normalize(torch.randn(rays, 3, dtype=torch.float64), dim=-1),
+        "t_min": 0.2 * torch.rand(rays, dtype=torch.float64),
+    }
+
+
+def fast(given: dict[str, torch.Tensor], stop: float = 0.03) -> tuple[torch.Tensor, ...]:
+    geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
+    hits = trace(
+        SurfelBVH.build(geometry), geometry, given["sh"], given["features"], given["origin"], given["direction"],
+        given["t_min"], stop,
+    )  # fmt: skip
+    return tuple(getattr(hits, name) for name in OUTPUTS)
+
+
+def dense(given: dict[str, torch.Tensor], stop: float = 0.03) -> tuple[torch.Tensor, ...]:
+    return dense_trace(*given.values(), stop)
+
+
+def gradients(function: object, given: dict[str, torch.Tensor], pulls: list[torch.Tensor]) -> dict[str, torch.Tensor]:
+    leaves = {name: value.clone().requires_grad_(name in FIELDS) for name, value in given.items()}
+    outputs = function(leaves)  # type: ignore[operator]
+    torch.stack([(out * pull).sum() for out, pull in zip(outputs, pulls, strict=True)]).sum().backward()
+    return {name: leaves[name].grad for name in FIELDS}  # type: ignore[misc]
+
+
+@pytest.mark.parametrize(("channels", "coefficients"), [(0, 1), (7, 16), (1, 4)])
+def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coefficients: int) -> None:
+    given = random_inputs(60, 100, channels, coefficients)
+    found, expected = fast(given), dense(given)
+    for name, ours, theirs in zip(OUTPUTS, found, expected, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12, msg=name)
+    assert float((found[1] < 0.9).double().mean()) > 0.3, "the rays should meet something"
+    pulls = [torch.randn_like(value) for value in found]
+    ours, theirs = gradients(fast, given, pulls), gradients(dense, given, pulls)
+    for name in FIELDS:
+        if given[name].numel() == 0:
+            continue
+        assert theirs[name].abs().max() > 0, f"no gradient to {name}"
+        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+
+
+def test_gradients_equal_central_differences_in_random_directions() -> None:
+    given = random_inputs(30, 40, 2)
+    pulls = [torch.randn_like(value) for value in fast(given)]
+    slopes = gradients(fast, given, pulls)
+    step, agreed = 1e-7, 0
+    for _ in range(8):
+        shift = {name: torch.randn_like(given[name]) for name in FIELDS}
+
+        def value(sign: float, shift: dict[str, torch.Tensor] = shift) -> float:
+            moved = {name: held + sign * step * shift[name] if name in shift else held for name, held in given.items()}
+            return float(sum((out * pull).sum() for out, pull in zip(fast(moved), pulls, strict=True)))
+
+        numeric = (value(1) - value(-1)) / (2 * step)
+        analytic = float(sum((slopes[name] * shift[name]).sum() for name in FIELDS))
+        agreed += abs(numeric - analytic) < 1e-4 * max(1.0, abs(analytic))
+    # A step may carry a hit across the alpha threshold or the stop, where the image jumps.
+    assert agreed >= 6
+
+
+def test_float32_agrees_with_float64_but_for_hits_at_a_threshold() -> None:
+    given = {name: value.float() for name, value in random_inputs(400, 500, 3).items()}
+    rounded = {name: value.double() for name, value in given.items()}
+    exact = fast(rounded)
+    for ours, theirs in zip(fast(given), exact, strict=True):
+        assert ((ours.double() - theirs).abs() < 1e-4).double().mean() > 0.99
+    pulls = [torch.randn_like(value) for value in exact]
+    ours_by, exact_by = gradients(fast, given, [pull.float() for pull in pulls]), gradients(fast, rounded, pulls)
+    for name in FIELDS:
+        error = (ours_by[name].double() - exact_by[name]).abs() / exact_by[name].abs().max()
+        assert (error < 1e-4).double().mean() > 0.99, name
+
+
+@pytest.mark.parametrize("copies", [17, 33, 64])
+def test_exactly_coincident_surfels_are_neither_lost_nor_swapped(copies: int) -> None:
+    """More equal depths than the buffer holds: the restart must go on after the last (t, number)."""
+    one = random_inputs(3, 30, 2)
+    given = {
+        name: value.repeat_interleave(copies, 0) if name not in ("origin", "direction", "t_min") else value
+        for name, value in one.items()
+    }
+    given["opacity"] = torch.full_like(given["opacity"], 0.02)
+    given["sh"] = 0.5 * torch.randn_like(given["sh"])
+    for ours, theirs in zip(fast(given, 1e-6), dense(given, 1e-6), strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12)
+
+
+def test_the_tree_finds_what_brute_force_finds_after_building_and_after_refitting() -> None:
+    given = random_inputs(2000, 50, 1)
+    given["axis_u"], given["axis_v"] = 6 * given["axis_u"], 6 * given["axis_v"]
+    geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
+    tree = SurfelBVH.build(geometry)
+    moved = SplatGeometry(geometry.centre + 0.5 * torch.randn(2000, 3, dtype=torch.float64), *given_rest(geometry))
+    tree.refit(moved)
+    given["centre"] = moved.centre
+    hits = trace(tree, moved, given["sh"], given["features"], given["origin"], given["direction"], given["t_min"])
+    for name, theirs in zip(OUTPUTS, dense(given), strict=True):
+        torch.testing.assert_close(getattr(hits, name), theirs, rtol=0, atol=1e-12)
+
+
+def given_rest(geometry: SplatGeometry) -> tuple[torch.Tensor, ...]:
+    return geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity
+
+
+def shell(count: int, scale: float, inward: bool) -> SplatGeometry:
+    """Surfels that cover a sphere of radius ``scale``, seen from inside or from outside."""
+    place = torch.arange(count, dtype=torch.float64) + 0.5
+    z = 1 - 2 * place / count
+    azimuth = place * 2.399963229728653
+    outward = torch.stack([(1 - z * z).sqrt() * azimuth.cos(), (1 - z * z).sqrt() * azimuth.sin(), z], -1)
+    tangent = torch.nn.functional.normalize(
+        torch.linalg.cross(outward, torch.tensor([0.3, 0.5, 0.8], dtype=torch.float64).expand_as(outward)), dim=-1
+    )
+    spread = 1.2 * (4 * torch.pi / count) ** 0.5
+    fields = (
+        scale * outward, tangent / (spread * scale), torch.linalg.cross(outward, tangent) / (spread * scale),
+        -outward if inward else outward, torch.full((count,), 0.95, dtype=torch.float64),
+    )  # fmt: skip
+    return SplatGeometry(*(value.float() for value in fields))
+
+
+def cast_from_surfels(geometry: SplatGeometry, scale: float) -> Hits:
+    direction = torch.nn.functional.normalize(torch.randn(len(geometry), 3), dim=-1)
+    below = (direction * geometry.normal).sum(-1, keepdim=True) < 0
+    reach = torch.full((len(geometry),), 0.1 * scale)
+    return trace(
+        SurfelBVH.build(geometry), geometry, torch.zeros(len(geometry), 1, 3), torch.zeros(len(geometry), 0),
+        geometry.centre, torch.where(below, -direction, direction), reach,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_a_closed_room_sees_no_light_and_a_convex_body_sees_all(scale: float) -> None:
+    inside = cast_from_surfels(shell(800, scale, inward=True), scale)
+    # A ray may leave through its own neighbourhood, within t_min, at grazing angles.
+    assert float((inside.transmittance < 0.03).float().mean()) > 0.97
+    outside = cast_from_surfels(shell(800, scale, inward=False), scale)
+    assert (outside.transmittance == 1).all()
+
+
+def test_degenerate_surfels_are_never_met() -> None:
+    given = random_inputs(40, 60, 1)
+    clean = fast({name: value[:32] if name in FIELDS[:7] else value for name, value in given.items()})
+    given["opacity"][32] = 1 / 255 - 1e-9
+    given["axis_u"][33] = torch.inf
+    given["axis_v"][34] = torch.nan
+    given["centre"][35] = torch.nan
+    given["axis_u"][36] = 0.0
+    given["opacity"][37] = torch.nan
+    given["normal"][38] = torch.nan
+    given["opacity"][39] = 0.0
+    for ours, theirs in zip(fast(given), clean, strict=True):
+        assert torch.equal(ours, theirs)
+
+
+@pytest.mark.parametrize(("surfels", "rays"), [(0, 5), (5, 0), (1, 1), (9, 3)])
+def test_empty_and_tiny_scenes(surfels: int, rays: int) -> None:
+    given = random_inputs(surfels, rays, 2)
+    found = fast(given)
+    if surfels == 0:
+        assert (found[1] == 1).all()
+        assert (found[0] == 0).all()
+    assert found[0].shape == (rays, 3)
+
+
+@pytest.mark.parametrize("team", [1, 2])
+def test_gradients_repeat_bit_for_bit(team: int) -> None:
+    use_threads(team)
+    given = {name: value.float() for name, value in random_inputs(300, 400, 2).items()}
+    pulls = [torch.randn_like(value) for value in fast(given)]
+    first, second = gradients(fast, given, pulls), gradients(fast, given, pulls)
+    assert all(torch.equal(first[name], second[name]) for name in FIELDS)
