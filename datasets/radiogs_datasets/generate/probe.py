@@ -1,0 +1,31 @@
+"""Whether Mitsuba can render here: asked in a process of its own, because some LLVM versions abort theirs."""
+
+import subprocess
+import sys
+
+from radiogs.errors import UsageError
+
+VARIANT = "llvm_ad_rgb"
+
+_SCRIPT = f"""
+import mitsuba as mi
+mi.set_variant("{VARIANT}")
+mi.render(mi.load_dict({{"type": "scene", "integrator": {{"type": "path"}}, "shape": {{"type": "sphere"}},
+    "light": {{"type": "constant"}}, "sensor": {{"type": "perspective", "film": {{"type": "hdrfilm", "width": 4,
+    "height": 4}}}}}}), spp=1).numpy()
+"""
+
+
+def require_mitsuba() -> None:
+    """Raise UsageError, saying what to install, unless a 4 x 4 image can be rendered."""
+    run = subprocess.run([sys.executable, "-c", _SCRIPT], capture_output=True, text=True, check=False)
+    if run.returncode == 0:
+        return
+    lines = run.stderr.strip().splitlines()
+    last = lines[-1] if lines else f"the process ended with code {run.returncode}"
+    raise UsageError(
+        "Mitsuba 3 cannot render on this machine",
+        f"A trial render failed: {last}",
+        "Install it with  pip install 'radiogs-bench[generate]'  and an LLVM it works with (Debian, Ubuntu:"
+        "  apt-get install libllvm19);  LLVM 14 to 16 are known to fail. The committed scenes need neither.",
+    )
