@@ -1,0 +1,95 @@
+"""The stored summary of a run, which every report is made from: OUT/summary.json, key by key.
+
+The harness writes it from the store; the reports only read. ``SCHEMA`` rises when a key changes its meaning.
+"""
+
+import json
+from pathlib import Path
+from typing import Literal, NotRequired, TypedDict
+
+SCHEMA = "radiogs-bench/summary/1"
+
+
+class Interval(TypedDict):
+    """A paired difference to the reference row: mean, and the ends of its 95 % interval (None with one pair)."""
+
+    mean: float
+    low: float | None
+    high: float | None
+
+
+class CellSummary(TypedDict):
+    """One figure of the table: mean over scenes and seeds, or None with the reason."""
+
+    mean: float | None
+    count: int
+    """How many (scene, seed) pairs it is the mean of."""
+    difference: Interval | None
+    """Against the reference row; None in that row, and where nothing is shared."""
+    reason: str | None
+
+
+class ColumnSummary(TypedDict):
+    """A column: ``key`` such as ``nvs/psnr``, its heading, unit, direction of better, printed decimals."""
+
+    key: str
+    label: str
+    unit: str
+    direction: Literal["up", "down"]
+    decimals: int
+
+
+class RowSummary(TypedDict):
+    """A row: key, label in LaTeX, label in plain text, and the mean seconds of training a cell."""
+
+    key: str
+    latex: str
+    text: str
+    seconds: float | None
+
+
+class SheetSummary(TypedDict):
+    """One row of the contact sheet: a row of the table, and the array file (relative to OUT) with its maps.
+
+    Arrays are float, [height, width, channels], under ``render/<map>`` and ``truth/<map>`` for the maps image,
+    albedo, normal (world, -1 to 1), roughness, indirect (linear), relit; all composited on black.
+    """
+
+    row: str
+    scene: str
+    view: str
+    arrays: str
+    light: NotRequired[str]
+
+
+class Summary(TypedDict):
+    """The whole run."""
+
+    schema: str
+    suite: str
+    title: str
+    protocol: str
+    preset: str
+    scenes: list[str]
+    seeds: list[int]
+    reference: str
+    columns: list[ColumnSummary]
+    rows: list[RowSummary]
+    cells: dict[str, dict[str, CellSummary]]
+    """By row, then column."""
+    published: dict[str, dict[str, float]]
+    """Published figures by row, then column; a figure that was not published is absent."""
+    published_data: str
+    """What the published figures are the mean of."""
+    machine: str
+    sheet: list[SheetSummary]
+    keys: list[str]
+    """Keys of the results that the figures come from."""
+
+
+def read_summary(out: Path) -> Summary:
+    """Read OUT/summary.json. Raises ValueError if it was written under another schema."""
+    summary: Summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    if summary["schema"] != SCHEMA:
+        raise ValueError(f"{out / 'summary.json'} has schema {summary['schema']}; this version reads {SCHEMA}")
+    return summary
