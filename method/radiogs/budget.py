@@ -12,7 +12,7 @@ class Budget:
 
     Stage 1: ``initialise_iterations`` steps from ``initial_surfels`` random points, density control every
     ``densify_interval`` steps between 5 % and 62.5 % of them (the paper's 25k of 40k), never above
-    ``maximum_surfels``; ``position_rate`` multiplies the position's learning rate (short runs take longer steps).
+    ``maximum_surfels``; ``geometry_rate`` multiplies the rates of position and rotation (short runs take longer steps).
     Stage 2: ``inverse_iterations`` steps; each traces ``consistency_surfels`` (N_g) surfels by
     ``incident_samples`` (N_s) rays, and every ``refresh_interval`` steps all of them. ``light_height`` is the
     height of the learnt environment map. Relighting: rays per surfel spread over the hemisphere and drawn from
@@ -24,7 +24,7 @@ class Budget:
     initial_surfels: int
     maximum_surfels: int
     densify_interval: int
-    position_rate: float
+    geometry_rate: float
     inverse_iterations: int
     consistency_surfels: int
     incident_samples: int
@@ -38,7 +38,7 @@ PRESETS = {
     preset.name: preset
     for preset in (
         Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 8, 10, 8, 16, 16),
-        Budget("tiny", 1200, 3000, 5000, 100, 4.0, 500, 256, 32, 100, 16, 64, 64),
+        Budget("tiny", 1200, 2000, 3000, 100, 4.0, 500, 256, 32, 100, 16, 64, 64),
         Budget("small", 5000, 20_000, 50_000, 200, 2.0, 3000, 1024, 64, 100, 32, 128, 64),
         Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 4096, 64, 100, 64, 256, 128),
     )

@@ -1,6 +1,8 @@
 """Adaptive density control: clone what is small and pulled, split what is large and pulled, prune the faint.
 
-3DGS's rules and thresholds, with two changes that make them independent of the image's size and of the run's
+3DGS's rules and thresholds. A surfel that no view felt since the last round is pruned too: it faces away from every
+camera or is buried, would never be seen again, and would still stand in the way of traced rays. Two changes make the
+rules independent of the image's size and of the run's
 length: the pull is measured in half-image units at the surfel's centre, and the number of surfels has a ceiling.
 """
 
@@ -70,7 +72,8 @@ def densify_and_prune(
     for fresh ones). The strongest pulls go first when ``maximum`` leaves no room for all.
     """
     largest = surfels.scale.max(-1).values
-    keep = (surfels.opacity >= OPACITY_FLOOR) & (largest <= LARGE_SCALE * extent)
+    felt = pull.total > 0
+    keep = felt & (surfels.opacity >= OPACITY_FLOOR) & (largest <= LARGE_SCALE * extent)
     strength = pull.mean()
     room = max(0, maximum - int(keep.sum()))
     wanted = torch.nonzero(keep & (strength > GRADIENT_THRESHOLD))[:, 0]

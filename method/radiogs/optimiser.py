@@ -29,6 +29,7 @@ class SurfelOptimiser:
         self.adam = torch.optim.Adam(
             [{"params": [value], "lr": self.rates[name], "name": name} for name, value in self.tensors.items()],
             eps=ADAM_EPSILON,
+            fused=True,
         )
 
     def _adopt(self, surfels: Surfels) -> None:

@@ -78,6 +78,12 @@ def project(points: Float[Tensor, "points 3"], camera: Camera) -> tuple[Tensor, 
     return local[:, :2] / depth[:, None] * scale + offset, depth
 
 
+def nearest_camera(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Float[Tensor, "points 3"]:
+    """Centre of the camera nearest to each point, in the world: the side from which it can be seen."""
+    cameras = torch.stack([view.camera.centre for view in views]).to(points)
+    return cameras[torch.cdist(points, cameras).argmin(1)]
+
+
 def neighbour_spacing(points: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
     """Root mean square distance to the three nearest neighbours, world units (3DGS's starting scale)."""
     places = points.double().cpu().numpy()

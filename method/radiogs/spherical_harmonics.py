@@ -46,4 +46,6 @@ def surfel_radiance(
     value = max(0, SH(-outgoing) + 1/2): 3DGS evaluates its harmonics along the direction of travel.
     """
     values = basis(-outgoing)[..., : sh.shape[1]]
-    return (torch.einsum("n...k,nkc->n...c", values, sh) + 0.5).clamp(min=0)
+    # A product and a sum: batched multiplication of thousands of 1 x 16 by 16 x 3 matrices measured slower.
+    coefficients = sh.view(len(sh), *[1] * (outgoing.dim() - 2), *sh.shape[1:])
+    return ((values[..., None] * coefficients).sum(-2) + 0.5).clamp(min=0)

@@ -106,17 +106,27 @@ class Surfels:
 
 
 def surfels_at(
-    points: Float[Tensor, "surfels 3"], spacing: Float[Tensor, " surfels"], generator: torch.Generator
+    points: Float[Tensor, "surfels 3"],
+    spacing: Float[Tensor, " surfels"],
+    seen_from: Float[Tensor, "surfels 3"],
+    generator: torch.Generator,
 ) -> Surfels:
-    """Fresh surfels at world ``points``: random orientation, scale = spacing, opacity 0.1, grey 0.5 radiance.
+    """Fresh surfels at world ``points``: scale = spacing, opacity 0.1, grey 0.5 radiance, random orientation.
 
+    Their visible side faces ``seen_from``: a surfel that faces away from every camera would never learn to turn.
     Normalised Gaussian quaternions are uniform over rotations (uniform ones in a cube would not be).
     """
     count = len(points)
     like = {"dtype": points.dtype, "device": points.device}
+    rotation = normalize(torch.randn(count, 4, generator=generator, **like), dim=-1)
+    w, x, y, z = rotation.unbind(-1)
+    normal = torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)
+    # Half a turn about t_u swaps the sides: q (0, 1, 0, 0) in quaternion product.
+    turned = torch.stack([-x, w, z, -y], -1)
+    away = ((seen_from - points) * normal).sum(-1, keepdim=True) < 0
     return Surfels(
         centre=points.clone(),
-        rotation=torch.randn(count, 4, generator=generator, **like),
+        rotation=torch.where(away, turned, rotation),
         log_scale=spacing.log()[:, None].repeat(1, 2),
         opacity_logit=torch.full((count,), inverse_sigmoid(0.1), **like),
         sh=torch.zeros(count, COEFFICIENTS, 3, **like),

@@ -9,7 +9,9 @@ from radiogs.surfels import Surfels, inverse_sigmoid, surfels_at
 def _surfels() -> Surfels:
     """Four surfels: small and pulled, large and pulled, faint, and left alone."""
     generator = torch.Generator().manual_seed(0)
-    surfels = surfels_at(torch.arange(12.0).view(4, 3), torch.tensor([0.005, 0.05, 0.05, 0.05]), generator)
+    surfels = surfels_at(
+        torch.arange(12.0).view(4, 3), torch.tensor([0.005, 0.05, 0.05, 0.05]), torch.zeros(4, 3), generator
+    )
     surfels.opacity_logit = torch.tensor([1.0, 1.0, inverse_sigmoid(0.01), 1.0])
     return surfels
 
@@ -20,7 +22,7 @@ def _pull(strength: list[float]) -> Pull:
 
 def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
     surfels = _surfels()
-    after, origin = densify_and_prune(surfels, _pull([1, 1, 1, 0]), 1.0, 100, torch.Generator().manual_seed(0))
+    after, origin = densify_and_prune(surfels, _pull([1, 1, 1, 1e-9]), 1.0, 100, torch.Generator().manual_seed(0))
     assert origin.tolist() == [0, 3, -1, -1, -1]
     torch.testing.assert_close(after.centre[2], surfels.centre[0])
     torch.testing.assert_close(after.scale[3:], surfels.scale[1].expand(2, 2) / SPLIT_SHRINK)
@@ -29,7 +31,7 @@ def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
 
 
 def test_the_ceiling_admits_the_strongest_pulls_only() -> None:
-    after, origin = densify_and_prune(_surfels(), _pull([1, 2, 0, 0]), 1.0, 4, torch.Generator().manual_seed(0))
+    after, origin = densify_and_prune(_surfels(), _pull([1, 2, 0, 1e-9]), 1.0, 4, torch.Generator().manual_seed(0))
     assert len(after) == 4
     assert origin.tolist() == [0, 3, -1, -1]
 

@@ -10,7 +10,7 @@ RATES = dict.fromkeys(
 
 def _optimiser() -> SurfelOptimiser:
     generator = torch.Generator().manual_seed(0)
-    surfels = surfels_at(torch.randn(6, 3, generator=generator), torch.ones(6), generator)
+    surfels = surfels_at(torch.randn(6, 3, generator=generator), torch.ones(6), torch.zeros(6, 3), generator)
     return SurfelOptimiser(surfels, {"light": torch.zeros(2, 4, 3)}, RATES | {"light": 0.1})
 
 

@@ -9,7 +9,7 @@ from radiogs.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels
 def _surfels(count: int = 20) -> Surfels:
     generator = torch.Generator().manual_seed(1)
     points = torch.randn(count, 3, generator=generator, dtype=torch.float64)
-    return surfels_at(points, torch.full((count,), 0.1, dtype=torch.float64), generator)
+    return surfels_at(points, torch.full((count,), 0.1, dtype=torch.float64), 5 * points, generator)
 
 
 def test_frame_is_the_rotation_of_the_quaternion_whatever_its_length() -> None:
@@ -39,6 +39,11 @@ def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
 
     torch.testing.assert_close(energy(own), energy(seen))
     assert (seen.axis_u.norm(dim=-1) < own.axis_u.norm(dim=-1)).all()
+
+
+def test_fresh_surfels_face_where_they_are_seen_from() -> None:
+    surfels = _surfels(200)
+    assert ((surfels.frame[..., 2] * (5 * surfels.centre - surfels.centre)).sum(-1) > 0).all()
 
 
 def test_inverse_activations_return_what_was_asked_for() -> None:

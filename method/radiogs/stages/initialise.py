@@ -13,7 +13,7 @@ from ..finite import backward
 from ..losses import edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
 from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
-from ..points import initial_points, neighbour_spacing
+from ..points import initial_points, nearest_camera, neighbour_spacing
 from ..radiometric import split_sum_consistency_loss
 from ..rendering import Splat, splat, towards
 from ..scene import Scene
@@ -31,8 +31,8 @@ NORMAL_WEIGHT = 0.05
 NORMAL_SMOOTHNESS_WEIGHT = 0.02
 MASK_WEIGHT = 0.05
 
-BACKGROUND = 1.0
-"""White: a surfel that is missing and a surfel that is black must not look the same."""
+BACKGROUNDS = (1.0, 0.0)
+"""White and black in turn: on one alone, a surface that is a little transparent can pass for a brighter one."""
 
 # Shares of the run at which things happen; the released schedule in iterations of 40,000.
 CONSISTENCY_FROM = 2_000 / 40_000
@@ -72,11 +72,12 @@ class Initialisation:
         self.depth_unit = mean_distance(self.views, scene.centre)
         start = torch.Generator().manual_seed(seed)
         points = initial_points(scene, chosen, budget.initial_surfels, start)
-        surfels = surfels_at(points, neighbour_spacing(points), start)
+        surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, chosen), start)
         surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
         self.generator = torch.Generator(device).manual_seed(seed)
         light = {"log_environment": constant_light(budget.light_height, 1.0, device)}
-        self.optimiser = SurfelOptimiser(surfels, light, RATES | {"centre": self._position_rate()})
+        rates = RATES | {"centre": self._position_rate(), "rotation": RATES["rotation"] * budget.geometry_rate}
+        self.optimiser = SurfelOptimiser(surfels, light, rates)
         self.pull = Pull.none(len(surfels), device)
 
     @property
@@ -111,9 +112,10 @@ class Initialisation:
             if self.iteration >= CONSISTENCY_FROM * self.iterations:
                 losses["consistency"] = CONSISTENCY_WEIGHT * consistency
         seen = splat(camera, surfels, channels, self.depth_unit)
-        target = view.over(BACKGROUND)
+        background = BACKGROUNDS[self.iteration % len(BACKGROUNDS)]
+        target = view.over(background)
         for name, image in seen.images.items():
-            losses[name] = reconstruction(composite(image, seen.alpha), target)
+            losses[name] = reconstruction(composite(image, seen.alpha, background), target)
         losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         losses["mask"] = MASK_WEIGHT * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= DISTORTION_FROM * self.iterations:
@@ -136,7 +138,7 @@ class Initialisation:
     def _position_rate(self) -> float:
         progress = min(1.0, self.iteration / max(1.0, POSITION_DECAY_UNTIL * self.iterations))
         decayed = POSITION_RATE ** (1 - progress) * POSITION_RATE_END**progress
-        return decayed * self.extent * self.budget.position_rate
+        return decayed * self.extent * self.budget.geometry_rate
 
     def _coefficients(self) -> int:
         degree = sum(self.iteration >= share * self.iterations for share in DEGREES_FROM)
@@ -159,9 +161,9 @@ class Initialisation:
         self.pull = Pull(**state["pull"])
 
 
-def composite(linear: Tensor, alpha: Tensor) -> Tensor:
-    """A blended linear image in display sRGB, over the stage's background."""
-    return srgb_encode(linear) + BACKGROUND * (1 - alpha)[..., None]
+def composite(linear: Tensor, alpha: Tensor, background: float) -> Tensor:
+    """A blended linear image in display sRGB, over a grey background."""
+    return srgb_encode(linear) + background * (1 - alpha)[..., None]
 
 
 def mean_distance(views: tuple[TrainingView, ...], centre: Tensor) -> float:

@@ -72,7 +72,7 @@ class InverseRendering:
         surfels.albedo_logit = torch.full_like(surfels.albedo_logit, inverse_sigmoid(START_ALBEDO))
         surfels.roughness_logit = torch.full_like(surfels.roughness_logit, roughness_to_logit(START_ROUGHNESS))
         moved = {
-            "centre": POSITION_RATE * scene.extent * budget.position_rate,
+            "centre": POSITION_RATE * scene.extent,
             **{name: RATES[name] for name in ("rotation", "log_scale", "opacity_logit")},
         }
         light = {"log_environment": constant_light(budget.light_height, START_LIGHT, device)}
