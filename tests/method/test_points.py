@@ -12,11 +12,20 @@ from scenes import sphere_scene
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_points_fill_the_silhouettes_at_any_scale_of_the_world(scale: float) -> None:
     scene = sphere_scene(views=12, size=32, scale=scale)
-    points = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0)) / scale
-    assert points.shape == (200, 3)
+    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0))
+    points = points / scale
+    assert points.shape == colour.shape == (200, 3)
     horizontal = points[:, :2].norm(dim=-1)
     assert float(horizontal.max()) < 1.25  # a pixel and its neighbour beside the sphere
     assert view_radius(scene) == pytest.approx(scale * 17**0.5 / 1.4 / 2, rel=1e-5)
+
+
+def test_points_lie_near_the_surface_and_know_its_colour() -> None:
+    scene = sphere_scene(views=12, size=48)
+    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0))
+    drawn = torch.nn.functional.normalize(torch.randn(200, 3), dim=-1) * torch.rand(200, 1) ** (1 / 3)
+    assert float((points.norm(dim=-1) - 1).abs().mean()) < float((drawn.norm(dim=-1) - 1).abs().mean())
+    assert float((colour - (points * 0.4 + 0.5)).abs().mean()) < 0.15
 
 
 def test_contradicting_silhouettes_are_an_error_and_not_an_empty_model() -> None:

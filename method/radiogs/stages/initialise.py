@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from ..budget import Budget
-from ..colour import srgb_encode
+from ..colour import srgb_decode, srgb_encode
 from ..density import Pull, densify_and_prune
 from ..finite import backward
 from ..losses import edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
@@ -19,7 +19,7 @@ from ..rendering import Splat, splat, towards
 from ..scene import Scene
 from ..spherical_harmonics import surfel_radiance
 from ..splitsum import PrefilteredLight
-from ..surfels import Surfels, surfels_at
+from ..surfels import Surfels, radiance_to_sh, surfels_at
 from ..variant import Variant
 from .views import TrainingView, chosen_views, load, view_at
 
@@ -71,8 +71,9 @@ class Initialisation:
         self.views = load(chosen, device)
         self.depth_unit = mean_distance(self.views, scene.centre)
         start = torch.Generator().manual_seed(seed)
-        points = initial_points(scene, chosen, budget.initial_surfels, start)
+        points, colour = initial_points(scene, chosen, budget.initial_surfels, start)
         surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, chosen), start)
+        surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour))
         surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
         self.generator = torch.Generator(device).manual_seed(seed)
         light = {"log_environment": constant_light(budget.light_height, 1.0, device)}

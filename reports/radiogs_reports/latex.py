@@ -1,0 +1,114 @@
+"""The table in LaTeX: booktabs, the paper's rank colours, published figures beside the measured ones."""
+
+import re
+
+from .ranks import ranks
+from .summary import CellSummary, ColumnSummary, Summary
+
+RANK_COLOURS = {1: "FF9999", 2: "FFD7D7", 3: "FFFFC7"}
+"""First, second and third, as in the paper's tables."""
+
+ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$"}
+SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+}  # fmt: skip
+
+PREAMBLE = r"""\documentclass{article}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\usepackage[landscape,margin=1.5cm]{geometry}
+\usepackage{amsmath}
+\usepackage{booktabs}
+\usepackage[table]{xcolor}
+\usepackage{graphicx}
+\begin{document}
+"""
+
+
+def escape(text: str) -> str:
+    """Plain text as LaTeX."""
+    return re.sub(r"[\\&%$#_{}~^<>]", lambda match: SPECIAL[match[0]], text)
+
+
+def document(summary: Summary) -> str:
+    """A document of its own around ``table``; compiles with pdflatex as it is."""
+    return f"{PREAMBLE}{table(summary)}\\end{{document}}\n"
+
+
+def table(summary: Summary) -> str:
+    """The table environment, to be included where booktabs, graphicx and xcolor (option ``table``) are loaded.
+
+    Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval;
+    beside it, in grey, the published figure. A figure that does not exist is n/a, with its reason in a note.
+    """
+    notes: list[str] = []
+    placed = {column["key"]: ranks(summary, column) for column in summary["columns"]}
+    heads = " & ".join(f"{escape(column['label'])} {ARROWS[column['direction']]}" for column in summary["columns"])
+    units = " & ".join(escape(column["unit"]) for column in summary["columns"])
+    lines = [
+        f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
+        r"\begin{table}[t]",
+        r"\centering",
+        f"\\caption{{{_caption(summary)}}}",
+        f"\\label{{tab:{summary['suite']}}}",
+        r"\resizebox{\linewidth}{!}{%",
+        f"\\begin{{tabular}}{{l{'c' * len(summary['columns'])}r}}",
+        r"\toprule",
+        f"Method & {heads} & Training \\\\",
+        f" & {units} & s \\\\",
+        r"\midrule",
+    ]
+    for row in summary["rows"]:
+        upper, lower = [row["latex"]], [""]
+        for column in summary["columns"]:
+            cell = summary["cells"][row["key"]][column["key"]]
+            published = summary["published"].get(row["key"], {}).get(column["key"])
+            upper.append(_figure(cell, column, placed[column["key"]].get(row["key"]), published, notes))
+            lower.append(_difference(cell, column))
+        seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
+        lines.append(f"{' & '.join(upper)} & {seconds} \\\\")
+        if any(lower):
+            lines.append(f"{' & '.join(lower)} & \\\\")
+    lines += [r"\bottomrule", r"\end{tabular}}"]
+    lines += [rf"\par\smallskip\footnotesize {_mark(place)} {escape(note)}" for place, note in enumerate(notes)]
+    return "\n".join([*lines, r"\end{table}", ""])
+
+
+def _figure(
+    cell: CellSummary, column: ColumnSummary, rank: int | None, published: float | None, notes: list[str]
+) -> str:
+    beside = "" if published is None else rf"~\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
+    if cell["mean"] is None:
+        reason = cell["reason"] or "not measured"
+        if reason not in notes:
+            notes.append(reason)
+        return f"n/a{_mark(notes.index(reason))}{beside}"
+    colour = rf"\cellcolor[HTML]{{{RANK_COLOURS[rank]}}}" if rank in RANK_COLOURS else ""
+    return f"{colour}{cell['mean']:.{column['decimals']}f}{beside}"
+
+
+def _difference(cell: CellSummary, column: ColumnSummary) -> str:
+    difference = cell["difference"]
+    if difference is None:
+        return ""
+    text = f"{difference['mean']:+.{column['decimals']}f}"
+    if difference["low"] is not None and difference["high"] is not None:
+        reach = (difference["high"] - difference["low"]) / 2
+        text = rf"{text} \pm {reach:.{column['decimals']}f}"
+    return rf"\scriptsize ${text}$"
+
+
+def _caption(summary: Summary) -> str:
+    reference = next(row["latex"] for row in summary["rows"] if row["key"] == summary["reference"])
+    seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
+    return (
+        f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
+        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}. Below each figure: paired"
+        f" difference to {reference} and the half-width of its 95\\,\\% $t$ interval. In grey: published"
+        f" ({escape(summary['published_data'])}), at another scale and on other data. First, second and third in colour."
+    )
+
+
+def _mark(place: int) -> str:
+    return rf"$^{{{chr(ord('a') + place)}}}$"
