@@ -1,21 +1,29 @@
 """A method of two stages that costs nothing, for tests of the harness; its results depend on every step taken."""
 
+import math
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
 from radiogs.budget import Budget, budget
+from radiogs.errors import ExplainedError
 from radiogs.kernels.counters import count
 from radiogs.model import Model
 from radiogs.scene import Scene
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
+from radiogs_bench.engine import Task, run_cells
+from radiogs_bench.interruption import Interruption
 from radiogs_bench.method import Method
-from radiogs_bench.run_cell import Evaluation
+from radiogs_bench.progress import LogProgress
+from radiogs_bench.run_cell import Evaluation, run_cell
 from radiogs_bench.schema import MetricValue
+from radiogs_bench.store import Store
+from radiogs_bench.train import Bench
 
 STEPS = 3
 CPU = torch.device("cpu")
@@ -65,7 +73,7 @@ def initialise(scene: Scene, variant: Variant, budget: Budget, seed: int, device
 def invert(
     scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device, initialised: dict[str, Any]
 ) -> FakeStage:
-    begun.append(f"invert {variant.radiometric_weight} {seed}")
+    begun.append(f"invert {variant.radiometric_weight} {variant.detach} {seed}")
     count(begun=1)
     return FakeStage(initialised["place"], variant.radiometric_weight, seed)
 
@@ -80,8 +88,9 @@ def evaluate(
     advance(1, 1)
     value = float(model.surfels.centre.sum())
     metric = MetricValue(value=value, reason=None, views=[value])
-    array = model.surfels.centre.numpy().astype(np.float32)
-    return Evaluation({"nvs/psnr": metric}, ["view"], "view", None, {"image": array[None]}, {"name": "fake"})
+    array = model.surfels.centre.numpy().astype(np.float32)[None]
+    arrays = {"render/image": array, "truth/image": array}
+    return Evaluation({"nvs/psnr": metric}, ["view"], "view", None, None, arrays, {"name": "fake"})
 
 
 def fake_cell(seed: int = 0, variant: Variant | None = None, **changes: Any) -> Cell:
@@ -97,3 +106,20 @@ def fake_cell(seed: int = 0, variant: Variant | None = None, **changes: Any) -> 
         "evaluation_code": "e",
     }
     return Cell(**(fields | changes))
+
+
+class FakeSweep:
+    """A store and what is needed to run cells of the fake method in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.store, self.interruption = Store(folder), Interruption()
+        self.bench = Bench(
+            self.store, FAKE, CPU, LogProgress(), self.interruption, checkpoint_seconds=0.0, checkpoint_share=math.inf
+        )
+
+    def one(self, cell: Cell) -> None:
+        run_cell(self.bench, cell, SCENE, evaluate)
+
+    def run(self, cells: list[Cell]) -> list[ExplainedError]:
+        tasks = [Task(cell, cell.key) for cell in cells]
+        return run_cells(tasks, self.one, self.store, self.bench.progress, self.interruption)

@@ -1,6 +1,5 @@
 """Cells share what they can, are run once, and fail without taking others with them."""
 
-import math
 import os
 import signal
 import subprocess
@@ -12,7 +11,7 @@ import pytest
 import torch
 
 from bench import fake_method
-from bench.fake_method import CPU, FAKE, SCENE, fake_cell
+from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
 from radiogs.errors import DataError, ExplainedError, NumericalFailure
 from radiogs.variant import Variant
 from radiogs_bench import engine
@@ -23,37 +22,19 @@ from radiogs_bench.errors import Interrupted, StoreError
 from radiogs_bench.interruption import Interruption
 from radiogs_bench.progress import LogProgress
 from radiogs_bench.run_cell import run_cell
-from radiogs_bench.store import Store
 from radiogs_bench.suites import ABLATIONS
 from radiogs_bench.train import Bench
 
 ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]
 
 
-class Sweep:
-    """A store and what is needed to run cells of the fake method in it."""
-
-    def __init__(self, folder: Path) -> None:
-        self.store, self.interruption = Store(folder), Interruption()
-        self.bench = Bench(
-            self.store, FAKE, CPU, LogProgress(), self.interruption, checkpoint_seconds=0.0, checkpoint_share=math.inf
-        )
-
-    def one(self, cell: Cell) -> None:
-        run_cell(self.bench, cell, SCENE, fake_method.evaluate)
-
-    def run(self, cells: list[Cell]) -> list[ExplainedError]:
-        tasks = [Task(cell, cell.key) for cell in cells]
-        return run_cells(tasks, self.one, self.store, self.bench.progress, self.interruption)
-
-
 @pytest.fixture
-def sweep(tmp_path: Path) -> Sweep:
+def sweep(tmp_path: Path) -> FakeSweep:
     fake_method.begun.clear()
-    return Sweep(tmp_path)
+    return FakeSweep(tmp_path)
 
 
-def test_four_of_the_five_ablations_share_one_initialisation(sweep: Sweep) -> None:
+def test_four_of_the_five_ablations_share_one_initialisation(sweep: FakeSweep) -> None:
     assert sweep.run(ROWS) == []
     assert sorted(name for name in fake_method.begun if "initialise" in name) == [
         "initialise nvs 0",
@@ -62,7 +43,7 @@ def test_four_of_the_five_ablations_share_one_initialisation(sweep: Sweep) -> No
     assert sum("invert" in name for name in fake_method.begun) == 5
 
 
-def test_a_second_call_begins_nothing(sweep: Sweep) -> None:
+def test_a_second_call_begins_nothing(sweep: FakeSweep) -> None:
     sweep.run(ROWS)
     before = [sweep.store.result(cell.key) for cell in ROWS]
     fake_method.begun.clear()
@@ -71,7 +52,7 @@ def test_a_second_call_begins_nothing(sweep: Sweep) -> None:
     assert [sweep.store.result(cell.key) for cell in ROWS] == before
 
 
-def test_shared_seconds_and_work_are_counted_in_every_cell(sweep: Sweep) -> None:
+def test_shared_seconds_and_work_are_counted_in_every_cell(sweep: FakeSweep) -> None:
     sweep.run(ROWS)
     results = [sweep.store.result(cell.key) for cell in ROWS[:4]]
     assert len({each["seconds"]["initialise"] for each in results if each}) == 1
@@ -84,7 +65,7 @@ def test_shared_seconds_and_work_are_counted_in_every_cell(sweep: Sweep) -> None
         }
 
 
-def test_scoring_under_another_protocol_trains_nothing(sweep: Sweep) -> None:
+def test_scoring_under_another_protocol_trains_nothing(sweep: FakeSweep) -> None:
     sweep.run([fake_cell()])
     fake_method.begun.clear()
     sweep.run([fake_cell(protocol="irgs")])
@@ -92,11 +73,11 @@ def test_scoring_under_another_protocol_trains_nothing(sweep: Sweep) -> None:
     assert sweep.store.result(fake_cell(protocol="irgs").key) is not None
 
 
-def test_stopping_after_any_step_gives_the_same_result(sweep: Sweep, tmp_path: Path) -> None:
+def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_path: Path) -> None:
     sweep.run([fake_cell()])
     whole = sweep.store.result(fake_cell().key)
     assert whole is not None
-    stopped = Sweep(tmp_path / "stopped")
+    stopped = FakeSweep(tmp_path / "stopped")
     stops = 0  # three in each stage: after two of its steps and after storing it
     while stopped.store.result(fake_cell().key) is None:
         interruption = Interruption()
@@ -115,7 +96,7 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: Sweep, tmp_path: P
     assert not list(tmp_path.rglob("*.checkpoint.pt"))
 
 
-def test_a_cell_that_fails_leaves_the_others_alone(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cell_that_fails_leaves_the_others_alone(sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch) -> None:
     bad = fake_cell(seed=1)
 
     def one(cell: Cell) -> None:
@@ -135,7 +116,7 @@ def test_a_cell_that_fails_leaves_the_others_alone(sweep: Sweep, monkeypatch: py
 
 
 @pytest.mark.parametrize("kind", [DataError, StoreError, Interrupted])
-def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[ExplainedError], sweep: Sweep) -> None:
+def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[ExplainedError], sweep: FakeSweep) -> None:
     tried: list[Cell] = []
 
     def one(cell: Cell) -> None:
@@ -148,7 +129,7 @@ def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[Explaine
 
 
 def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
-    sweep: Sweep, monkeypatch: pytest.MonkeyPatch
+    sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     theirs = ROWS[0]
     claim = sweep.store.claim(theirs.key)
@@ -167,14 +148,15 @@ def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
     assert len(list(sweep.store.results())) == 5
 
 
-def test_two_processes_on_one_store_share_the_cells(sweep: Sweep, tmp_path: Path) -> None:
+def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: Path) -> None:
     """Both end, every cell is there, and no stage was begun twice."""
     program = (
         "import sys\n"
         "from pathlib import Path\n"
-        "from bench import test_engine, fake_method\n"
-        "sweep = test_engine.Sweep(Path(sys.argv[1]))\n"
-        "assert sweep.run(test_engine.ROWS) == []\n"
+        "from bench import fake_method\n"
+        "from radiogs_bench.suites import ABLATIONS\n"
+        "rows = [fake_method.fake_cell(variant=row.variant) for row in ABLATIONS.rows]\n"
+        "assert fake_method.FakeSweep(Path(sys.argv[1])).run(rows) == []\n"
         "print(len(fake_method.begun))\n"
     )
     command, tests = [sys.executable, "-c", program, str(tmp_path)], Path(__file__).parents[1]
@@ -185,7 +167,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: Sweep, tmp_path: Path
     assert len(list(sweep.store.results())) == 5
 
 
-def test_a_damaged_checkpoint_costs_the_stage_and_nothing_else(sweep: Sweep, tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_costs_the_stage_and_nothing_else(sweep: FakeSweep, tmp_path: Path) -> None:
     interruption = Interruption()
     interruption.requested = True
     with pytest.raises(Interrupted):
@@ -207,7 +189,7 @@ def test_ctrl_c_becomes_a_request_and_the_second_acts_at_once() -> None:
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_checkpoints_are_rarer_where_they_are_slow(sweep: Sweep, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_checkpoints_are_rarer_where_they_are_slow(sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch) -> None:
     """With a share of 1e-9 the first checkpoint of a stage must also be its last."""
     written: list[str] = []
     put = sweep.store.put_tensors
@@ -222,13 +204,13 @@ def test_checkpoints_are_rarer_where_they_are_slow(sweep: Sweep, monkeypatch: py
     assert sum("checkpoint" in name for name in written) == 2
 
 
-def test_claimed_says_who_holds_it(sweep: Sweep) -> None:
+def test_claimed_says_who_holds_it(sweep: FakeSweep) -> None:
     with sweep.store.claim("x"), pytest.raises(Claimed) as caught, sweep.store.claim("x"):
         pass
     assert f"process {os.getpid()}" in caught.value.holder
 
 
-def test_the_model_survives_the_store(sweep: Sweep) -> None:
+def test_the_model_survives_the_store(sweep: FakeSweep) -> None:
     sweep.run([fake_cell(variant=Variant())])
     stored = sweep.store.tensors(f"trained/{fake_cell().training_key}", CPU)
     assert stored is not None

@@ -34,13 +34,15 @@ def screen() -> TerminalProgress:
 def test_a_bar_shows_time_left_once_it_has_run_for_two_seconds(screen: TerminalProgress) -> None:
     clock = 0.0
     screen.bars.get_time = lambda: clock
-    screen.advance("invert", 1, 10)
-    assert not screen.bars.tasks[0].visible
-    clock = 3.0
+    screen.advance("invert", 3, 10)  # begun here: what another process did says nothing about the speed of this one
+    clock = 1.0
     screen.advance("invert", 4, 10)
+    assert not screen.bars.tasks[0].visible
+    clock = 7.0
+    screen.advance("invert", 7, 10)
     (bar,) = screen.bars.tasks
     assert bar.visible
-    assert bar.time_remaining == pytest.approx(6.0)  # 3 steps took 3 s, 6 are left
+    assert bar.time_remaining == pytest.approx(6.0)  # 3 steps took 6 s, 3 are left
 
 
 def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: TerminalProgress) -> None:

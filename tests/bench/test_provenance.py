@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 import torch
-from bench.fake_method import CPU
 
+from bench.fake_method import CPU
 from radiogs_bench import provenance
 from radiogs_bench.provenance import git_state, peak_memory, session
 

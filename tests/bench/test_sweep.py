@@ -4,9 +4,8 @@ import json
 from pathlib import Path
 
 import pytest
-from bench.fake_method import SCENE, fake_cell
-from bench.test_engine import Sweep as FakeSweep
 
+from bench.fake_method import SCENE, FakeSweep, fake_cell
 from radiogs.budget import budget
 from radiogs.errors import DataError
 from radiogs_bench.store import Store
@@ -50,20 +49,18 @@ def test_states_follow_what_is_stored(tmp_path: Path) -> None:
         row="ours", scene="fake", seed=0, key=cell.key, training_key=cell.training_key,
         initialisation_key=cell.initialisation_key,
     )  # fmt: skip
-    states = [state_of(sweep.store, place)]
-    sweep.store.put_tensors(f"init/{cell.initialisation_key}.checkpoint", {})
-    states.append(state_of(sweep.store, place))
-    sweep.store.put_tensors(f"init/{cell.initialisation_key}", {})
-    states.append(state_of(sweep.store, place))
-    sweep.store.put_tensors(f"trained/{cell.training_key}.checkpoint", {})
-    states.append(state_of(sweep.store, place))
-    sweep.store.put_tensors(f"trained/{cell.training_key}", {})
-    states.append(state_of(sweep.store, place))
-    assert states == ["to do", "begun: in stage 1", "to do: stage 1 is there", "begun: in stage 2", "trained, not scored"]
-    sweep.store.drop_tensors(f"init/{cell.initialisation_key}")
-    sweep.store.drop_tensors(f"init/{cell.initialisation_key}.checkpoint")
-    sweep.store.drop_tensors(f"trained/{cell.training_key}")
-    sweep.store.drop_tensors(f"trained/{cell.training_key}.checkpoint")
+    kept = {
+        f"init/{cell.initialisation_key}.checkpoint": "begun: in stage 1",
+        f"init/{cell.initialisation_key}": "to do: stage 1 is there",
+        f"trained/{cell.training_key}.checkpoint": "begun: in stage 2",
+        f"trained/{cell.training_key}": "trained, not scored",
+    }
+    assert state_of(sweep.store, place) == "to do"
+    for name, state in kept.items():
+        sweep.store.put_tensors(name, {})
+        assert state_of(sweep.store, place) == state
+    for name in kept:
+        sweep.store.drop_tensors(name)
     sweep.run([cell])
     assert state_of(sweep.store, place) == "finished"
     assert json.loads((tmp_path / "cells" / f"{cell.key}.json").read_text())["scene"] == "fake"

@@ -1,0 +1,74 @@
+"""The unit of running, storing and resuming, named by the content of everything that decides its result."""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from radiogs.budget import Budget
+from radiogs.variant import Variant
+
+KEY_LENGTH = 20
+"""Hexadecimal digits of a key: 80 bits, so that a million cells collide with probability 4e-13."""
+
+
+def content_key(content: dict[str, Any]) -> str:
+    """SHA-256 prefix of the canonical JSON (sorted keys, no spaces, strict) of plain ``content``."""
+    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:KEY_LENGTH]
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One training and its evaluation: scene x variant x budget x seed, scored under a protocol.
+
+    ``checksum`` digests the scene's files, ``method_code`` and ``evaluation_code`` the sources (see ``code_version``).
+    ``device`` is the kind of machine ("cpu" or "cuda"), because their seconds and last digits differ. The suite is
+    not part of a cell: two suites that share a row share its result.
+
+    Three keys, each of what its product depends on and nothing else, so that cells share what they can:
+    ``initialisation_key`` for stage 1, ``training_key`` for the trained model, ``key`` for the scored result.
+    """
+
+    scene: str
+    checksum: str
+    variant: Variant
+    budget: Budget
+    seed: int
+    device: str
+    protocol: str
+    method_code: str
+    evaluation_code: str
+
+    @cached_property
+    def initialisation_key(self) -> str:
+        """Names the result of stage 1, which reads of the variant only how to initialise and from which views."""
+        return content_key(
+            self._common() | {"initialise": self.variant.initialise, "view_share": self.variant.view_share}
+        )
+
+    @cached_property
+    def training_key(self) -> str:
+        """Names the trained model, whatever it is scored by."""
+        return content_key(self._common() | {"variant": asdict(self.variant)})
+
+    @cached_property
+    def key(self) -> str:
+        """Names the scored result."""
+        return content_key(self.content())
+
+    def content(self) -> dict[str, Any]:
+        """Everything that the result depends on, as plain values."""
+        scored = {"protocol": self.protocol, "evaluation_code": self.evaluation_code}
+        return self._common() | {"variant": asdict(self.variant)} | scored
+
+    def _common(self) -> dict[str, Any]:
+        # The checksum stands for the scene: the same files under another name or path are the same scene.
+        return {
+            "checksum": self.checksum,
+            "budget": asdict(self.budget),
+            "seed": self.seed,
+            "device": self.device,
+            "method_code": self.method_code,
+        }

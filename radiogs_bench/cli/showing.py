@@ -1,0 +1,76 @@
+"""From a store to its summary, the reports, and the table on the screen."""
+
+from rich.table import Table
+
+from radiogs_baselines.published import published
+from radiogs_reports import write_reports
+from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
+
+from ..atomic import write_atomically
+from ..store import Store, strict_json
+from ..sweep import read_sweep
+from .reporter import say, show
+from .summarise import summarise
+
+
+def write_and_show(store: Store) -> None:
+    """Rebuild the summary and the reports of the folder's last run, print the table, and say where they are."""
+    sweep = read_sweep(store.folder)
+    table = published(sweep["published"])
+    summary = summarise(store, sweep, table.figures, table.data)
+    with store.patient_claim("summary"):
+        write_atomically(store.folder / "summary.json", strict_json({**summary}))
+        written = write_reports(store.folder)
+    show(table_of(summary))
+    say(f"Below each figure: its difference to '{summary['reference']}' with the 95 % t interval over (scene, seed).")
+    for reason in reasons(summary):
+        say(reason)
+    say(f"Metric protocol: {summary['protocol']}. Published figures: {summary['published_data']}.")
+    for path in [store.folder / "summary.json", *written]:
+        say(f"wrote {path}")
+
+
+def table_of(summary: Summary) -> Table:
+    """The suite's table, with the published figures below the measured ones."""
+    title = f"{summary['title']}: {', '.join(summary['scenes'])}, {len(summary['seeds'])} seed(s), {summary['preset']}"
+    table = Table("", *(heading(column) for column in summary["columns"]), "seconds", title=title, show_lines=True)
+    for row in summary["rows"]:
+        figures = [
+            entry(summary["cells"][row["key"]][column["key"]], summary["published"].get(row["key"], {}), column)
+            for column in summary["columns"]
+        ]
+        seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
+        table.add_row(row["text"], *figures, seconds)
+    return table
+
+
+def reasons(summary: Summary) -> list[str]:
+    """Why figures are lacking, each reason once with the columns it holds for."""
+    columns: dict[str, list[str]] = {}
+    for column in summary["columns"]:
+        for row in summary["rows"]:
+            reason = summary["cells"][row["key"]][column["key"]]["reason"]
+            if reason is not None and column["label"] not in columns.setdefault(reason, []):
+                columns[reason].append(column["label"])
+    return [f"n/a, {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
+
+
+def heading(column: ColumnSummary) -> str:
+    """A column's heading with its unit and the better direction."""
+    arrow = "↑" if column["direction"] == "up" else "↓"
+    return f"{column['label']} {arrow}" + (f" [{column['unit']}]" if column["unit"] else "").replace("[", r"\[")
+
+
+def entry(cell: CellSummary, published_row: dict[str, float], column: ColumnSummary) -> str:
+    """Mean, paired difference with its interval, and the published figure, each on a line."""
+    digits = column["decimals"]
+    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}"]
+    difference = cell["difference"]
+    if difference is not None and difference["low"] is not None and difference["high"] is not None:
+        reach = (difference["high"] - difference["low"]) / 2
+        lines.append(f"{difference['mean']:+.{digits}f} ± {reach:.{digits}f}")
+    elif difference is not None:
+        lines.append(f"{difference['mean']:+.{digits}f}")
+    if column["key"] in published_row:
+        lines.append(f"paper {published_row[column['key']]:.{digits}f}")
+    return "\n".join(lines)

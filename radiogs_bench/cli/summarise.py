@@ -1,0 +1,138 @@
+"""The summary that all reports are made from: means and paired differences of a sweep's stored results."""
+
+from collections.abc import Mapping, Sequence
+
+from radiogs_reports.summary import (
+    SCHEMA,
+    CellSummary,
+    ColumnSummary,
+    Interval,
+    RowSummary,
+    SheetSummary,
+    Summary,
+)
+
+from ..schema import Result
+from ..statistics import Estimate, Sample, estimate, paired_difference
+from ..store import Store
+from ..suites import MEASURES, Metric
+from ..sweep import Place, Sweep
+
+Finished = Sequence[tuple[Place, Result | None]]
+"""Every cell of the sweep, with its result if it is there."""
+
+
+def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, float]], published_data: str) -> Summary:
+    """Mean and paired difference of every figure of the table.
+
+    ``published`` holds the published figures by row and column, ``published_data`` what they are the mean of.
+    """
+    cells = [(place, store.result(place["key"])) for place in sweep["cells"]]
+    finished = [(place, result) for place, result in cells if result is not None]
+    return Summary(
+        schema=SCHEMA,
+        suite=sweep["suite"],
+        title=sweep["title"],
+        protocol=sweep["protocol"],
+        preset=sweep["preset"],
+        scenes=sweep["scenes"],
+        seeds=sweep["seeds"],
+        reference=sweep["reference"],
+        columns=[column_summary(Metric.of(key)) for key in sweep["columns"]],
+        rows=[
+            RowSummary(
+                key=row["key"], latex=row["latex"], text=row["text"], seconds=training_seconds(cells, row["key"])
+            )
+            for row in sweep["rows"]
+        ],
+        cells={
+            row["key"]: {column: figure(cells, sweep, row["key"], column) for column in sweep["columns"]}
+            for row in sweep["rows"]
+        },
+        published={row: dict(figures) for row, figures in published.items()},
+        published_data=published_data,
+        machine=machines([result for _, result in finished]),
+        sheet=[
+            sheet_row(store, place, result)
+            for place, result in finished
+            if place["seed"] == sweep["seeds"][0] and store.arrays_path(result["key"]).exists()
+        ],
+        keys=[result["key"] for _, result in finished],
+    )
+
+
+def column_summary(metric: Metric) -> ColumnSummary:
+    """A column's heading."""
+    measure = MEASURES[metric.measure]
+    return ColumnSummary(
+        key=metric.key, label=metric.label, unit=measure.unit, direction=measure.better, decimals=measure.decimals
+    )
+
+
+def figure(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
+    """One figure of the table."""
+    mine, reason = sample(cells, row, column)
+    mean = estimate(list(mine.values()))
+    if mean is None:
+        return CellSummary(mean=None, count=0, difference=None, reason=reason)
+    difference = None
+    if row != sweep["reference"]:
+        difference = paired_difference(mine, sample(cells, sweep["reference"], column)[0])
+    return CellSummary(mean=mean.mean, count=mean.count, difference=interval(difference), reason=reason)
+
+
+def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
+    """A row's figures by (scene, seed), and why some are lacking, if any are."""
+    figures, reason = {}, None
+    for place, result in cells:
+        if place["row"] != row:
+            continue
+        metric = None if result is None else result["metrics"].get(column)
+        if metric is not None and metric["value"] is not None:
+            figures[place["scene"], place["seed"]] = metric["value"]
+        elif result is None:
+            reason = f"{place['scene']} seed {place['seed']} is not finished"
+        else:
+            reason = f"{place['scene']} has no ground truth for it" if metric is None else metric["reason"]
+    return figures, reason
+
+
+def interval(difference: Estimate | None) -> Interval | None:
+    """A difference with the ends of its interval."""
+    if difference is None:
+        return None
+    mean, reach = difference.mean, difference.half_width
+    if reach is None:
+        return Interval(mean=mean, low=None, high=None)
+    return Interval(mean=mean, low=mean - reach, high=mean + reach)
+
+
+def training_seconds(cells: Finished, row: str) -> float | None:
+    """Mean seconds of both training stages over the row's finished cells."""
+    spent = [
+        result["seconds"]["initialise"] + result["seconds"]["invert"]
+        for place, result in cells
+        if place["row"] == row and result is not None
+    ]
+    mean = estimate(spent)
+    return None if mean is None else mean.mean
+
+
+def machines(results: Sequence[Result]) -> str:
+    """What the results were made on; several machines are all named, because their seconds do not compare."""
+    cards = {
+        f"{card['gpu'] or card['cpu']}, {card['threads']} threads"
+        for result in results
+        for sessions in result["sessions"].values()
+        for card in [session["machine"] for session in sessions]
+    }
+    return "; ".join(sorted(cards))
+
+
+def sheet_row(store: Store, place: Place, result: Result) -> SheetSummary:
+    """One row of the contact sheet."""
+    arrays = store.arrays_path(result["key"]).relative_to(store.folder).as_posix()
+    row = SheetSummary(row=place["row"], scene=place["scene"], view=result["shown_view"], arrays=arrays)
+    if result["shown_light"] is not None:
+        row["light"] = result["shown_light"]
+    return row

@@ -1,0 +1,125 @@
+"""The steps of a run: what is asked for, what is there already, running the rest, showing the table."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+
+import torch
+from rich.table import Table
+
+from radiogs.budget import budget
+from radiogs.errors import ExplainedError, UsageError
+from radiogs.scene import Scene
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs_datasets import load_scene
+
+from ..engine import Task, run_cells
+from ..errors import explain, worst_exit_code
+from ..evaluate import evaluate
+from ..interruption import Interruption
+from ..method import Method
+from ..metrics import protocol
+from ..preflight import read_everything
+from ..progress import Progress, progress_for_stderr
+from ..run_cell import run_cell
+from ..schema import Result
+from ..store import Store
+from ..suites import Suite
+from ..sweep import Request, label, state_of, write_sweep
+from ..train import Bench
+from ..warm_up import compile_kernels
+from .reporter import complain, say, show
+
+RADIOGS = Method(Initialisation, InverseRendering)
+
+
+def plan(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.device]:
+    """What the options ask for. Raises UsageError or DataError before anything is run."""
+    device = torch.device(options.device)
+    if device.type == "cuda" and not torch.cuda.is_available():
+        raise UsageError(
+            "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
+        )
+    if options.threads is not None:
+        torch.set_num_threads(options.threads)
+    protocol(options.protocol)
+    preset = budget(options.preset)
+    scenes = load_scenes(options.scenes or suite.scenes)
+    return Request(suite, scenes, options.seeds, preset, options.protocol, options.device), device
+
+
+def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
+    """Scenes by their own names. Raises DataError for what is missing, UsageError where two bear one name."""
+    scenes: dict[str, Scene] = {}
+    for each in wanted:
+        scene = load_scene(each)
+        if scene.name in scenes:
+            raise UsageError(
+                f"two scenes are called '{scene.name}'",
+                "Their rows in a table could not be told apart.",
+                "Rename one of the folders, or run them into folders of their own with --out.",
+            )
+        scenes[scene.name] = scene
+    return scenes
+
+
+def show_plan(request: Request, store: Store) -> None:
+    """The dry run: every cell, whether it is there, and what the others of its row took."""
+    table = Table("cell", "key", "state", title=f"{request.suite.title}, preset {request.budget.name}")
+    cells = request.cells()
+    finished = {place["key"]: store.result(place["key"]) for place, _ in cells}
+    for place, _ in cells:
+        table.add_row(label(place), place["key"], state_of(store, place))
+    show(table)
+    times = [total_seconds(each) for each in finished.values() if each is not None]
+    missing = sum(1 for each in finished.values() if each is None)
+    say(f"{missing} of {len(cells)} cells to run" + estimate(times, missing))
+
+
+def total_seconds(result: Result) -> float:
+    """Wall-clock seconds of a finished cell, all stages."""
+    seconds = result["seconds"]
+    return seconds["initialise"] + seconds["invert"] + seconds["evaluate"]
+
+
+def estimate(times: Sequence[float], missing: int) -> str:
+    """How long the missing cells will take, judged by the finished ones."""
+    if not times or not missing:
+        return ""
+    minutes = missing * sum(times) / len(times) / 60
+    return f", about {minutes:.1f} minutes if they take what the finished ones took"
+
+
+def bring_to_end(request: Request, store: Store, device: torch.device) -> int:
+    """Run what is missing, write the reports, show the table; returns the exit code."""
+    cells = request.cells()
+    write_sweep(store, request.manifest([place for place, _ in cells]))
+    with progress_for_stderr() as progress, Interruption() as interruption:
+        unfinished = dict.fromkeys(place["scene"] for place, _ in cells if store.result(place["key"]) is None)
+        check_scenes([request.scenes[name] for name in unfinished], progress)
+        if unfinished:
+            progress.say("compiling kernels (once on a machine)")
+            compile_kernels(RADIOGS, request.scenes[next(iter(unfinished))], device)
+        bench = Bench(store, RADIOGS, device, progress, interruption)
+        failures = run_cells(
+            [Task(cell, label(place)) for place, cell in cells],
+            lambda cell: run_cell(bench, cell, request.scenes[cell.scene], evaluate),
+            store, progress, interruption,
+        )  # fmt: skip
+    from .showing import write_and_show  # its tables take a second to import, which an error need not wait for
+
+    write_and_show(store)
+    return report_failures(failures)
+
+
+def check_scenes(scenes: Sequence[Scene], progress: Progress) -> None:
+    """Read every map of the scenes still to be worked on: a damaged file shows now, not after an hour's training."""
+    for scene in scenes:
+        read_everything(scene, partial(progress.advance, f"checking {scene.name}"))
+
+
+def report_failures(failures: Sequence[ExplainedError]) -> int:
+    """Explain each failure once; returns the exit code of the whole run."""
+    for message in dict.fromkeys(explain(failure) for failure in failures):
+        complain(message)
+    return worst_exit_code(failures)

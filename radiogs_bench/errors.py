@@ -1,0 +1,47 @@
+"""How a run ends: exit codes, and the failures that only a harness has."""
+
+from collections.abc import Iterable
+
+from radiogs.errors import DataError, ExplainedError, NumericalFailure, UsageError
+
+
+class CellFailed(ExplainedError):
+    """A cell could not be brought to its end."""
+
+
+class StoreError(ExplainedError):
+    """The store cannot be read or written; what was finished before is untouched."""
+
+
+class Interrupted(ExplainedError):
+    """The user asked to stop; everything finished so far is on disk."""
+
+
+DONE = 0
+
+EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
+    (Interrupted, 130),  # 128 + SIGINT, as shells report it
+    (NumericalFailure, 4),
+    (DataError, 3),
+    (UsageError, 2),
+    (ExplainedError, 1),
+)
+"""The first class that an error is an instance of decides; so the table is also the order of severity."""
+
+
+def exit_code(error: ExplainedError) -> int:
+    """The process's exit code for an error."""
+    return next(code for kind, code in EXIT_CODES if isinstance(error, kind))
+
+
+def worst_exit_code(errors: Iterable[ExplainedError]) -> int:
+    """The exit code of a run in which these errors happened: the most severe one's, 0 without any."""
+    severity = [code for _, code in EXIT_CODES]
+    return min((exit_code(error) for error in errors), key=severity.index, default=DONE)
+
+
+def explain(error: ExplainedError) -> str:
+    """The message in three parts, each on lines of its own: what happened, why, what to do next."""
+    what = error.what if isinstance(error, Interrupted) else f"error: {error.what}"
+    parts = [part for part in (what, error.why, error.remedy) if part]
+    return "\n".join([*parts, f"(exit code {exit_code(error)})"])

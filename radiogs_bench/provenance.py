@@ -1,0 +1,91 @@
+"""Where a result comes from: sources, versions, machine, memory."""
+
+import os
+import platform
+import resource
+import subprocess
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from .schema import Session
+
+VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
+CPU_INFORMATION = Path("/proc/cpuinfo")
+
+
+def now() -> str:
+    """The present date and time, UTC, ISO 8601 to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+@cache
+def git_state(folder: Path = Path(__file__).parent) -> dict[str, Any] | None:
+    """Commit and dirtiness of the repository that tracks this very package; None if none does, or without git.
+
+    A package installed below somebody else's repository is not tracked by it, so that one's commit says nothing.
+    """
+
+    def git(*arguments: str) -> str | None:
+        try:
+            done = subprocess.run(["git", *arguments], cwd=folder, capture_output=True, text=True, check=False)
+        except FileNotFoundError:
+            return None
+        return done.stdout.strip() if done.returncode == 0 else None
+
+    if git("ls-files", "--error-unmatch", "__init__.py") is None:
+        return None
+    commit = git("rev-parse", "HEAD")
+    return None if commit is None else {"commit": commit, "dirty": git("status", "--porcelain") != ""}
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the libraries that can change a digit."""
+    return {"python": platform.python_version()} | {name: version(name) for name in VERSIONED}
+
+
+@cache
+def cpu_name() -> str:
+    """The processor's model name, as the kernel gives it where it does."""
+    if CPU_INFORMATION.exists():
+        for line in CPU_INFORMATION.read_text().splitlines():
+            name, _, value = line.partition(":")
+            if name.strip() == "model name":
+                return value.strip()
+    return platform.processor() or platform.machine()
+
+
+def machine(device: torch.device) -> dict[str, Any]:
+    """The machine card; times from different cards are not comparable."""
+    return {
+        "system": platform.platform(),
+        "cpu": cpu_name(),
+        "cores": os.cpu_count(),
+        "memory_bytes": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
+        "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
+        "threads": torch.get_num_threads(),
+    }
+
+
+def peak_memory(device: torch.device) -> dict[str, int]:
+    """Peaks of this process so far, in bytes: resident set, and CUDA allocator."""
+    peaks = {"host": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024}  # kibibytes on Linux
+    if device.type == "cuda":
+        peaks["device"] = torch.cuda.max_memory_allocated(device)
+    return peaks
+
+
+def session(device: torch.device) -> Session:
+    """This process's share in a result, as of now."""
+    return {
+        "date": now(),
+        "git": git_state(),
+        "versions": versions(),
+        "machine": machine(device),
+        "peak_memory_bytes": peak_memory(device),
+    }

@@ -1,0 +1,91 @@
+"""What a stored result says, key by key. Written as strict JSON; a number that does not exist is null with a reason.
+
+The version rises when a key changes its meaning or goes away; new keys do not raise it.
+"""
+
+from typing import Any, TypedDict
+
+RESULT_SCHEMA = "radiogs-bench/result/1"
+
+
+class MetricValue(TypedDict):
+    """One figure of a cell: the mean over its test views (for relighting: over lights, then views)."""
+
+    value: float | None
+    """None where there is no finite figure."""
+    reason: str | None
+    """Why the value is None."""
+    views: list[float | None]
+    """The figure of each test view, in the order of the result's ``views``; None where there is none."""
+
+
+class Seconds(TypedDict):
+    """Wall-clock seconds of the work that made the result; work lost to a crash is not in them."""
+
+    initialise: float
+    """Stage 1. Counted in every cell that uses it, also where it was computed once for several cells."""
+    invert: float
+    """Stage 2."""
+    evaluate: float
+    """Rendering and scoring the test views, and relighting; no part of training time."""
+
+
+class Session(TypedDict):
+    """One process's share in a result; more than one where a run was interrupted and continued."""
+
+    date: str
+    """UTC, ISO 8601."""
+    git: dict[str, Any] | None
+    """``commit`` and ``dirty`` of the harness's own repository; None where it runs from an installed package."""
+    versions: dict[str, str]
+    """Python and every library whose version can change a digit."""
+    machine: dict[str, Any]
+    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of torch)."""
+    peak_memory_bytes: dict[str, int]
+    """``host``: the process's peak resident set; ``device``: the CUDA allocator's peak (only with a GPU)."""
+
+
+class Result(TypedDict):
+    """A finished cell. ``<key>.npz`` beside it holds the maps of one test view (see ``evaluate``)."""
+
+    schema: str
+    key: str
+    scene: str
+    cell: dict[str, Any]
+    """Everything the key is the hash of: checksum, variant, budget, seed, device, protocol and code digests."""
+    protocol: dict[str, Any]
+    """The conventions of the metric protocol, spelled out."""
+    metrics: dict[str, MetricValue]
+    """By ``task/measure``."""
+    views: list[str]
+    """Names of the test views."""
+    shown_view: str
+    """The view whose maps are in the array file."""
+    shown_light: str | None
+    """The light of the relit map there; None where the scene is given under no other light."""
+    albedo_scale: list[float] | None
+    """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None where
+    the scene has no true albedo (relighting then uses 1)."""
+    surfels: int
+    """How many the trained model has."""
+    losses: dict[str, dict[str, float]]
+    """The last step's weighted losses, by stage and name."""
+    seconds: Seconds
+    work: dict[str, dict[str, int]]
+    """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
+    sessions: dict[str, list[Session]]
+    """By stage, oldest first."""
+
+
+class Failure(TypedDict):
+    """Why a cell did not finish, the last time it was tried."""
+
+    schema: str
+    key: str
+    scene: str
+    cell: dict[str, Any]
+    what: str
+    why: str
+    remedy: str
+    exit_code: int
+    date: str

@@ -1,0 +1,137 @@
+"""Suites as data: which variants of the method are run, what is measured, what stands beside it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+from typing import Literal
+
+from radiogs.errors import UsageError
+from radiogs.variant import Variant
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How a kind of figure is called and printed, and which way is better."""
+
+    label: str
+    unit: str
+    better: Literal["up", "down"]
+    decimals: int
+
+
+MEASURES: Mapping[str, Measure] = {
+    "psnr": Measure("PSNR", "dB", "up", 2),
+    "ssim": Measure("SSIM", "", "up", 3),
+    "lpips": Measure("LPIPS", "", "down", 3),
+    "mae": Measure("MAE", "deg", "down", 2),
+    "mse": Measure("MSE", "", "down", 4),
+}
+
+TASKS: Mapping[str, str] = {
+    "nvs": "NVS",
+    "normal": "Normal",
+    "albedo": "Albedo",
+    "roughness": "Roughness",
+    "relight": "Relight",
+    "indirect": "Indirect",
+}
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A column of a table: what is compared (``task``) and how (``measure``)."""
+
+    task: str
+    measure: str
+
+    @property
+    def key(self) -> str:
+        """The name under which results store it, such as ``nvs/psnr``."""
+        return f"{self.task}/{self.measure}"
+
+    @property
+    def label(self) -> str:
+        """The heading, such as ``NVS PSNR``."""
+        return f"{TASKS[self.task]} {MEASURES[self.measure].label}"
+
+    @classmethod
+    def of(cls, key: str) -> "Metric":
+        """The inverse of ``key``."""
+        task, _, measure = key.partition("/")
+        return cls(task, measure)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs."""
+
+    key: str
+    latex: str
+    text: str
+    variant: Variant
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A table: rows by columns over scenes and seeds.
+
+    ``published`` names the published table that stands beside it; differences and their intervals are paired
+    against the row called ``reference``; ``scenes`` are what runs unless others are asked for.
+    """
+
+    name: str
+    title: str
+    published: str
+    reference: str
+    rows: tuple[Row, ...]
+    columns: tuple[Metric, ...]
+    scenes: tuple[str, ...] = field(default=("corner",))
+
+    def __post_init__(self) -> None:
+        keys = [row.key for row in self.rows]
+        repeated = sorted({key for key in keys if keys.count(key) > 1})
+        if repeated:
+            raise UsageError(f"suite '{self.name}' has rows of the same key: {', '.join(repeated)}")
+        if self.reference not in keys:
+            raise UsageError(
+                f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
+            )
+
+
+ABLATIONS = Suite(
+    name="ablations",
+    title="Ablation of radiometric consistency",
+    published="ablation",
+    reference="ours",
+    rows=(
+        Row("ours", "Ours", "Ours", Variant()),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("detach-pbr", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", "Detach L_G^PBR", Variant(detach="pbr")),
+        Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", Variant(detach="surfel")),
+        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
+    ),
+    columns=(
+        Metric("nvs", "psnr"),
+        Metric("nvs", "ssim"),
+        Metric("nvs", "lpips"),
+        Metric("normal", "mae"),
+        Metric("albedo", "psnr"),
+        Metric("roughness", "mse"),
+        Metric("relight", "psnr"),
+        Metric("indirect", "psnr"),
+    ),
+)
+
+SUITES: Mapping[str, Suite] = {suite.name: suite for suite in (ABLATIONS,)}
+
+
+def suite(name: str) -> Suite:
+    """The suite of that name. Raises UsageError for an unknown one, with the nearest name."""
+    if name not in SUITES:
+        near = get_close_matches(name, SUITES, 1)
+        raise UsageError(
+            f"unknown suite '{name}'",
+            f"Did you mean '{near[0]}'?" if near else f"Suites: {', '.join(SUITES)}.",
+            "See them all:  radiogs-bench run --list",
+        )
+    return SUITES[name]

@@ -1,0 +1,157 @@
+"""Bringing the stages of a cell to their end: continued where they stood, shared where they are the same."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypedDict, TypeVar
+
+import torch
+
+from radiogs.kernels.counters import work
+from radiogs.model import Model
+from radiogs.scene import Scene
+from radiogs.surfels import Surfels
+
+from .cell import Cell
+from .interruption import Interruption
+from .method import Method, ModelStage, Stage
+from .progress import Progress
+from .provenance import session
+from .schema import Session
+from .store import Store
+
+CHECKPOINT_SECONDS = 20.0
+"""A crash costs at most about this much work."""
+
+CHECKPOINT_SHARE = 0.02
+"""And checkpoints cost at most this share of the time: large states are written less often."""
+
+SomeStage = TypeVar("SomeStage", bound=Stage)
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where and how cells are run."""
+
+    store: Store
+    method: Method
+    device: torch.device
+    progress: Progress
+    interruption: Interruption
+    checkpoint_seconds: float = CHECKPOINT_SECONDS
+    checkpoint_share: float = CHECKPOINT_SHARE
+
+
+class Ledger(TypedDict):
+    """What a stage cost and how it ended; kept beside its outcome, and in every checkpoint so far."""
+
+    seconds: float
+    work: dict[str, int]
+    losses: dict[str, float]
+    sessions: list[Session]
+
+
+class Outcome(TypedDict):
+    """A stage that has ended: ``product`` is its state (stage 1) or the model's tensors (stage 2)."""
+
+    product: dict[str, Any]
+    ledger: Ledger
+
+
+def trained(bench: Bench, cell: Cell, scene: Scene) -> tuple[Model, dict[str, Ledger]]:
+    """The cell's model, trained now or before, and the ledgers of its two stages by name.
+
+    Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and whatever
+    the method raises; the last checkpoint is kept in every case.
+    """
+    method, device = bench.method, bench.device
+
+    def initialise() -> Stage:
+        return method.initialise(scene, cell.variant, cell.budget, cell.seed, device)
+
+    initialised = completed(bench, f"init/{cell.initialisation_key}", initialise, lambda stage: stage.state())
+
+    def invert() -> ModelStage:
+        return method.invert(scene, cell.variant, cell.budget, cell.seed, device, initialised["product"])
+
+    inverted = completed(bench, f"trained/{cell.training_key}", invert, lambda stage: model_tensors(stage.model))
+    ledgers = {"initialise": initialised["ledger"], "invert": inverted["ledger"]}
+    return model_of(inverted["product"]), ledgers
+
+
+def completed(
+    bench: Bench, name: str, begin: Callable[[], SomeStage], product: Callable[[SomeStage], dict[str, Any]]
+) -> Outcome:
+    """The outcome stored under ``name``; where there is none yet, the stage is run and its ``product`` stored."""
+    stored = _stored_outcome(bench, name)
+    if stored is not None:
+        return stored
+    with bench.store.claim(name.replace("/", "-")):
+        stored = _stored_outcome(bench, name)  # somebody else may have finished it meanwhile
+        if stored is not None:
+            return stored
+        started = time.perf_counter()
+        work.clear()
+        stage = begin()
+        ledger = _run(bench, name, stage, started)
+        outcome = Outcome(product=product(stage), ledger=ledger)
+        bench.store.put_tensors(name, {**outcome})
+        bench.store.drop_tensors(_checkpoint(name))
+    bench.interruption.check()
+    return outcome
+
+
+def _stored_outcome(bench: Bench, name: str) -> Outcome | None:
+    stored = bench.store.tensors(name, bench.device)
+    if stored is None:
+        return None
+    bench.store.drop_tensors(_checkpoint(name))  # left by a process that died between storing and dropping
+    return Outcome(product=stored["product"], ledger=stored["ledger"])
+
+
+def _run(bench: Bench, name: str, stage: Stage, started: float) -> Ledger:
+    """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
+    ledger = Ledger(seconds=0.0, work={}, losses={}, sessions=[])
+    stored = bench.store.tensors(_checkpoint(name), bench.device)
+    if stored is not None:
+        ledger = stored["ledger"]
+        stage.restore(stored["state"])
+        # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
+        started = time.perf_counter() - ledger["seconds"]
+        work.clear()
+        work.update(ledger["work"])
+    earlier = ledger["sessions"]
+    kind = name.partition("/")[0]
+    losses = ledger["losses"]
+
+    def ledger_now() -> Ledger:
+        seconds = time.perf_counter() - started
+        return Ledger(seconds=seconds, work=dict(work), losses=losses, sessions=[*earlier, session(bench.device)])
+
+    due = time.perf_counter() + bench.checkpoint_seconds
+    while stage.iteration < stage.iterations:
+        losses = dict(stage.step())
+        bench.progress.advance(kind, stage.iteration, stage.iterations)
+        over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
+        if not over and (bench.interruption.requested or time.perf_counter() >= due):
+            begun = time.perf_counter()
+            bench.store.put_tensors(_checkpoint(name), {"state": stage.state(), "ledger": ledger_now()})
+            bench.interruption.check()
+            ended = time.perf_counter()
+            due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
+    return ledger_now()
+
+
+def _checkpoint(name: str) -> str:
+    return f"{name}.checkpoint"
+
+
+def model_tensors(model: Model) -> dict[str, Any]:
+    """A model as plain tensors, without gradient history."""
+    surfels = {name: value.detach() for name, value in model.surfels.parameters().items()}
+    return {"surfels": surfels, "log_environment": model.log_environment.detach()}
+
+
+def model_of(tensors: dict[str, Any]) -> Model:
+    """The inverse of ``model_tensors``."""
+    return Model(Surfels.of(tensors["surfels"]), tensors["log_environment"])

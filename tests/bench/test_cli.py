@@ -1,0 +1,205 @@
+"""The command line: exit codes, three-part messages, and a whole run of the fake method."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import radiogs_datasets
+from bench import fake_method
+from radiogs.errors import NumericalFailure
+from radiogs_bench.cli import main, sweeping
+from radiogs_bench.store import Store
+from radiogs_bench.sweep import read_sweep
+from scenes import sphere_scene
+
+CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"
+
+
+def program(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """The installed program as a user starts it."""
+    command = [str(Path(sys.executable).with_name("radiogs-bench")), *arguments]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_an_unknown_scene_ends_with_exit_code_3_and_no_traceback(tmp_path: Path) -> None:
+    done = program("run", "ablations", "--scenes", "no_such_scene", folder=tmp_path)
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("error: ")
+    assert "no_such_scene" in done.stderr
+    assert done.stderr.endswith("(exit code 3)\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_truncated_image_ends_with_exit_code_3_before_anything_is_trained(tmp_path: Path) -> None:
+    scene = tmp_path / "broken"
+    shutil.copytree(CORNER, scene)
+    image = scene / "test_003" / "normal.png"
+    image.write_bytes(image.read_bytes()[:-40])
+    done = program("run", "ablations", "--scenes", "broken", "--preset", "smoke", folder=tmp_path)
+    assert done.returncode == 3
+    assert "normal.png" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.rglob("*.pt"))
+
+
+def test_help_answers_without_importing_what_is_slow() -> None:
+    code = (
+        "import sys\n"
+        "from radiogs_bench.cli import main\n"
+        "try:\n"
+        "    main(['run', '--help'])\n"
+        "except SystemExit as left:\n"
+        "    assert left.code == 0\n"
+        "slow = {'torch', 'warp', 'scipy', 'rich', 'numpy', 'matplotlib', 'cv2'} & sys.modules.keys()\n"
+        "sys.exit(str(slow) if slow else 0)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["run", "ablatoins"], "Did you mean 'ablations'?"),
+        (["run"], "no suite was named"),
+        (["run", "ablations", "--seeds", "0"], "not a whole number above zero"),
+        (["run", "ablations", "--preset", "tin"], "Did you mean 'tiny'?"),
+        (["run", "ablations", "--protocol", "defualt"], "Did you mean 'default'?"),
+        (["fly"], "invalid choice: 'fly'"),
+        (["run", "ablations", "--speed"], "--speed"),
+    ],
+)
+def test_a_wrong_command_ends_with_exit_code_2(
+    arguments: list[str], says: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    message = capsys.readouterr().err
+    assert says in message
+    assert message.startswith("error: ")
+    assert message.endswith("(exit code 2)\n")
+
+
+def test_the_suites_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["run", "--list"]) == 0
+    assert "ablations: " in capsys.readouterr().out
+
+
+def test_a_folder_without_a_run_ends_with_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["status", str(tmp_path)]) == 3
+    assert main(["report", str(tmp_path)]) == 3
+    assert "no run in" in capsys.readouterr().err
+
+
+@pytest.fixture
+def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """``radiogs-bench run ablations`` with the fake method, two seeds, into ``tmp_path``."""
+    monkeypatch.setattr(sweeping, "RADIOGS", fake_method.FAKE)
+    monkeypatch.setattr(sweeping, "evaluate", fake_method.evaluate)
+    monkeypatch.setattr(sweeping, "load_scene", lambda name: sphere_scene(views=2, size=16))
+    fake_method.begun.clear()
+
+    def start(*further: str) -> int:
+        return main(["run", "ablations", "--seeds", "2", "--preset", "smoke", "--out", str(tmp_path), *further])
+
+    return start
+
+
+def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
+    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run() == 0
+    said = capsys.readouterr()
+    assert "Detach L_G" in said.out
+    assert "paper 37.86" in said.out
+    assert f"wrote {tmp_path / 'summary.json'}" in said.out
+    assert said.err.count("done in") == 10
+    assert len(list(Store(tmp_path).results())) == 10
+
+
+def test_a_second_run_begins_no_cell_and_shows_the_same_table(
+    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run()
+    first = capsys.readouterr().out
+    fake_method.begun.clear()
+    assert run() == 0
+    assert capsys.readouterr().out == first
+    assert fake_method.begun == []
+    assert main(["report", str(tmp_path)]) == 0
+    assert capsys.readouterr().out == first
+
+
+def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--dry-run") == 0
+    assert "10 of 10 cells to run" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+    run()
+    capsys.readouterr()
+    assert run("--dry-run") == 0
+    assert "0 of 10 cells to run" in capsys.readouterr().out
+
+
+def test_a_failing_cell_is_shown_and_decides_the_exit_code(
+    run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = fake_method.evaluate
+
+    def bad(model: Any, scene: Any, cell: Any, *rest: Any) -> Any:
+        if cell.seed == 1 and cell.variant.detach == "pbr":
+            raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
+        return good(model, scene, cell, *rest)
+
+    monkeypatch.setattr(sweeping, "evaluate", bad)
+    assert run() == 4
+    said = capsys.readouterr()
+    assert "error: the image is not finite" in said.err
+    assert said.err.count("done in") == 9
+    assert main(["status", str(tmp_path)]) == 0
+    out = capsys.readouterr().out
+    assert "failed: the image is not finite" in out
+    assert "9 of 10 cells finished" in out
+    monkeypatch.setattr(sweeping, "evaluate", good)
+    assert run() == 0
+
+
+def test_ctrl_c_ends_with_exit_code_130_and_the_next_run_continues(
+    run: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    good = fake_method.evaluate
+
+    def interrupted(*arguments: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return good(*arguments)
+
+    monkeypatch.setattr(sweeping, "evaluate", interrupted)
+    assert run() == 130
+    assert capsys.readouterr().err.endswith(
+        "Run the same command again: it continues where this run stopped.\n(exit code 130)\n"
+    )
+    monkeypatch.setattr(sweeping, "evaluate", good)
+    fake_method.begun.clear()
+    assert run() == 0
+    assert "initialise radiometric 0" not in fake_method.begun[2:]  # done before the stop; the first two only warm up
+    assert read_sweep(tmp_path)["seeds"] == [0, 1]
+
+
+def test_two_scenes_of_one_name_are_refused(run: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run("--scenes", "a/sphere,b/sphere") == 2
+    assert "two scenes are called 'sphere'" in capsys.readouterr().err
+
+
+def test_scenes_are_listed_and_checked(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["datasets", "list"]) == 0
+    assert "corner" in capsys.readouterr().out.split()
+    assert main(["datasets", "check", "corner"]) == 0
+    assert "32 training and 8 test views" in capsys.readouterr().out
+    assert main(["datasets", "check", "nowhere"]) == 3
