@@ -1,6 +1,7 @@
 """The pinhole camera: OpenCV axes (x right, y down, z forward), camera-to-world, pixel centres at +0.5."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -42,7 +43,7 @@ class Camera:
 
         They are not of unit length; multiply by z-depth to land on the surface.
         """
-        like = {"dtype": self.camera_to_world.dtype, "device": self.camera_to_world.device}
+        like: dict[str, Any] = {"dtype": self.camera_to_world.dtype, "device": self.camera_to_world.device}
         column = (torch.arange(self.width, **like) + 0.5 - self.cx) / self.fx
         row = (torch.arange(self.height, **like) + 0.5 - self.cy) / self.fy
         y, x = torch.meshgrid(row, column, indexing="ij")

@@ -4,6 +4,7 @@ All directions are unit vectors in the world that point away from the surface.
 """
 
 import math
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -37,7 +38,7 @@ def hemisphere_directions(
     so the cosine sums to exactly pi for every S (the white furnace is unbiased). ``generator`` turns the set by a
     random azimuth per surfel; None leaves it fixed.
     """
-    like = {"dtype": normal.dtype, "device": normal.device}
+    like: dict[str, Any] = {"dtype": normal.dtype, "device": normal.device}
     place = torch.arange(samples, **like)
     height = 1 - (place + 0.5) / samples
     sine = (1 - height.square()).sqrt()
@@ -79,7 +80,7 @@ class LightSampler:
         """``count`` independent directions."""
         texel = torch.multinomial(self.probability, count, replacement=True, generator=generator)
         row, column = texel // self.width, texel % self.width
-        like = {"dtype": self.density.dtype, "device": self.density.device}
+        like: dict[str, Any] = {"dtype": self.density.dtype, "device": self.density.device}
         along, across = torch.rand(2, count, generator=generator, **like)
         upper, lower = (torch.cos((row + edge) * (torch.pi / self.height)) for edge in (0, 1))
         z = upper + (lower - upper) * along

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import torch
 from jaxtyping import Float, Int
@@ -117,7 +118,7 @@ def surfels_at(
     Normalised Gaussian quaternions are uniform over rotations (uniform ones in a cube would not be).
     """
     count = len(points)
-    like = {"dtype": points.dtype, "device": points.device}
+    like: dict[str, Any] = {"dtype": points.dtype, "device": points.device}
     rotation = normalize(torch.randn(count, 4, generator=generator, **like), dim=-1)
     w, x, y, z = rotation.unbind(-1)
     normal = torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1)

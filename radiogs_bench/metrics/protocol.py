@@ -33,7 +33,7 @@ class Protocol:
         return {
             "name": self.name,
             "images": "display sRGB, clipped to [0, 1], not quantised, composited on black, whole image",
-            "albedo": "linear, composited on black, scaled by the per-channel median of truth / prediction over all views",
+            "albedo": "linear, on black, scaled by the per-channel median of truth / prediction over all views",
             "psnr": f"peak 1, joint over channels, capped at {PSNR_CAP:g} dB, mean over views",
             "ssim": "Gaussian 11 taps, sigma 1.5, valid windows, population covariance, range 1",
             "lpips": "AlexNet, v0.1, inputs scaled to [-1, 1]",

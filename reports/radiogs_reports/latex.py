@@ -106,7 +106,7 @@ def _caption(summary: Summary) -> str:
         f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
         f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}. Below each figure: paired"
         f" difference to {reference} and the half-width of its 95\\,\\% $t$ interval. In grey: published"
-        f" ({escape(summary['published_data'])}), at another scale and on other data. First, second and third in colour."
+        f" ({escape(summary['published_data'])}), at another scale, on other data. First to third in colour."
     )
 
 

@@ -23,7 +23,8 @@ def measured(cell: CellSummary, decimals: int) -> str:
         return text
     if difference["low"] is None or difference["high"] is None:
         return f"{text} ({difference['mean']:+.{decimals}f})"
-    return f"{text} ({difference['mean']:+.{decimals}f}, {difference['low']:+.{decimals}f} to {difference['high']:+.{decimals}f})"
+    low, high = (f"{difference[end]:+.{decimals}f}" for end in ("low", "high"))
+    return f"{text} ({difference['mean']:+.{decimals}f}, {low} to {high})"
 
 
 def markdown(summary: Summary) -> str:

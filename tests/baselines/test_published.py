@@ -2,8 +2,8 @@ import re
 from pathlib import Path
 
 import pytest
-from radiogs.errors import UsageError
 
+from radiogs.errors import UsageError
 from radiogs_baselines.published import published, published_tables
 
 

@@ -83,7 +83,7 @@ class _Blend(torch.autograd.Function):
         return images, sums
 
     @staticmethod
-    def backward(ctx: Any, grad_images: Tensor, grad_sums: Tensor) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, grad_images: Tensor, grad_sums: Tensor) -> Any:
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1])
         team = workers(images.device)

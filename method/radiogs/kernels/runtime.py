@@ -44,7 +44,7 @@ def scalar_type(dtype: torch.dtype) -> Any:
     return scalars[dtype]
 
 
-def as_array(tensor: torch.Tensor, dtype: Any = None) -> wp.array:
+def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors)."""
     return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
 

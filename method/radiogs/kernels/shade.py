@@ -50,7 +50,7 @@ class _Shade(torch.autograd.Function):
         return out
 
     @staticmethod
-    def backward(ctx: Any, grad_out: Tensor) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, grad_out: Tensor) -> Any:
         inputs = ctx.saved_tensors
         normal, albedo, roughness, _, _, _, visibility, indirect, environment = inputs
         kernels = shade_kernels(normal.dtype)

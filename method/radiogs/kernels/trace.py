@@ -1,5 +1,6 @@
 """K2: trace rays through surfels, blending what they meet in order, with gradient."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -104,7 +105,7 @@ def _gather(
         left = torch.empty_like(rest)
         arguments = [as_array(rays), *ends, *map(as_array, (start_t, start_id, rest)), stop, *fixed]
         outputs = [*map(as_array, (hits_t.view(-1), hits_id.view(-1), found, left, visits))]
-        launch_in_parallel(kernels.gather, len(rays), device, lambda _, given=(*arguments, *outputs): given)
+        launch_in_parallel(kernels.gather, len(rays), device, _always([*arguments, *outputs]))
         visits_total += int(visits.sum())
         filled = torch.arange(BUFFER, device=device) < found[:, None]
         owners.append(rays[:, None].expand(-1, BUFFER)[filled])
@@ -114,6 +115,11 @@ def _gather(
         rays, rest = rays[more].contiguous(), left[more].contiguous()
     count(rays=total, node_visits=visits_total, hits=sum(len(part) for part in met))
     return _packed(owners, met, total, device)
+
+
+def _always(arguments: list[Any]) -> Callable[[int], list[Any]]:
+    """The same arguments for every worker."""
+    return lambda _: arguments
 
 
 def _packed(owners: list[Tensor], met: list[Tensor], rays: int, device: torch.device) -> _HitLists:
@@ -142,7 +148,7 @@ class _Blend(torch.autograd.Function):
         return outputs
 
     @staticmethod
-    def backward(ctx: Any, *pulls: Tensor) -> Any:  # type: ignore[override]
+    def backward(ctx: Any, *pulls: Tensor) -> Any:
         inputs, outputs = ctx.saved_tensors[:4], ctx.saved_tensors[4:]
         origin, surface, sh, features = inputs
         kernels = trace_kernels(origin.dtype, features.shape[1])
