@@ -17,7 +17,10 @@ def scene_names() -> tuple[str, ...]:
 
 
 def load_scene(name_or_path: str) -> Scene:
-    """A miniature by its name, or the scene in a folder. Raises DataError for what is neither."""
+    """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
+
+    Raises DataError for what is neither, and for a scene that is incomplete or damaged.
+    """
     if name_or_path in scene_names():
         return load_tensoir(TINY / name_or_path)
     folder = Path(name_or_path)
@@ -25,8 +28,7 @@ def load_scene(name_or_path: str) -> Scene:
         near = get_close_matches(name_or_path, scene_names(), 1)
         raise DataError(
             f"there is no scene '{name_or_path}'",
-            "It is neither a folder nor one of the scenes that come with the package"
-            f" ({', '.join(scene_names())}).",
+            f"It is neither a folder nor one of the scenes that come with the package ({', '.join(scene_names())}).",
             f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
         )
     return load_tensoir(folder)

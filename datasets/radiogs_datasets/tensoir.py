@@ -1,4 +1,4 @@
-"""The TensoIR-Synthetic layout, with the indirect ground truth that this project's generator adds.
+"""The TensoIR-Synthetic layout, with the ground truth that this project's generator adds.
 
     <scene>/transforms_train.json  transforms_test.json
     <scene>/<view>/rgba.png  albedo.png  normal.png  roughness.png  depth.exr  direct.exr  indirect.exr
@@ -6,187 +6,192 @@
     <scene>/envmaps/<light>.hdr
 
 Images are display sRGB with straight alpha; albedo is linear; normals are world-space, n / 2 + 1 / 2; cameras are
-camera-to-world in OpenGL axes (converted here). ``envmaps/training.hdr`` is the training light, if it is known.
+camera-to-world in OpenGL axes; lights are found as ``tensoir_lights`` says. TensoIR_Ind has ``indirect.png``:
+straight sRGB, taken here for outgoing radiance, which nothing public confirms; an ``indirect.exr`` goes before it.
 """
 
 import hashlib
-import json
-import math
-from collections.abc import Callable
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import torch
-from radiogs.camera import Camera
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap
-from radiogs.scene import Scene, View
 from torch import Tensor
 
-from .image_files import read_exr, read_hdr, read_png
+from radiogs.errors import DataError
+from radiogs.scene import Scene, View
 
-TRAINING_LIGHT = "training"
-RIGID_TOLERANCE = 1e-3
-"""How far R R^T may be from the identity: matrices are often printed with four digits."""
+from .image_files import read_bytes
+from .image_structure import image_size
+from .tensoir_lights import find_lights, read_light
+from .transforms import Transforms, read_transforms
+from .view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
+
+MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
+    "normal.png": ("normal", read_normal),
+    "indirect.png": ("indirect", read_displayed),
+}
+"""Map and reader by file name, for maps that need the alpha of the view's image."""
+
+MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
+    "albedo.png": ("albedo", read_colour),
+    "roughness.png": ("roughness", read_value),
+    "depth.exr": ("depth", read_value),
+    "direct.exr": ("direct", read_colour),
+    "indirect.exr": ("indirect", read_colour),
+}
+RELIT_IMAGE = re.compile(r"rgba_(.+)\.png")
+RELIT_INDIRECT = re.compile(r"indirect_(.+)\.exr")
 
 SMALL_SCENE = 50_000_000
-"""Pixels up to which every image is decoded when the scene is opened: damage is found before, not during, a run."""
+"""Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
+
+NAMES_SHOWN = 8
+"""How many of the files that are wrong an error lists."""
 
 
 def load_tensoir(folder: Path) -> Scene:
-    """Read a scene. Raises DataError that names the file, or all missing files at once."""
-    train, test = (_views(folder, split) for split in ("train", "test"))
-    lights = {
-        path.stem: EnvironmentMap(torch.from_numpy(read_hdr(path)).clamp(min=0))
-        for path in sorted((folder / "envmaps").glob("*.hdr"))
+    """Read a scene; its maps are read when asked for.
+
+    The header, size and layout of every file are checked here, and in a small scene all pixels too. Raises DataError
+    that names the file, or all files that are missing.
+    """
+    folder = Path(os.path.normpath(folder.absolute()))
+    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
+    splits = {split: read_transforms(table) for split, table in tables.items()}
+    images = {
+        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
     }
-    training_light = lights.pop(TRAINING_LIGHT, None)
-    views = train + test
-    if sum(view.camera.width * view.camera.height for view in views) * 10 <= SMALL_SCENE:
-        for view in views:
-            for name in view.sources:
-                view.read(name)
-    return Scene(folder.name, "tensoir", train, test, lights, training_light, _checksum(folder))
-
-
-def _views(folder: Path, split: str) -> tuple[View, ...]:
-    path = folder / f"transforms_{split}.json"
-    table = _read_json(path)
-    angle = table.get("camera_angle_x")
-    if not isinstance(angle, int | float) or not 0 < angle < math.pi:
-        raise DataError(
-            f"{path}: camera_angle_x is {angle!r}",
-            "It must be the horizontal field of view in radians, between 0 and pi.",
-        )
-    frames = table.get("frames")
-    if not isinstance(frames, list) or not frames:
-        raise DataError(f"{path}: 'frames' must be a list with at least one view, not {type(frames).__name__}")
-    images = [_image_path(folder, path, place, frame) for place, frame in enumerate(frames)]
-    missing = [str(image.relative_to(folder)) for image in images if not image.is_file()]
-    if missing:
-        shown = ", ".join(missing[:5]) + (f" and {len(missing) - 5} more" if len(missing) > 5 else "")
-        raise DataError(
-            f"scene '{folder.name}' lacks {len(missing)} of the {len(images)} images that {path.name} lists: {shown}",
-            "",
-            "Complete the folder, or take the views out of the file.",
-        )
-    if len(set(images)) < len(images):
-        twice = next(image for image in images if images.count(image) > 1)
-        raise DataError(f"{path}: {twice.relative_to(folder)} is listed twice", "Its view would count twice.")
-    return tuple(
-        _view(folder, image, _matrix(path, place, frame), float(angle))
-        for place, (image, frame) in enumerate(zip(images, frames, strict=True))
+    _require_distinct(folder, [image for paths in images.values() for image in paths])
+    maps = {split: _common_maps(folder, images[split]) for split in splits}
+    lights = find_lights(folder, {found[1] for name in maps["test"] if (found := RELIT_IMAGE.fullmatch(name))})
+    maps_of_views = [
+        path
+        for split in splits
+        for image in images[split]
+        for path in (image, *(image.parent / name for name in maps[split]))
+    ]
+    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *maps_of_views)}
+    sizes, checksum = _inspect({**files, **lights.files()})
+    train, test = (_views(folder, splits[split], images[split], maps[split], sizes) for split in ("train", "test"))
+    if sum(height * width for height, width in sizes.values()) <= SMALL_SCENE:
+        _decode([*train, *test])
+    return Scene(
+        name=folder.name,
+        layout="tensoir",
+        train=train,
+        test=test,
+        lights={light: read_light(path) for light, path in lights.relight.items()},
+        training_light=None if lights.training is None else read_light(lights.training),
+        checksum=checksum,
     )
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
+def _image(folder: Path, table: Path, file_path: str) -> Path:
+    """The image of a frame. Links are followed, but a written path may not leave the scene's folder."""
+    image = Path(os.path.normpath(folder / (file_path if file_path.endswith(".png") else f"{file_path}.png")))
+    if not image.is_relative_to(folder) or image.parent == folder:
         raise DataError(
-            f"cannot read {path}",
-            f"The system says: {error.strerror}. A scene in the TensoIR layout has this file.",
-        ) from error
-    except ValueError as error:
-        raise DataError(f"{path} is not valid JSON: {error}") from error
-    if not isinstance(table, dict):
-        raise DataError(f"{path} must hold an object, not {type(table).__name__}")
-    return table
-
-
-def _image_path(folder: Path, path: Path, place: int, frame: Any) -> Path:
-    name = frame.get("file_path") if isinstance(frame, dict) else None
-    if not isinstance(name, str):
-        raise DataError(f"{path}: frame {place} has no 'file_path' text")
-    image = (folder / f"{name}.png").resolve()
-    if not image.is_relative_to(folder.resolve()):
-        raise DataError(f"{path}: frame {place} points outside the scene: {name}", "This is not followed.")
+            f"{table} points to '{file_path}'",
+            "Each view has a folder of its own inside the scene's folder; nothing outside that is read.",
+            "Correct the file.",
+        )
     return image
 
 
-def _matrix(path: Path, place: int, frame: dict[str, Any]) -> Tensor:
-    """Camera-to-world with OpenCV axes, float32."""
-    try:
-        matrix = torch.tensor(frame.get("transform_matrix"), dtype=torch.float64)
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise DataError(f"{path}: frame {place}: transform_matrix is not 4 rows of 4 numbers") from error
-    if matrix.shape != (4, 4) or not bool(torch.isfinite(matrix).all()):
-        raise DataError(f"{path}: frame {place}: transform_matrix is not 4 rows of 4 finite numbers")
-    rotation = matrix[:3, :3]
-    error = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
-    if error > RIGID_TOLERANCE or float(torch.linalg.det(rotation)) < 0:
+def _require_distinct(folder: Path, images: list[Path]) -> None:
+    counts = Counter(image.parent.relative_to(folder).as_posix() for image in images)
+    twice = [place for place, count in counts.items() if count > 1]
+    if twice:
         raise DataError(
-            f"{path}: frame {place}: transform_matrix is not a rigid motion (error {error:.2g})",
-            "A scaled or mirrored camera would bend every normal and depth.",
+            f"scene '{folder.name}' lists views twice: {_shown(twice)}",
+            "Such a view would count twice, or be trained on and then scored.",
+            "Take one of them out of transforms_train.json or transforms_test.json.",
         )
-    # OpenGL looks along -z with y up.
-    matrix[:3, 1:3] *= -1
-    return matrix.float()
 
 
-def _view(folder: Path, image: Path, matrix: Tensor, angle: float) -> View:
-    height, width = read_png(image).shape[:2]
-    focal = 0.5 * width / math.tan(0.5 * angle)
-    camera = Camera(matrix, focal, focal, width / 2, height / 2, width, height)
+def _common_maps(folder: Path, images: list[Path]) -> list[str]:
+    """File names of the maps beside the images of a split: what one view has, all must have."""
+    found = {image: _maps_beside(image) for image in images}
+    names = sorted(set[str]().union(*found.values()))
+    wanted = [path for image in images for path in (image, *(image.parent / name for name in names))]
+    missing = [path.relative_to(folder).as_posix() for path in wanted if not path.is_file()]
+    if missing:
+        raise DataError(
+            f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {_shown(missing)}",
+            "Every view must have its image, and a map that one view of a split has, all views of it must have.",
+            "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
+        )
+    return names
+
+
+def _maps_beside(image: Path) -> set[str]:
     place = image.parent
-    sources: dict[str, Callable[[], Tensor]] = {
-        "image": partial(_channels, image, camera, slice(0, 3)),
-        "alpha": partial(_channels, image, camera, slice(3, 4)),
-    }
-    if (place / "albedo.png").is_file():
-        sources["albedo"] = partial(_channels, place / "albedo.png", camera, slice(0, 3))
-    if (place / "normal.png").is_file():
-        sources["normal"] = partial(_normals, place / "normal.png", image, camera)
-    if (place / "roughness.png").is_file():
-        sources["roughness"] = partial(_channels, place / "roughness.png", camera, slice(0, 1))
-    for name in ("depth", "direct", "indirect"):
-        if (place / f"{name}.exr").is_file():
-            sources[name] = partial(_linear, place / f"{name}.exr", camera)
-    for relit in sorted(place.glob("rgba_*.png")):
-        light = relit.stem.removeprefix("rgba_")
-        sources[f"relit/{light}"] = partial(_channels, relit, camera, slice(0, 3))
-    for relit in sorted(place.glob("indirect_*.exr")):
-        light = relit.stem.removeprefix("indirect_")
-        sources[f"relit/{light}/indirect"] = partial(_linear, relit, camera)
-    return View(str(place.relative_to(folder.resolve())), camera, sources)
+    names = {path.name for path in place.iterdir()} if place.is_dir() else set()
+    relit = {name for name in names if RELIT_IMAGE.fullmatch(name) or RELIT_INDIRECT.fullmatch(name)}
+    return names & (MAPS.keys() | MASKED_MAPS.keys()) | relit
 
 
-def _channels(path: Path, camera: Camera, wanted: slice) -> Tensor:
-    image = torch.from_numpy(read_png(path))
-    _require_size(path, image, camera)
-    if image.shape[2] < wanted.stop:
+def _inspect(files: Mapping[str, Path]) -> tuple[dict[Path, tuple[int, int]], str]:
+    """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order."""
+    sizes, combined = {}, hashlib.sha256()
+    for name, path in sorted(files.items()):
+        data = read_bytes(path)
+        combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
+        if path.suffix != ".json":
+            sizes[path] = image_size(path, data)
+    return sizes, combined.hexdigest()
+
+
+def _views(
+    folder: Path, transforms: Transforms, images: list[Path], maps: list[str], sizes: Mapping[Path, tuple[int, int]]
+) -> tuple[View, ...]:
+    views = []
+    for frame, image in zip(transforms.frames, images, strict=True):
+        for path in (image.parent / name for name in maps):
+            _require_same_size(path, sizes[path], sizes[image])
+        camera = transforms.camera(frame, *sizes[image])
+        views.append(View(image.parent.relative_to(folder).as_posix(), camera, _sources(image, maps)))
+    return tuple(views)
+
+
+def _require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
+    if size != wanted:
         raise DataError(
-            f"{path} has {image.shape[2]} channels", f"Channel {wanted.stop} is needed: is the alpha missing?"
-        )
-    return image[..., wanted].contiguous()
-
-
-def _linear(path: Path, camera: Camera) -> Tensor:
-    image = torch.from_numpy(read_exr(path))
-    _require_size(path, image, camera)
-    return image
-
-
-def _normals(path: Path, image: Path, camera: Camera) -> Tensor:
-    """Unit normals; zero where the view has no coverage (there the file holds no direction)."""
-    normal = 2 * _channels(path, camera, slice(0, 3)) - 1
-    covered = _channels(image, camera, slice(3, 4)) > 0
-    return torch.where(covered, torch.nn.functional.normalize(normal, dim=-1), 0.0)
-
-
-def _require_size(path: Path, image: Tensor, camera: Camera) -> None:
-    if image.shape[:2] != (camera.height, camera.width):
-        raise DataError(
-            f"{path} is {image.shape[1]} x {image.shape[0]} pixels, its view's image {camera.width} x {camera.height}",
+            f"{path} is {size[1]} x {size[0]} pixels, its view's image {wanted[1]} x {wanted[0]}",
             "All maps of a view must have the same size.",
+            "Export the map again, in the image's size.",
         )
 
 
-def _checksum(folder: Path) -> str:
-    """SHA-256 over the names and bytes of all files of the scene, in the order of their names."""
-    digest = hashlib.sha256()
-    for path in sorted(folder.rglob("*")):
-        if path.is_file():
-            digest.update(str(path.relative_to(folder)).encode() + b"\0" + path.read_bytes())
-    return digest.hexdigest()
+def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
+    """How to read each map, by the name that ``radiogs.scene.MapName`` gives it."""
+    sources: dict[str, Callable[[], Tensor]] = {
+        "image": partial(read_colour, image),
+        "alpha": partial(read_alpha, image),
+    }
+    for file, (name, read_masked) in MASKED_MAPS.items():
+        if file in maps:
+            sources[name] = partial(read_masked, image.parent / file, image)
+    for file, (name, read) in MAPS.items():
+        if file in maps:
+            sources[name] = partial(read, image.parent / file)
+    for file in maps:
+        if relit := RELIT_IMAGE.fullmatch(file):
+            sources[f"relit/{relit[1]}"] = partial(read_colour, image.parent / file)
+        elif relit := RELIT_INDIRECT.fullmatch(file):
+            sources[f"relit/{relit[1]}/indirect"] = partial(read_colour, image.parent / file)
+    return sources
+
+
+def _decode(views: Iterable[View]) -> None:
+    for view in views:
+        for name in view.sources:
+            view.read(name)
+
+
+def _shown(names: list[str]) -> str:
+    rest = len(names) - NAMES_SHOWN
+    return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")

@@ -1,5 +1,26 @@
 """Path-traced scenes with complete ground truth, made with Mitsuba 3 (extra ``generate``)."""
 
-from .scene_folder import generate_scene
+from collections.abc import Callable
+from pathlib import Path
 
-__all__ = ["generate_scene"]
+from .catalogue import RECIPES, recipe
+from .probe import require_mitsuba
+
+__all__ = ["RECIPES", "generate_scene"]
+
+
+def generate_scene(
+    name: str, folder: Path, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
+) -> None:
+    """Render the scene ``name`` into ``folder``: images, ground truth, lights, metadata.json.
+
+    ``folder`` must be absent or empty; it appears when the scene is complete. ``progress(view, done, total)`` is
+    called after each view. Deterministic for a seed on one machine. Raises UsageError for an unknown name, a folder
+    that holds something, or where Mitsuba cannot run.
+    """
+    wanted = recipe(name)
+    require_mitsuba()
+    # Mitsuba is an extra, and with a wrong LLVM it ends the process: it is imported when the probe has passed.
+    from .scene_folder import write_scene
+
+    write_scene(wanted, folder, seed, progress)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from radiogs.errors import UsageError
 
 Colour = tuple[float, float, float]
+Point = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,8 @@ class Material:
 class Box:
     """An axis-aligned box between two corners."""
 
-    low: Colour
-    high: Colour
+    low: Point
+    high: Point
     material: Material
 
 
@@ -32,7 +33,7 @@ class Box:
 class Sphere:
     """A sphere."""
 
-    centre: Colour
+    centre: Point
     radius: float
     material: Material
 
@@ -41,7 +42,7 @@ class Sphere:
 class Rig:
     """Cameras on a patch of a sphere that looks at ``target``; angles in degrees, azimuth from +X to +Y."""
 
-    target: Colour
+    target: Point
     radius: float
     azimuth: tuple[float, float]
     elevation: tuple[float, float]
@@ -97,5 +98,7 @@ RECIPES = {recipe.name: recipe for recipe in _RECIPES}
 def recipe(name: str) -> Recipe:
     """The recipe of that name. Raises UsageError for an unknown one."""
     if name not in RECIPES:
-        raise UsageError(f"no recipe for a scene '{name}'", "", f"Recipes: {', '.join(RECIPES)}.")
+        raise UsageError(
+            f"there is no recipe for a scene '{name}'", "", f"Scenes that can be generated: {', '.join(RECIPES)}."
+        )
     return RECIPES[name]

@@ -1,39 +1,75 @@
-"""Procedural lights: gradients and lobes on a small lat-long map (Z up, centre column towards +X), linear RGB.
+"""Procedural lights on a small lat-long map (Z up, centre column towards +X), linear RGB.
 
-The sun is a lobe of about 11 degrees, two texels wide, so that a map of this size can hold and recover it.
+The sharpest sun is half as bright at 9 degrees from its middle: three texels wide, so that a map of this size can
+hold and recover it.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
 from radiogs.light import texel_directions
 
 HEIGHT, WIDTH = 32, 64
 
-
-def _lobe(azimuth: float, elevation: float, sharpness: float, colour: tuple[float, float, float]) -> NDArray:
-    """colour * exp(sharpness (cos angle - 1)) about a direction given in degrees."""
-    phi, theta = np.radians([azimuth, elevation])
-    axis = np.array([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)])
-    cosine = texel_directions(HEIGHT, WIDTH).numpy() @ axis
-    return np.exp(sharpness * (cosine - 1))[..., None] * np.array(colour)
+Colour = tuple[float, float, float]
 
 
-def _gradient(
-    zenith: tuple[float, float, float], horizon: tuple[float, float, float], ground: tuple[float, float, float]
-) -> NDArray:
-    height = texel_directions(HEIGHT, WIDTH).numpy()[..., 2:]
-    sky = np.array(horizon) + np.sqrt(np.clip(height, 0, 1)) * (np.array(zenith) - np.array(horizon))
-    return np.where(height > 0, sky, np.array(ground))
+@dataclass(frozen=True)
+class Lobe:
+    """``colour * exp(sharpness (cos angle - 1))`` about a direction in degrees, azimuth from +X to +Y."""
+
+    azimuth: float
+    elevation: float
+    sharpness: float
+    colour: Colour
+
+    def radiance(self) -> NDArray[np.float64]:
+        """The lobe on the map."""
+        phi, theta = np.radians([self.azimuth, self.elevation])
+        axis = np.array([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)])
+        cosine = _directions() @ axis
+        return np.exp(self.sharpness * (cosine - 1))[..., None] * np.array(self.colour)
 
 
-def environment(name: str) -> NDArray[np.float32]:
-    """The light of that name, [32, 64, 3]."""
-    lights = {
-        "sky": lambda: _gradient((0.28, 0.4, 0.62), (0.55, 0.58, 0.6), (0.16, 0.15, 0.13))
-        + _lobe(62, 48, 60, (24.0, 22.0, 18.5)),
-        "sunset": lambda: _gradient((0.16, 0.17, 0.3), (0.6, 0.38, 0.26), (0.08, 0.07, 0.07))
-        + _lobe(12, 26, 50, (27.0, 14.5, 6.0)),
-        "overcast": lambda: _gradient((0.5, 0.6, 0.75), (0.4, 0.44, 0.5), (0.14, 0.15, 0.16))
-        + _lobe(95, 55, 4, (0.7, 0.85, 1.05)),
-    }
-    return lights[name]().astype(np.float32)
+@dataclass(frozen=True)
+class Sky:
+    """A gradient from horizon to zenith over ground of one colour, and a sun."""
+
+    zenith: Colour
+    horizon: Colour
+    ground: Colour
+    sun: Lobe
+
+    def radiance(self) -> NDArray[np.float32]:
+        """The light on the map, [32, 64, 3]."""
+        height = _directions()[..., 2:]
+        above = np.array(self.horizon) + np.sqrt(np.clip(height, 0, 1)) * np.subtract(self.zenith, self.horizon)
+        return (np.where(height > 0, above, np.array(self.ground)) + self.sun.radiance()).astype(np.float32)
+
+
+LIGHTS = {
+    "sky": Sky(
+        zenith=(0.28, 0.4, 0.62),
+        horizon=(0.55, 0.58, 0.6),
+        ground=(0.16, 0.15, 0.13),
+        sun=Lobe(azimuth=62.0, elevation=48.0, sharpness=60.0, colour=(24.0, 22.0, 18.5)),
+    ),
+    "sunset": Sky(
+        zenith=(0.16, 0.17, 0.3),
+        horizon=(0.6, 0.38, 0.26),
+        ground=(0.08, 0.07, 0.07),
+        sun=Lobe(azimuth=12.0, elevation=26.0, sharpness=50.0, colour=(27.0, 14.5, 6.0)),
+    ),
+    "overcast": Sky(
+        zenith=(0.5, 0.6, 0.75),
+        horizon=(0.4, 0.44, 0.5),
+        ground=(0.14, 0.15, 0.16),
+        sun=Lobe(azimuth=95.0, elevation=55.0, sharpness=4.0, colour=(0.7, 0.85, 1.05)),
+    ),
+}
+
+
+def _directions() -> NDArray[np.float64]:
+    return texel_directions(HEIGHT, WIDTH).numpy()

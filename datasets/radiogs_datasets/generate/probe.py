@@ -18,14 +18,20 @@ mi.render(mi.load_dict({{"type": "scene", "integrator": {{"type": "path"}}, "sha
 
 def require_mitsuba() -> None:
     """Raise UsageError, saying what to install, unless a 4 x 4 image can be rendered."""
+    reason = mitsuba_failure()
+    if reason is not None:
+        raise UsageError(
+            "Mitsuba 3 cannot render on this machine",
+            f"A trial render failed: {reason}",
+            "Install it with  pip install 'radiogs-bench[generate]'  and an LLVM it works with (Debian, Ubuntu:"
+            "  apt-get install libllvm19);  LLVM 14 to 16 are known to fail. The committed scenes need neither.",
+        )
+
+
+def mitsuba_failure() -> str | None:
+    """The last words of a trial render that failed; None if it worked."""
     run = subprocess.run([sys.executable, "-c", _SCRIPT], capture_output=True, text=True, check=False)
     if run.returncode == 0:
-        return
+        return None
     lines = run.stderr.strip().splitlines()
-    last = lines[-1] if lines else f"the process ended with code {run.returncode}"
-    raise UsageError(
-        "Mitsuba 3 cannot render on this machine",
-        f"A trial render failed: {last}",
-        "Install it with  pip install 'radiogs-bench[generate]'  and an LLVM it works with (Debian, Ubuntu:"
-        "  apt-get install libllvm19);  LLVM 14 to 16 are known to fail. The committed scenes need neither.",
-    )
+    return lines[-1] if lines else f"the process ended with code {run.returncode}"

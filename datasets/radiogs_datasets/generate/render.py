@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from .cameras import Pinhole
 from .catalogue import Box, Recipe, Sphere
 from .disney_bsdf import PLUGIN, register
 from .probe import VARIANT
@@ -19,11 +19,15 @@ DIRECT_DEPTH = 2
 """Mitsuba counts the light as a vertex: depth 2 ends at the light after one surface."""
 
 NO_ROULETTE = 100
+"""A depth that no path reaches: with roulette, paths of two depths would not share their random numbers."""
+
 SUBPIXELS = 8
 """Surface maps average SUBPIXELS x SUBPIXELS exact hits a pixel."""
 
 ENVIRONMENT_AXES = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Turns Mitsuba's Y-up map into the Z-up convention: world x = local z, y = local x, z = local y."""
+
+OPENGL_TO_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -49,71 +53,77 @@ def build(recipe: Recipe, environment: NDArray[np.float32]) -> mi.Scene:
     solids = {f"solid_{place}": _solid(solid) for place, solid in enumerate(recipe.solids)}
     light = {
         "type": "envmap",
-        "bitmap": mi.Bitmap(_vertex_rows(environment)),
+        "bitmap": mi.Bitmap(vertex_rows(environment)),
         "to_world": mi.ScalarTransform4f(ENVIRONMENT_AXES),
     }
     return mi.load_dict({"type": "scene", "light": light, **solids})
 
 
-def radiance(
-    scene: mi.Scene, camera: NDArray[np.float64], field_of_view: float, size: int, samples: int, depth: int, seed: int
-) -> NDArray[np.float32]:
-    """Linear RGB (multiplied by alpha) and alpha, [size, size, 4]; ``camera`` is camera-to-world, OpenGL axes.
+def radiance(scene: mi.Scene, camera: Pinhole, samples: int, depth: int, seed: int) -> NDArray[np.float32]:
+    """Linear RGB (multiplied by alpha) and alpha, [size, size, 4].
 
     The same seed at two depths shares every random number up to the shallower one, so their difference is the
     deeper bounces alone, and never negative.
     """
+    film = {
+        "type": "hdrfilm",
+        "width": camera.size,
+        "height": camera.size,
+        "pixel_format": "rgba",
+        "component_format": "float32",
+        "rfilter": {"type": "box"},
+    }
     sensor = mi.load_dict(
         {
             "type": "perspective",
-            "fov": field_of_view,
+            "fov": camera.field_of_view,
             "fov_axis": "x",
-            "to_world": mi.ScalarTransform4f(camera @ np.diag([-1.0, 1.0, -1.0, 1.0])),
-            "film": {
-                "type": "hdrfilm", "width": size, "height": size, "pixel_format": "rgba",
-                "component_format": "float32", "rfilter": {"type": "box"},
-            },
+            "to_world": mi.ScalarTransform4f((camera.to_world @ OPENGL_TO_MITSUBA).tolist()),
+            "film": film,
             "sampler": {"type": "multijitter", "sample_count": samples},
         }
-    )  # fmt: skip
-    integrator = mi.load_dict(
-        {"type": "path", "max_depth": depth, "rr_depth": NO_ROULETTE, "hide_emitters": True}
     )
-    return np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=samples, seed=seed))
+    integrator = mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": NO_ROULETTE, "hide_emitters": True})
+    return np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=samples, seed=mi.UInt32(seed)))
 
 
-def surface(scene: mi.Scene, recipe: Recipe, camera: NDArray[np.float64], field_of_view: float, size: int) -> Surface:
-    """Exact albedo, world normal, roughness and z-depth, averaged over the covered part of each pixel."""
-    fine = size * SUBPIXELS
-    focal = 0.5 * fine / np.tan(np.radians(field_of_view) / 2)
-    column, row = np.meshgrid(np.arange(fine) + 0.5 - fine / 2, np.arange(fine) + 0.5 - fine / 2)
-    local = np.stack([column / focal, -row / focal, -np.ones_like(row)], -1).reshape(-1, 3)
-    length = np.linalg.norm(local, axis=-1)
-    world = (local / length[:, None]) @ camera[:3, :3].T
-    origin = np.broadcast_to(camera[:3, 3], world.shape)
-    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(*origin.T), mi.Vector3f(*world.T)))
-    met = np.array(hit.is_valid())
-    shapes = dr.reinterpret_array(mi.UInt32, hit.shape)
-    known = {int(np.array(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape)))[0]): shape.id() for shape in scene.shapes()}
-    numbers = np.array([_number(known.get(int(value), "")) for value in np.array(shapes)])
-    albedo = np.array([solid.material.albedo for solid in recipe.solids] + [(0.0, 0.0, 0.0)])[numbers]
-    roughness = np.array([[solid.material.roughness] for solid in recipe.solids] + [[0.0]])[numbers]
-    normal = np.array(hit.n).T
-    depth = (np.array(hit.t) / length)[:, None]
-    coverage = met.astype(np.float64)[:, None]
+def surface(scene: mi.Scene, camera: Pinhole) -> Surface:
+    """Exact albedo, world normal, roughness and z-depth, averaged over the covered part of each pixel.
 
-    def average(values: NDArray) -> NDArray:
-        return np.where(met[:, None], values, 0).reshape(size, SUBPIXELS, size, SUBPIXELS, -1).mean((1, 3))
+    The rays start at the camera itself: Mitsuba's sensor starts them on its near plane, and its distances lack that.
+    """
+    origins, directions = camera.rays(SUBPIXELS)
+    length = np.linalg.norm(directions, axis=-1, keepdims=True)
+    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(*origins.T), mi.Vector3f(*(directions / length).T)))
+    met, material = hit.is_valid(), hit.bsdf()
+    covered = np.array(met)[:, None]
 
-    share = average(coverage)
-    straight = [average(values) / np.where(share > 0, share, 1) for values in (albedo, normal, roughness, depth)]
-    norm = np.linalg.norm(straight[1], axis=-1, keepdims=True)
-    straight[1] = straight[1] / np.where(norm > 0, norm, 1)
-    return Surface(share.astype(np.float32), *(values.astype(np.float32) for values in straight))
+    def average(values: NDArray) -> NDArray[np.float64]:
+        blocks = np.where(covered, values, 0.0).reshape(camera.size, SUBPIXELS, camera.size, SUBPIXELS, -1)
+        return blocks.mean((1, 3), dtype=np.float64)
+
+    coverage = average(np.ones_like(length))
+    share = np.where(coverage > 0, coverage, 1)
+    normal = average(np.array(hit.n).T)
+    norm = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return Surface(
+        coverage=coverage.astype(np.float32),
+        albedo=(average(np.array(material.eval_attribute_3("albedo", hit, met)).T) / share).astype(np.float32),
+        normal=(normal / np.where(norm > 0, norm, 1)).astype(np.float32),
+        roughness=(average(np.array(material.eval_attribute_1("roughness", hit, met))[:, None]) / share).astype(
+            np.float32
+        ),
+        depth=(average(np.array(hit.t)[:, None] / length) / share).astype(np.float32),
+    )
 
 
-def _number(identity: str) -> int:
-    return int(identity.removeprefix("solid_")) if identity.startswith("solid_") else -1
+def vertex_rows(environment: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rows resampled to 2 H + 1: Mitsuba puts its first and last row on the poles; this makes its lookup exact."""
+    height = environment.shape[0]
+    row = np.clip(np.linspace(0, 1, 2 * height + 1) * height - 0.5, 0, height - 1)
+    above = np.minimum(np.floor(row).astype(int), height - 2)
+    share = (row - above)[:, None, None]
+    return ((1 - share) * environment[above] + share * environment[above + 1]).astype(np.float32)
 
 
 def _solid(solid: Box | Sphere) -> dict[str, object]:
@@ -127,12 +137,3 @@ def _solid(solid: Box | Sphere) -> dict[str, object]:
     low, high = np.array(solid.low), np.array(solid.high)
     placed = mi.ScalarTransform4f().translate(list((low + high) / 2)).scale(list((high - low) / 2))
     return {"type": "cube", "to_world": placed, "bsdf": bsdf}
-
-
-def _vertex_rows(environment: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Rows resampled to 2 H + 1: Mitsuba puts its first and last row on the poles; this makes its lookup exact."""
-    height = environment.shape[0]
-    row = np.clip(np.linspace(0, 1, 2 * height + 1) * height - 0.5, 0, height - 1)
-    above = np.minimum(np.floor(row).astype(int), height - 2)
-    share = (row - above)[:, None, None]
-    return ((1 - share) * environment[above] + share * environment[above + 1]).astype(np.float32)

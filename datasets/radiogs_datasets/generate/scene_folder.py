@@ -1,141 +1,133 @@
-"""Writing a generated scene as a folder in the TensoIR layout (see ``tensoir``)."""
+"""Writing a generated scene as a folder in the TensoIR layout (see ``radiogs_datasets.tensoir``)."""
 
-import hashlib
+# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
+from __future__ import annotations
+
 import json
-from collections.abc import Callable
-from importlib.metadata import version
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
+import mitsuba as mi
 import numpy as np
 import torch
 from numpy.typing import NDArray
+
 from radiogs.colour import srgb_encode
+from radiogs.errors import UsageError
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..tensoir import TRAINING_LIGHT
-from .catalogue import Recipe, Rig, recipe
-from .environments import environment
-from .probe import require_mitsuba
+from ..tensoir_lights import TRAINING_LIGHT
+from . import render
+from .cameras import Pinhole, pinhole
+from .catalogue import Recipe
+from .environments import LIGHTS
+from .metadata import describe
 
 SIZE = 64
-TRAIN_VIEWS, TEST_VIEWS = 32, 8
-TRAIN_SAMPLES, TEST_SAMPLES = 1024, 4096
-PLASTIC_RATIO = 1.3247179572447460
 
 
-def generate_scene(
-    name: str, folder: Path, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
-) -> None:
-    """Render the scene ``name`` into ``folder``: images, ground truth, lights, metadata.json.
+@dataclass(frozen=True)
+class Split:
+    """How many views, from which of the rig's cameras on, at how many samples a pixel; test views have every map."""
 
-    ``progress(what, done, total)`` is called after each view. Deterministic for a seed on one machine. Raises
-    UsageError for an unknown name, or where Mitsuba cannot run.
-    """
-    made = recipe(name)
-    require_mitsuba()
-    from . import render
+    name: str
+    first: int
+    views: int
+    samples: int
 
+
+TRAIN = Split("train", first=0, views=32, samples=1024)
+TEST = Split("test", first=32, views=8, samples=4096)
+
+
+def write_scene(recipe: Recipe, folder: Path, seed: int, progress: Callable[[str, int, int], None] | None) -> None:
+    """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(
+            f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
+        )
+    unfinished = folder.with_name(f"{folder.name}.unfinished")
+    shutil.rmtree(unfinished, ignore_errors=True)
+    try:
+        unfinished.mkdir(parents=True)
+    except OSError as error:
+        raise UsageError(
+            f"cannot create {unfinished}", f"The system says: {error.strerror}.", "Choose another folder."
+        ) from error
+    _write_all(recipe, unfinished, seed, progress)
+    unfinished.replace(folder)
+
+
+def _write_all(recipe: Recipe, folder: Path, seed: int, progress: Callable[[str, int, int], None] | None) -> None:
     render.start()
-    (folder / "envmaps").mkdir(parents=True, exist_ok=True)
-    lights = {}
-    for role, light in ((TRAINING_LIGHT, made.training_light), *((light, light) for light in made.relight)):
-        path = folder / "envmaps" / f"{role}.hdr"
-        write_hdr(path, environment(light))
-        # What is rendered is what is stored: RGBE keeps eight bits.
-        lights[role] = render.build(made, read_hdr(path))
-    total = TRAIN_VIEWS + TEST_VIEWS
+    lights = _write_lights(recipe, folder / "envmaps")
+    total = TRAIN.views + TEST.views
     energy = np.zeros(2)
-    for split, first, count in (("train", 0, TRAIN_VIEWS), ("test", TRAIN_VIEWS, TEST_VIEWS)):
+    for split in (TRAIN, TEST):
         frames = []
-        for place in range(count):
-            camera = camera_matrix(made.rig, first + place)
-            view = folder / f"{split}_{place:03}"
-            view.mkdir(exist_ok=True)
-            energy += _write_view(made, lights, camera, view, split == "test", seed + first + place)
-            frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.tolist()})
+        for place in range(split.views):
+            number = split.first + place
+            view = folder / f"{split.name}_{place:03}"
+            view.mkdir()
+            camera = pinhole(recipe.rig, number, SIZE)
+            energy += _write_view(lights, camera, split, seed * total + number, view)
+            frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
             if progress is not None:
-                progress(view.name, first + place + 1, total)
-        table = {"camera_angle_x": float(np.radians(made.rig.field_of_view)), "frames": frames}
-        (folder / f"transforms_{split}.json").write_text(json.dumps(table, indent=1) + "\n")
-    _write_metadata(made, lights[TRAINING_LIGHT], folder, seed, energy)
+                progress(view.name, number + 1, total)
+        table = {"camera_angle_x": float(np.radians(recipe.rig.field_of_view)), "frames": frames}
+        (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
+    scored = pinhole(recipe.rig, TEST.first, SIZE)
+    samples = {split.name: split.samples for split in (TRAIN, TEST)}
+    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, samples, seed, float(energy[0] / energy[1]), folder)
+    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
 
-def camera_matrix(rig: Rig, place: int) -> NDArray[np.float64]:
-    """Camera-to-world in OpenGL axes; the places form an R2 low-discrepancy sequence over the rig's patch."""
-    along, across = (0.5 + (place + 1) * np.array([PLASTIC_RATIO**-1, PLASTIC_RATIO**-2])) % 1
-    azimuth = np.radians(rig.azimuth[0] + along * (rig.azimuth[1] - rig.azimuth[0]))
-    low, high = np.sin(np.radians(rig.elevation))
-    height = low + across * (high - low)
-    flat = np.sqrt(1 - height**2)
-    backward = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), height])
-    right = np.cross([0.0, 0.0, 1.0], backward)
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack([right, np.cross(backward, right), backward], -1)
-    matrix[:3, 3] = np.array(rig.target) + rig.radius * backward
-    return matrix
+def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
+    """The recipe under each of its lights; what is rendered is what is stored, as RGBE keeps only eight bits."""
+    folder.mkdir()
+    lights = {}
+    for role, name in {TRAINING_LIGHT: recipe.training_light, **{name: name for name in recipe.relight}}.items():
+        write_hdr(folder / f"{role}.hdr", LIGHTS[name].radiance())
+        lights[role] = render.build(recipe, read_hdr(folder / f"{role}.hdr"))
+    return lights
 
 
 def _write_view(
-    made: Recipe, lights: dict[str, object], camera: NDArray[np.float64], folder: Path, complete: bool, seed: int
+    lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, seed: int, folder: Path
 ) -> NDArray[np.float64]:
-    """Write one view; returns the sums of its indirect and total radiance."""
-    from . import render
-
-    angle, samples = made.rig.field_of_view, TEST_SAMPLES if complete else TRAIN_SAMPLES
-
-    def shot(light: str, depth: int) -> NDArray[np.float32]:
-        return render.radiance(lights[light], camera, angle, SIZE, samples, depth, seed)
-
-    full, direct = shot(TRAINING_LIGHT, render.GLOBAL_DEPTH), shot(TRAINING_LIGHT, render.DIRECT_DEPTH)
-    seen = render.surface(lights[TRAINING_LIGHT], made, camera, angle, SIZE)
+    """Write one view; returns the sums of its indirect and of its total radiance under the training light."""
+    full, direct = _shoot(lights[TRAINING_LIGHT], camera, split, seed)
+    seen = render.surface(lights[TRAINING_LIGHT], camera)
     # One alpha for every map of the view.
     alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
-    _write_image(folder / "rgba.png", full, alpha)
-    indirect = np.where(alpha > 0, full[..., :3] - direct[..., :3], 0)
-    if complete:
+    indirect = np.where(alpha > 0, full[..., :3] - direct, 0)
+    _write_display(folder / "rgba.png", full, alpha)
+    if split is TEST:
         write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
         write_png(folder / "normal.png", np.concatenate([seen.normal * 0.5 + 0.5, alpha], -1))
         write_png(folder / "roughness.png", seen.roughness)
         write_exr(folder / "depth.exr", seen.depth)
-        write_exr(folder / "direct.exr", np.where(alpha > 0, direct[..., :3], 0))
+        write_exr(folder / "direct.exr", np.where(alpha > 0, direct, 0))
         write_exr(folder / "indirect.exr", indirect)
-        for light in made.relight:
-            relit = shot(light, render.GLOBAL_DEPTH)
-            _write_image(folder / f"rgba_{light}.png", relit, alpha)
-            bounced = relit[..., :3] - shot(light, render.DIRECT_DEPTH)[..., :3]
-            write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, bounced, 0))
+        for light in lights.keys() - {TRAINING_LIGHT}:
+            relit, direct = _shoot(lights[light], camera, split, seed)
+            _write_display(folder / f"rgba_{light}.png", relit, alpha)
+            write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, relit[..., :3] - direct, 0))
     return np.array([indirect.sum(), full[..., :3].sum()], dtype=np.float64)
 
 
-def _write_image(path: Path, image: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
+def _shoot(
+    scene: mi.Scene, camera: Pinhole, split: Split, seed: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Radiance with alpha, and the part of it that met one surface only."""
+    full = render.radiance(scene, camera, split.samples, render.GLOBAL_DEPTH, seed)
+    direct = render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)
+    return full, direct[..., :3]
+
+
+def _write_display(path: Path, image: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
     straight = image[..., :3] / np.where(image[..., 3:] > 0, image[..., 3:], 1)
     display = srgb_encode(torch.from_numpy(np.where(alpha > 0, straight, 0).astype(np.float32))).numpy()
     write_png(path, np.concatenate([display, alpha], -1))
-
-
-def _write_metadata(made: Recipe, scene: object, folder: Path, seed: int, energy: NDArray[np.float64]) -> None:
-    from . import render
-
-    camera = camera_matrix(made.rig, TRAIN_VIEWS)
-    twice = [
-        render.radiance(scene, camera, made.rig.field_of_view, SIZE, TEST_SAMPLES, render.GLOBAL_DEPTH, 1_000_000 + place)
-        for place in (seed, seed + 1)
-    ]
-    first, second = (srgb_encode(torch.from_numpy(image[..., :3])).clamp(0, 1) for image in twice)
-    error = float((first - second).double().square().mean())
-    metadata = {
-        "scene": made.name,
-        "purpose": made.purpose,
-        "seed": seed,
-        "samples": {"train": TRAIN_SAMPLES, "test": TEST_SAMPLES},
-        "sampler": "multijitter",
-        "depth": render.GLOBAL_DEPTH,
-        "noise_floor_db": round(-10 * float(np.log10(error)), 2) if error > 0 else None,
-        "indirect_share": round(float(energy[0] / energy[1]), 4),
-        "lights": {
-            path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").glob("*"))
-        },
-        "versions": {package: version(package) for package in ("mitsuba", "drjit", "numpy")},
-    }
-    (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")

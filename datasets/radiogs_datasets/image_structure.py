@@ -1,0 +1,188 @@
+"""What the bytes of an image file promise, checked before a decoder sees them.
+
+Decoders fill what a cut-off file lacks with black, write to the terminal, or ask for all the memory that a damaged
+header claims. So the layout of PNG, OpenEXR and Radiance files is walked here first; a failure is a DataError.
+"""
+
+import re
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from radiogs.errors import DataError
+
+LARGEST_SIDE = 1 << 16
+LARGEST_IMAGE = 1 << 28
+"""Pixels beyond which a header is taken for damage: the largest light maps in use (16k x 8k) have 2^27."""
+
+DEFLATE_LIMIT = 1032
+"""Bytes that one byte of a deflate stream can stand for, at most (258 for each two bits or more)."""
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+"""Samples a pixel by PNG colour type: grey, RGB, palette index, grey with alpha, RGBA."""
+
+ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
+"""First column, first row, column step and row step of the passes of an interlaced PNG."""
+
+EXR_SIGNATURE = b"\x76\x2f\x31\x01"
+EXR_NOT_PLAIN = 0x200 | 0x800 | 0x1000
+"""Version flags of tiled, deep and multi-part files, whose pixels are not a single run of scan-line blocks."""
+
+EXR_BLOCK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
+"""Scan lines that one block holds, by compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
+
+RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
+RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
+RADIANCE_RUN = 127
+"""Equal values that two bytes of a Radiance scan line can stand for, at most."""
+
+
+@dataclass(frozen=True)
+class PngLayout:
+    """Size in pixels, the compressed stream, and the bytes that it must expand to."""
+
+    height: int
+    width: int
+    stream: bytes
+    expanded: int
+
+
+def damaged(path: Path, reason: str) -> DataError:
+    """The error for a file that cannot be what its name says."""
+    return DataError(
+        f"{path} is damaged: {reason}",
+        "A partly decoded image would be trained on, or scored, as if the rest of it were black.",
+        "Copy, download or generate the file again.",
+    )
+
+
+def image_size(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width of a file whose type its suffix tells; its layout is checked, its pixels are not decoded."""
+    match path.suffix.lower():
+        case ".png":
+            layout = png_layout(path, data)
+            return layout.height, layout.width
+        case ".exr":
+            return exr_size(path, data)
+        case ".hdr":
+            return radiance_size(path, data)
+    raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr and .hdr.")
+
+
+def png_layout(path: Path, data: bytes) -> PngLayout:
+    """Walk the chunks of a PNG: all there, none altered, and enough bytes for the pixels that it claims."""
+    if not data.startswith(PNG_SIGNATURE):
+        raise damaged(path, "it does not begin like a PNG file")
+    chunks = list(_png_chunks(path, data))
+    if not chunks or chunks[0][0] != b"IHDR" or len(chunks[0][1]) != 13:
+        raise damaged(path, "its header is missing")
+    if chunks[-1][0] != b"IEND":
+        raise damaged(path, "its end is missing")
+    width, height, bits, colour, _, _, interlaced = struct.unpack(">IIBBBBB", chunks[0][1])
+    _require_sane_size(path, height, width)
+    if colour not in PNG_SAMPLES:
+        raise damaged(path, f"its colour type {colour} does not exist")
+    passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
+    sizes = [(-(-(height - y) // dy), -(-(width - x) // dx)) for x, y, dx, dy in passes]
+    # Each line begins with a byte that names its filter; a pass without columns has no lines.
+    expanded = sum(rows * (1 + -(-columns * bits * PNG_SAMPLES[colour] // 8)) for rows, columns in sizes if columns > 0)
+    stream = b"".join(body for name, body in chunks if name == b"IDAT")
+    if expanded > DEFLATE_LIMIT * len(stream):
+        raise damaged(path, f"it claims {width} x {height} pixels, more than its {len(stream)} bytes can hold")
+    return PngLayout(height, width, stream, expanded)
+
+
+def check_png_pixels(path: Path, layout: PngLayout) -> None:
+    """Expand the stream: it must end where the last pixel does, with the right checksum."""
+    inflater = zlib.decompressobj()
+    try:
+        expanded = len(inflater.decompress(layout.stream, layout.expanded + 1))
+    except zlib.error as error:
+        raise damaged(path, f"its pixels cannot be expanded ({error})") from error
+    if expanded != layout.expanded or not inflater.eof:
+        raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
+
+
+def exr_size(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width of the data window; in plain scan-line files, every block must lie within the file."""
+    if not data.startswith(EXR_SIGNATURE):
+        raise damaged(path, "it does not begin like an OpenEXR file")
+    try:
+        (flags,) = struct.unpack_from("<I", data, 4)
+        attributes, end = _exr_attributes(data)
+        left, top, right, bottom = struct.unpack("<4i", attributes["dataWindow"])
+        compression = attributes["compression"][0]
+    except (struct.error, ValueError, KeyError, IndexError) as error:
+        raise damaged(path, "its header is cut off or altered") from error
+    height, width = bottom - top + 1, right - left + 1
+    _require_sane_size(path, height, width)
+    if not flags & EXR_NOT_PLAIN and compression in EXR_BLOCK_LINES:
+        _check_exr_blocks(path, data, end, -(-height // EXR_BLOCK_LINES[compression]))
+    return height, width
+
+
+def radiance_size(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width of a Radiance RGBE file with rows from the top and columns from the left."""
+    if not data.startswith(RADIANCE_SIGNATURES):
+        raise damaged(path, "it does not begin like a Radiance file")
+    found = RADIANCE_SIZE.search(data)
+    if found is None:
+        raise damaged(path, "its size is missing, or its rows do not run from the top and the left (-Y h +X w)")
+    height, width = int(found[1]), int(found[2])
+    _require_sane_size(path, height, width)
+    # Four bytes a pixel, or a mark of four bytes a line and two bytes a run for each of its four channels.
+    least = height * min(4 * width, 4 + 8 * -(-width // RADIANCE_RUN))
+    if len(data) - found.end() < least:
+        raise damaged(path, f"it claims {width} x {height} pixels, more than its {len(data)} bytes can hold")
+    return height, width
+
+
+def _require_sane_size(path: Path, height: int, width: int) -> None:
+    if not (0 < height <= LARGEST_SIDE and 0 < width <= LARGEST_SIDE and height * width <= LARGEST_IMAGE):
+        raise damaged(path, f"its header claims {width} x {height} pixels")
+
+
+def _png_chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, bytes]]:
+    place = len(PNG_SIGNATURE)
+    while place < len(data):
+        end = place + 12 + int.from_bytes(data[place : place + 4], "big")
+        name = data[place + 4 : place + 8]
+        body = data[place + 8 : end - 4]
+        if end > len(data) or zlib.crc32(name + body) != int.from_bytes(data[end - 4 : end], "big"):
+            raise damaged(path, f"its {name.decode('latin-1') or 'last'} part is cut off or altered")
+        yield name, body
+        if name == b"IEND":
+            return
+        place = end
+
+
+def _exr_attributes(data: bytes) -> tuple[dict[str, bytes], int]:
+    """Values by name, and the place after the header. Raises ValueError or struct.error where it is cut off."""
+    attributes, place = {}, 8
+    while data[place] != 0:
+        name_end = data.index(b"\0", place)
+        type_end = data.index(b"\0", name_end + 1)
+        (length,) = struct.unpack_from("<i", data, type_end + 1)
+        value = type_end + 5
+        if length < 0:
+            raise ValueError("an attribute of negative length")
+        attributes[data[place:name_end].decode("latin-1")] = data[value : value + length]
+        place = value + length
+    return attributes, place + 1
+
+
+def _check_exr_blocks(path: Path, data: bytes, table: int, count: int) -> None:
+    if table + 8 * count > len(data):
+        raise damaged(path, "its table of scan lines is cut off")
+    offsets = np.frombuffer(data, "<u8", count, table)
+    if int(offsets.min()) < table + 8 * count or int(offsets.max()) + 8 > len(data):
+        raise damaged(path, "its scan lines are cut off")
+    for offset in offsets.tolist():
+        (length,) = struct.unpack_from("<i", data, offset + 4)
+        if length < 0 or offset + 8 + length > len(data):
+            raise damaged(path, "its scan lines are cut off")

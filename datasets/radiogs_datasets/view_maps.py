@@ -1,0 +1,54 @@
+"""Reading the maps of a view as ``radiogs.scene.MapName`` defines them, from files as TensoIR writes them."""
+
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.colour import srgb_decode
+from radiogs.errors import DataError
+
+from .image_files import read_image
+
+
+def read_colour(path: Path) -> Float[Tensor, "height width 3"]:
+    """The first three channels, as stored. Raises DataError if there are fewer."""
+    return _channels(path, 0, 3)
+
+
+def read_value(path: Path) -> Float[Tensor, "height width 1"]:
+    """The first channel, as stored."""
+    return _channels(path, 0, 1)
+
+
+def read_alpha(path: Path) -> Float[Tensor, "height width 1"]:
+    """The fourth channel. Raises DataError if the image has no alpha, or if nothing in it is covered."""
+    alpha = _channels(path, 3, 4)
+    if not bool((alpha > 0).any()):
+        raise DataError(
+            f"{path} is fully transparent", "No pixel of this view shows the object.", "Take the view out of the scene."
+        )
+    return alpha
+
+
+def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
+    """Unit normals in the world from n / 2 + 1 / 2; zero where ``image`` has no coverage (no direction is stored)."""
+    normal = torch.nn.functional.normalize(2 * read_colour(path) - 1, dim=-1)
+    return torch.where(read_alpha(image) > 0, normal, 0.0)
+
+
+def read_displayed(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
+    """Linear radiance times the alpha of ``image``, from straight sRGB."""
+    return srgb_decode(read_colour(path)) * read_alpha(image)
+
+
+def _channels(path: Path, first: int, stop: int) -> Tensor:
+    image = torch.from_numpy(read_image(path))
+    if image.shape[2] < stop:
+        raise DataError(
+            f"{path} has {image.shape[2]} channels, {stop} are needed",
+            "The fourth is the alpha that says which pixels show the object." if stop == 4 else "",
+            "Export the image again, with all its channels.",
+        )
+    return image[..., first:stop].contiguous()

@@ -1,0 +1,156 @@
+"""What Mitsuba renders is what the conventions and formulas say; skipped where Mitsuba cannot render."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from radiogs.errors import UsageError
+from radiogs.light import EnvironmentMap
+from radiogs_datasets import load_scene
+from radiogs_datasets.generate import RECIPES, generate_scene
+from radiogs_datasets.generate.probe import mitsuba_failure
+from radiogs_datasets.image_files import read_hdr, read_png
+from radiogs_datasets.registry import TINY
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _mitsuba() -> None:
+    failure = mitsuba_failure()
+    if failure is not None:
+        pytest.skip(f"Mitsuba cannot render here: {failure}")
+    from radiogs_datasets.generate import render
+
+    render.start()
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Scenes of 3 + 2 views of 12 x 12 pixels."""
+    from radiogs_datasets.generate import scene_folder
+
+    monkeypatch.setattr(scene_folder, "SIZE", 12)
+    monkeypatch.setattr(scene_folder, "TRAIN", scene_folder.Split("train", 0, 3, 16))
+    monkeypatch.setattr(scene_folder, "TEST", scene_folder.Split("test", 3, 2, 64))
+
+
+def directions(count: int) -> np.ndarray:
+    vectors = np.random.default_rng(0).normal(size=(count, 3))
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def test_the_light_that_is_rendered_is_the_light_that_is_looked_up() -> None:
+    import drjit as dr
+    import mitsuba as mi
+
+    from radiogs_datasets.generate import render
+
+    radiance = np.random.default_rng(1).random((16, 32, 3)).astype(np.float32)
+    scene = render.build(RECIPES["convex"], radiance)
+    towards = directions(2000)
+    interaction = dr.zeros(mi.SurfaceInteraction3f, len(towards))
+    interaction.wi = -mi.Vector3f(*towards.T)
+    seen = np.array(scene.environment().eval(interaction)).T
+    expected = EnvironmentMap(torch.from_numpy(radiance).double()).lookup(torch.from_numpy(towards))
+    np.testing.assert_allclose(seen, expected.numpy(), atol=1e-4)
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.5, 0.9])
+@pytest.mark.parametrize("cosine", [0.2, 0.9])
+def test_brdf_samples_average_to_its_quadrature_and_its_density_to_one(roughness: float, cosine: float) -> None:
+    import drjit as dr
+    import mitsuba as mi
+
+    from radiogs_datasets.generate.disney_bsdf import PLUGIN
+
+    albedo = np.array([0.8, 0.5, 0.2])
+    bsdf = mi.load_dict(
+        {
+            "type": PLUGIN,
+            "albedo": {"type": "rgb", "value": albedo.tolist()},
+            "roughness": {"type": "uniform", "value": roughness},
+        }
+    )
+    count = 1 << 20
+    view = np.array([math.sqrt(1 - cosine**2), 0.0, cosine])
+    interaction = dr.zeros(mi.SurfaceInteraction3f, count)
+    interaction.wi = mi.Vector3f(*view.tolist())
+    random = np.random.default_rng(2).random((3, count)).astype(np.float32)
+    sample, weight = bsdf.sample(mi.BSDFContext(), interaction, mi.Float(random[0]), mi.Point2f(*random[1:]), True)
+    sampled = np.array(weight).mean(1)
+    kept = (np.array(sample.pdf) > 0).mean()
+
+    polar = (np.arange(1000) + 0.5) * (math.pi / 2 / 1000)
+    azimuth = (np.arange(1000) + 0.5) * (2 * math.pi / 1000)
+    polar, azimuth = (grid.ravel() for grid in np.meshgrid(polar, azimuth))
+    light = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
+    measure = np.sin(polar) * (math.pi / 2 / 1000) * (2 * math.pi / 1000)
+    half = (light + view) / np.linalg.norm(light + view, axis=-1, keepdims=True)
+    a2, k = roughness**4, (roughness + 1) ** 2 / 8
+    ggx = a2 / (math.pi * (half[:, 2] ** 2 * (a2 - 1) + 1) ** 2)
+    vh = half @ view
+    fresnel = 0.04 + 0.96 * 2 ** ((-5.55473 * vh - 6.98316) * vh)
+    specular = ggx * fresnel / (4 * (cosine * (1 - k) + k) * (light[:, 2] * (1 - k) + k))
+    expected = albedo + (specular * light[:, 2] * measure).sum()
+    np.testing.assert_allclose(sampled, expected, rtol=0.005)
+
+    interaction = dr.zeros(mi.SurfaceInteraction3f, len(light))
+    interaction.wi = mi.Vector3f(*view.tolist())
+    value, density = bsdf.eval_pdf(mi.BSDFContext(), interaction, mi.Vector3f(*light.T), True)
+    assert (np.array(density) * measure).sum() == pytest.approx(kept, abs=0.005)
+    wanted = (albedo[:, None] / math.pi + specular) * light[:, 2]
+    np.testing.assert_allclose(np.array(value), wanted, rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_committed_image_is_what_the_generator_renders(tmp_path: Path) -> None:
+    from radiogs_datasets.generate import render, scene_folder
+    from radiogs_datasets.generate.cameras import pinhole
+
+    recipe = RECIPES["convex"]
+    lights = {"training": render.build(recipe, read_hdr(TINY / "convex/envmaps/training.hdr"))}
+    scene_folder._write_view(lights, pinhole(recipe.rig, 0, 64), scene_folder.TRAIN, 0, tmp_path)
+    difference = np.abs(read_png(tmp_path / "rgba.png") - read_png(TINY / "convex/train_000/rgba.png"))
+    # On the machine that made it, not a bit differs; elsewhere a fused multiply-add may round otherwise.
+    assert difference.max() < 2.5 / 255
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("small")
+def test_generation_is_deterministic_and_loads(tmp_path: Path) -> None:
+    told: list[tuple[str, int, int]] = []
+    generate_scene("corner", tmp_path / "first", 5, lambda *step: told.append(step))
+    generate_scene("corner", tmp_path / "second", 5)
+    assert told[-1] == ("test_001", 5, 5)
+    files = sorted(path.relative_to(tmp_path / "first") for path in (tmp_path / "first").rglob("*") if path.is_file())
+    exact = [path for path in files if path.suffix != ".exr"]
+    assert len(files) > 20
+    for path in exact:
+        assert (tmp_path / "first" / path).read_bytes() == (tmp_path / "second" / path).read_bytes(), path
+    first, second = (load_scene(str(tmp_path / name)) for name in ("first", "second"))
+    for one, other in zip(first.test, second.test, strict=True):
+        for name in one.sources:
+            torch.testing.assert_close(one.read(name), other.read(name), rtol=0, atol=0)
+        assert float(one.read("indirect").min()) >= 0
+        assert float(one.read("indirect").max()) > 0
+    assert first.train[0].camera.width == 12
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("small")
+def test_another_seed_gives_other_noise(tmp_path: Path) -> None:
+    images = []
+    for seed in (0, 1):
+        generate_scene("convex", tmp_path / str(seed), seed)
+        images.append(load_scene(str(tmp_path / str(seed))).train[0].read("image"))
+    assert not torch.equal(*images)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_folder_that_holds_something_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(UsageError, match="exists already"):
+        generate_scene("corner", tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

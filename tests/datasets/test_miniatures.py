@@ -1,0 +1,195 @@
+"""The committed scenes hold what their recipes say, as the loader returns it; judged without Mitsuba."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+
+from radiogs.colour import srgb_decode, srgb_encode
+from radiogs.light import EnvironmentMap
+from radiogs.scene import Scene, View
+from radiogs_datasets import load_scene, scene_names
+from radiogs_datasets.generate import RECIPES
+from radiogs_datasets.generate.environments import LIGHTS
+from radiogs_datasets.registry import TINY
+from reference.shade import environment_radiance
+from reference.solids import cast
+
+HALF_LEVEL = 0.5 / 255
+LINEAR_LEVEL = 2.3 * HALF_LEVEL
+"""Half a level of display colour in linear radiance near one, where the curve is steepest."""
+
+HALF_FLOAT = 2.0**-11
+"""Largest relative rounding error of a half float."""
+
+
+@pytest.fixture(scope="module", params=["corner", "convex"])
+def scene(request: pytest.FixtureRequest) -> Scene:
+    return load_scene(request.param)
+
+
+def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
+    """Solid, z-depth and normal at pixel centres, and where all nine rays of a pixel meet the same face."""
+    recipe = RECIPES[scene.name]
+    camera = view.camera.to(dtype=torch.float64)
+    rays, origin = camera.ray_directions().numpy(), camera.centre.numpy()
+    solid, depth, normal = cast(recipe, origin, rays)
+    right, down = (camera.axes[:, axis].numpy() / camera.fx for axis in (0, 1))
+    whole = solid >= 0
+    for x in (-0.5, 0, 0.5):
+        for y in (-0.5, 0, 0.5):
+            other, _, face = cast(recipe, origin, rays + x * right + y * down)
+            whole &= (other == solid) & ((face * normal).sum(-1) > 0.5)
+    return solid, depth, normal, whole
+
+
+def test_the_miniatures_come_with_the_package_and_are_small() -> None:
+    assert set(scene_names()) == {"corner", "convex"}
+    for name in scene_names():
+        assert sum(path.stat().st_size for path in (TINY / name).rglob("*")) < 3_000_000
+
+
+def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
+    assert (len(scene.train), len(scene.test)) == (32, 8)
+    assert set(scene.lights) == {"sunset", "overcast"}
+    assert scene.training_light is not None
+    wanted = {"image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"}
+    wanted |= {f"relit/{light}{part}" for light in scene.lights for part in ("", "/indirect")}
+    for view in scene.test:
+        assert set(view.sources) == wanted
+        for name in wanted:
+            channels = 1 if name in ("alpha", "roughness", "depth") else 3
+            assert view.read(name).shape == (64, 64, channels)
+            assert view.read(name).dtype == torch.float32
+
+
+def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
+    materials = [solid.material for solid in RECIPES[scene.name].solids]
+    albedo = np.array([material.albedo for material in materials])
+    roughness = np.array([[material.roughness] for material in materials])
+    for view in scene.test:
+        solid, depth, normal, whole = interior(scene, view)
+        assert whole.sum() > 400
+        assert np.abs(view.read("albedo").numpy() - albedo[solid])[whole].max() <= HALF_LEVEL + 1e-6
+        assert np.abs(view.read("roughness").numpy() - roughness[solid])[whole].max() <= HALF_LEVEL + 1e-6
+        cosine = (view.read("normal").numpy() * normal).sum(-1)[whole]
+        # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
+        angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+        assert np.median(angle) < 0.5  # eight bits
+        assert angle.max() < 2
+        error = np.abs(view.read("depth").numpy()[..., 0] / depth - 1)[whole]
+        assert np.median(error) < HALF_FLOAT
+        assert error.max() < 0.01
+
+
+def test_depth_leads_back_to_the_floor() -> None:
+    scene = load_scene("corner")
+    for view in scene.test:
+        solid, _, normal, whole = interior(scene, view)
+        floor = torch.from_numpy(whole & (solid == 0) & (normal[..., 2] == 1))
+        point = view.camera.centre + view.read("depth") * view.camera.ray_directions()
+        assert float((point[floor][:, 2] + 0.7).abs().max()) < 0.01
+        assert float((point[floor][:, 2] + 0.7).mean()) == pytest.approx(0, abs=0.001)
+
+
+def test_normals_are_unit_where_there_is_coverage_and_zero_elsewhere(scene: Scene) -> None:
+    for view in scene.test:
+        length = view.read("normal").norm(dim=-1)
+        covered = view.read("alpha")[..., 0] > 0
+        torch.testing.assert_close(length[covered], torch.ones(int(covered.sum())))
+        assert not length[~covered].any()
+
+
+def test_direct_and_indirect_add_up_to_the_image(scene: Scene) -> None:
+    for view in scene.test:
+        alpha = view.read("alpha")
+        radiance = view.read("direct") + view.read("indirect")
+        full = (alpha == 1)[..., 0]
+        error = (srgb_encode(radiance[full]) - view.read("image")[full]).abs()
+        assert float(error.max()) < HALF_LEVEL + 2 * HALF_FLOAT
+        # Elsewhere the alpha has eight bits too.
+        assert float((srgb_decode(view.read("image")) * alpha - radiance).abs().max()) < LINEAR_LEVEL + HALF_LEVEL
+        assert float(view.read("indirect").min()) >= 0
+        assert not radiance[alpha[..., 0] == 0].any()
+
+
+def test_relit_indirect_is_part_of_the_relit_image(scene: Scene) -> None:
+    for view in scene.test:
+        for light in scene.lights:
+            total = srgb_decode(view.read(f"relit/{light}")) * view.read("alpha")
+            indirect = view.read(f"relit/{light}/indirect")
+            assert float(indirect.min()) >= 0
+            assert float((indirect - total).max()) < LINEAR_LEVEL
+
+
+def test_a_convex_object_sends_itself_no_light() -> None:
+    for view in load_scene("convex").test:
+        for name in ("indirect", "relit/sunset/indirect", "relit/overcast/indirect"):
+            assert not view.read(name).any()
+
+
+def test_corner_has_coloured_indirect_light_and_no_clipped_image() -> None:
+    for view in load_scene("corner").test:
+        indirect, direct = view.read("indirect").sum(), view.read("direct").sum()
+        assert 0.08 < float(indirect / (indirect + direct)) < 0.2
+        assert float(view.read("image").max()) < 1
+
+
+@pytest.mark.parametrize("light", ["training", "sunset", "overcast"])
+def test_convex_images_are_the_quadrature_of_the_brdf_under_the_stored_light(light: str) -> None:
+    """Camera, normals, light's orientation, BRDF and transfer curve at once, in float64, without sampling."""
+    scene = load_scene("convex")
+    environment = scene.training_light if light == "training" else scene.lights[light]
+    assert environment is not None
+    [material] = [solid.material for solid in RECIPES["convex"].solids]
+    view = scene.test[0]
+    camera = view.camera.to(dtype=torch.float64)
+    chosen = np.argwhere(view.read("normal").numpy() @ camera.axes[:, 2].numpy() < -0.4)[::61]
+    rays = camera.ray_directions()[chosen[:, 0], chosen[:, 1]]
+    _, _, normal = cast(RECIPES["convex"], camera.centre.numpy(), rays.numpy())
+    expected = sphere_radiance(
+        torch.from_numpy(normal), -torch.nn.functional.normalize(rays, dim=-1), material, environment
+    )
+    image = view.read("image" if light == "training" else f"relit/{light}")[chosen[:, 0], chosen[:, 1]]
+    assert len(chosen) > 8
+    # A pixel's mean over its area, eight bits, and path tracing's noise.
+    torch.testing.assert_close(image.double(), srgb_encode(expected), atol=0.006, rtol=0)
+
+
+def sphere_radiance(normal: torch.Tensor, view: torch.Tensor, material, environment: EnvironmentMap) -> torch.Tensor:
+    """Outgoing radiance [pixels, 3] of a convex surface, by the midpoint rule over the sphere of directions."""
+    rows, columns = 180, 360
+    polar = (torch.arange(rows, dtype=torch.float64) + 0.5) * (math.pi / rows)
+    azimuth = (torch.arange(columns, dtype=torch.float64) + 0.5) * (2 * math.pi / columns)
+    polar, azimuth = (grid.flatten() for grid in torch.meshgrid(polar, azimuth, indexing="ij"))
+    direction = torch.stack([polar.sin() * azimuth.cos(), polar.sin() * azimuth.sin(), polar.cos()], -1)
+    measure = polar.sin() * (math.pi / rows) * (2 * math.pi / columns)
+    light = environment_radiance(environment.radiance.double(), direction) * measure[:, None]
+    nl, nv = (normal @ direction.T).clamp(min=0), (normal * view).sum(-1)[:, None]
+    half = torch.nn.functional.normalize(view[:, None] + direction, dim=-1)
+    nh, vh = (normal[:, None] * half).sum(-1), (view[:, None] * half).sum(-1)
+    a2, k = material.roughness**4, (material.roughness + 1) ** 2 / 8
+    ggx = a2 / (math.pi * (nh**2 * (a2 - 1) + 1) ** 2)
+    fresnel = 0.04 + 0.96 * 2 ** ((-5.55473 * vh - 6.98316) * vh)
+    specular = ggx * fresnel / (4 * (nv * (1 - k) + k) * (nl * (1 - k) + k))
+    diffuse = torch.tensor(material.albedo, dtype=torch.float64) / math.pi
+    return (nl @ light) * diffuse + (specular * nl) @ light
+
+
+def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
+    assert scene.training_light is not None
+    for name, light in {"sky": scene.training_light, **scene.lights}.items():
+        wanted = torch.from_numpy(LIGHTS[name].radiance())
+        error = (light.radiance - wanted).abs() / wanted.amax(-1, keepdim=True)
+        assert float(error.max()) < 1 / 128  # RGBE: eight bits of the largest channel
+
+
+def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
+    metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
+    assert metadata["scene"] == scene.name
+    assert metadata["samples"] == {"train": 1024, "test": 4096}
+    assert metadata["noise_floor_db"] > 45
+    assert (metadata["indirect_share"] > 0) == (scene.name == "corner")
+    assert set(metadata["lights"]) == {"training", "sunset", "overcast"}

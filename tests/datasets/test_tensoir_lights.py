@@ -1,0 +1,50 @@
+"""Environment maps are found where TensoIR's scenes keep them, and point where their convention says."""
+
+import math
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from radiogs_datasets import load_scene
+from radiogs_datasets.image_files import write_hdr
+from radiogs_datasets.registry import TINY
+from radiogs_datasets.tensoir_lights import find_lights, read_light
+
+
+@pytest.mark.parametrize(("row", "column"), [(0, 0), (5, 3), (8, 16), (11, 27), (15, 31)])
+def test_a_single_bright_texel_lights_its_own_direction(tmp_path: Path, row: int, column: int) -> None:
+    radiance = np.zeros((16, 32, 3))
+    radiance[row, column] = (8.0, 4.0, 2.0)
+    write_hdr(tmp_path / "a.hdr", radiance)
+    azimuth = math.pi - 2 * math.pi * (column + 0.5) / 32
+    elevation = math.pi / 2 - math.pi * (row + 0.5) / 16
+    direction = torch.tensor(
+        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    )
+    light = read_light(tmp_path / "a.hdr")
+    torch.testing.assert_close(light.lookup(direction), torch.tensor([8.0, 4.0, 2.0]), rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(light.lookup(-direction), torch.zeros(3), rtol=0, atol=1e-4)
+
+
+@pytest.mark.parametrize("above", [".", ".."])
+def test_maps_of_the_archive_are_found_beside_the_scenes_or_one_level_up(tmp_path: Path, above: str) -> None:
+    folder = tmp_path / "scenes" / "lego"
+    shutil.copytree(TINY / "corner", folder)
+    shutil.rmtree(folder / "envmaps")
+    for resolution, brightness in (("1k", 1.0), ("2k", 2.0)):
+        archive = tmp_path / "scenes" / above / "Environment_Maps" / f"high_res_envmaps_{resolution}"
+        archive.mkdir(parents=True)
+        for light in ("sunset", "overcast", "museum"):
+            write_hdr(archive / f"{light}.hdr", np.full((16, 32, 3), brightness))
+    scene = load_scene(str(folder))
+    assert set(scene.lights) == {"sunset", "overcast"}  # the lights that test images show
+    assert float(scene.lights["overcast"].radiance.mean()) == 2  # ground truth was rendered under the 2k maps
+    assert scene.training_light is not None
+
+
+def test_a_scene_without_any_map_is_good_for_all_but_relighting(tmp_path: Path) -> None:
+    lights = find_lights(tmp_path, {"sunset"})
+    assert (lights.relight, lights.training) == ({}, None)
