@@ -1,7 +1,8 @@
 """Scoring a trained model: its maps of the test views, and the views under other lights.
 
 Every map is compared as it is composited on black: the ground truth's straight maps are multiplied by its coverage,
-the rendered ones are multiplied by theirs. Linear radiance (``indirect``) is compared as display sRGB, clipped.
+the rendered ones are multiplied by theirs. Linear radiance (``indirect``) is compared as display sRGB, clipped; albedo
+as it is, linear, after alignment and clipped to [0, 1].
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

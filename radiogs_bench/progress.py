@@ -1,6 +1,7 @@
 """What a run shows of itself: bars with time left on a terminal, one line a cell in a log."""
 
 import sys
+from collections.abc import Collection
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
@@ -69,11 +70,11 @@ class TerminalProgress:
         if task not in self.tasks:
             # Begun at the first report: a resumed task's time left must not count steps of another process.
             self.tasks[task] = self.bars.add_task(task, total=total, completed=done, visible=False)
-        bar = self.tasks[task]
-        elapsed = self.bars.tasks[self.bars.task_ids.index(bar)].elapsed or 0.0
-        self.bars.update(bar, completed=done, total=total, visible=elapsed > SHOWN_AFTER_SECONDS)
+        self.bars.update(self.tasks[task], completed=done, total=total)
         if done >= total:
             self.bars.remove_task(self.tasks.pop(task))
+        for bar in self.bars.tasks:
+            bar.visible = (bar.elapsed or 0.0) > SHOWN_AFTER_SECONDS
 
 
 class LogProgress:
@@ -93,6 +94,45 @@ class LogProgress:
 
     def advance(self, task: str, done: int, total: int) -> None:
         """Steps are too many for a log."""
+
+
+class SweepProgress:
+    """Passes everything on, and shows one more task: the steps of every stage that the sweep has still to take.
+
+    Cells are too few and too unlike (four share a stage) to tell from them how much time is left.
+    """
+
+    def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
+        self.progress, self.stages, self.steps = progress, stages, steps
+        self.taken = 0
+        self.stands: dict[str, int] = {}
+
+    def __enter__(self) -> "SweepProgress":
+        self.progress.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.progress.__exit__(kind, error, trace)
+
+    def say(self, line: str) -> None:
+        """Pass on."""
+        self.progress.say(line)
+
+    def advance(self, task: str, done: int, total: int) -> None:
+        """Pass on, and count if it is a step of a stage."""
+        if task in self.stages:
+            before = self.stands.get(task)
+            if before is None:  # what a checkpoint brought was not taken here, and says nothing about the speed
+                self.steps -= done - 1
+                before = done - 1
+            self.taken += done - before
+            self.stands[task] = done
+            if done >= total:
+                del self.stands[task]
+            self.progress.advance("all stages", self.taken, self.steps)
+        self.progress.advance(task, done, total)
 
 
 def progress_for_stderr() -> Progress:

@@ -46,7 +46,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
     model, ledgers = trained(bench, cell, scene)
 
     def advance(done: int, total: int) -> None:
-        bench.progress.advance("evaluate", done, total)
+        bench.progress.advance("evaluation", done, total)
         bench.interruption.check()
 
     work.clear()

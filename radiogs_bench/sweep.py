@@ -130,6 +130,13 @@ def state_of(store: Store, place: Place) -> str:
     return "begun: in stage 1" if store.has_tensors(f"{initialised}.checkpoint") else "to do"
 
 
+def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
+    """Optimisation steps of all stages that are not in the store; a stage that several cells share counts once."""
+    stages = {f"init/{cell.initialisation_key}": cell.budget.initialise_iterations for cell in cells}
+    stages |= {f"trained/{cell.training_key}": cell.budget.inverse_iterations for cell in cells}
+    return sum(steps for name, steps in stages.items() if not store.has_tensors(name))
+
+
 def write_sweep(store: Store, sweep: Sweep) -> None:
     """Keep what was asked for beside the results."""
     with store.patient_claim("sweep"):

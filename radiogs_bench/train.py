@@ -26,6 +26,8 @@ CHECKPOINT_SECONDS = 20.0
 CHECKPOINT_SHARE = 0.02
 """And checkpoints cost at most this share of the time: large states are written less often."""
 
+INITIALISE, INVERT = "stage 1, initialisation", "stage 2, inverse rendering"
+
 SomeStage = TypeVar("SomeStage", bound=Stage)
 
 
@@ -69,20 +71,25 @@ def trained(bench: Bench, cell: Cell, scene: Scene) -> tuple[Model, dict[str, Le
     def initialise() -> Stage:
         return method.initialise(scene, cell.variant, cell.budget, cell.seed, device)
 
-    initialised = completed(bench, f"init/{cell.initialisation_key}", initialise, lambda stage: stage.state())
+    name = f"init/{cell.initialisation_key}"
+    initialised = completed(bench, name, INITIALISE, initialise, lambda stage: stage.state())
 
     def invert() -> ModelStage:
         return method.invert(scene, cell.variant, cell.budget, cell.seed, device, initialised["product"])
 
-    inverted = completed(bench, f"trained/{cell.training_key}", invert, lambda stage: model_tensors(stage.model))
+    name = f"trained/{cell.training_key}"
+    inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model))
     ledgers = {"initialise": initialised["ledger"], "invert": inverted["ledger"]}
     return model_of(inverted["product"]), ledgers
 
 
 def completed(
-    bench: Bench, name: str, begin: Callable[[], SomeStage], product: Callable[[SomeStage], dict[str, Any]]
+    bench: Bench, name: str, title: str, begin: Callable[[], SomeStage], product: Callable[[SomeStage], dict[str, Any]]
 ) -> Outcome:
-    """The outcome stored under ``name``; where there is none yet, the stage is run and its ``product`` stored."""
+    """The outcome stored under ``name``; where there is none yet, the stage is run and its ``product`` stored.
+
+    ``title`` is what progress calls it.
+    """
     stored = _stored_outcome(bench, name)
     if stored is not None:
         return stored
@@ -93,7 +100,7 @@ def completed(
         started = time.perf_counter()
         work.clear()
         stage = begin()
-        ledger = _run(bench, name, stage, started)
+        ledger = _run(bench, name, title, stage, started)
         outcome = Outcome(product=product(stage), ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(_checkpoint(name))
@@ -109,7 +116,7 @@ def _stored_outcome(bench: Bench, name: str) -> Outcome | None:
     return Outcome(product=stored["product"], ledger=stored["ledger"])
 
 
-def _run(bench: Bench, name: str, stage: Stage, started: float) -> Ledger:
+def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> Ledger:
     """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
     ledger = Ledger(seconds=0.0, work={}, losses={}, sessions=[])
     stored = bench.store.tensors(_checkpoint(name), bench.device)
@@ -121,7 +128,6 @@ def _run(bench: Bench, name: str, stage: Stage, started: float) -> Ledger:
         work.clear()
         work.update(ledger["work"])
     earlier = ledger["sessions"]
-    kind = name.partition("/")[0]
     losses = ledger["losses"]
 
     def ledger_now() -> Ledger:
@@ -131,7 +137,7 @@ def _run(bench: Bench, name: str, stage: Stage, started: float) -> Ledger:
     due = time.perf_counter() + bench.checkpoint_seconds
     while stage.iteration < stage.iterations:
         losses = dict(stage.step())
-        bench.progress.advance(kind, stage.iteration, stage.iterations)
+        bench.progress.advance(title, stage.iteration, stage.iterations)
         over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
         if not over and (bench.interruption.requested or time.perf_counter() >= due):
             begun = time.perf_counter()

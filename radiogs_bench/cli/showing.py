@@ -22,7 +22,7 @@ def write_and_show(store: Store) -> None:
         write_atomically(store.folder / "summary.json", strict_json({**summary}))
         written = write_reports(store.folder)
     show(table_of(summary))
-    say(f"Below each figure: its difference to '{summary['reference']}' with the 95 % t interval over (scene, seed).")
+    say(explanation(summary))
     for reason in reasons(summary):
         say(reason)
     say(f"Metric protocol: {summary['protocol']}. Published figures: {summary['published_data']}.")
@@ -32,7 +32,8 @@ def write_and_show(store: Store) -> None:
 
 def table_of(summary: Summary) -> Table:
     """The suite's table, with the published figures below the measured ones."""
-    title = f"{summary['title']}: {', '.join(summary['scenes'])}, {len(summary['seeds'])} seed(s), {summary['preset']}"
+    seeds = ", ".join(map(str, summary["seeds"]))
+    title = f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
     table = Table("", *(heading(column) for column in summary["columns"]), "seconds", title=title, show_lines=True)
     for row in summary["rows"]:
         figures = [
@@ -42,6 +43,15 @@ def table_of(summary: Summary) -> Table:
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
         table.add_row(row["text"], *figures, seconds)
     return table
+
+
+def explanation(summary: Summary) -> str:
+    """What stands below each figure."""
+    pairs = len(summary["scenes"]) * len(summary["seeds"])
+    below = f"Below each figure: its difference to '{summary['reference']}'"
+    if pairs == 1:
+        return f"{below}; one run cannot tell how sure it is (--seeds 2 or more gives an interval)."
+    return f"{below}, paired over {pairs} (scene, seed), with its 95 % t interval."
 
 
 def reasons(summary: Summary) -> list[str]:

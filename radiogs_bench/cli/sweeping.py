@@ -13,6 +13,7 @@ from radiogs.scene import Scene
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs_datasets import load_scene
 
+from ..cell import Cell
 from ..engine import Task, run_cells
 from ..errors import explain, worst_exit_code
 from ..evaluate import evaluate
@@ -20,13 +21,13 @@ from ..interruption import Interruption
 from ..method import Method
 from ..metrics import protocol
 from ..preflight import read_everything
-from ..progress import Progress, progress_for_stderr
+from ..progress import Progress, SweepProgress, progress_for_stderr
 from ..run_cell import run_cell
 from ..schema import Result
 from ..store import Store
 from ..suites import Suite
-from ..sweep import Request, label, state_of, write_sweep
-from ..train import Bench
+from ..sweep import Request, label, state_of, steps_to_take, write_sweep
+from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
 from .reporter import complain, say, show
 
@@ -94,12 +95,10 @@ def bring_to_end(request: Request, store: Store, device: torch.device) -> int:
     """Run what is missing, write the reports, show the table; returns the exit code."""
     cells = request.cells()
     write_sweep(store, request.manifest([place for place, _ in cells]))
-    with progress_for_stderr() as progress, Interruption() as interruption:
-        unfinished = dict.fromkeys(place["scene"] for place, _ in cells if store.result(place["key"]) is None)
-        check_scenes([request.scenes[name] for name in unfinished], progress)
-        if unfinished:
-            progress.say("compiling kernels (once on a machine)")
-            compile_kernels(RADIOGS, request.scenes[next(iter(unfinished))], device)
+    unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
+    bars = SweepProgress(progress_for_stderr(), (INITIALISE, INVERT), steps_to_take(store, unfinished))
+    with bars as progress, Interruption() as interruption:
+        make_ready(request, unfinished, device, progress)
         bench = Bench(store, RADIOGS, device, progress, interruption)
         failures = run_cells(
             [Task(cell, label(place)) for place, cell in cells],
@@ -112,10 +111,14 @@ def bring_to_end(request: Request, store: Store, device: torch.device) -> int:
     return report_failures(failures)
 
 
-def check_scenes(scenes: Sequence[Scene], progress: Progress) -> None:
-    """Read every map of the scenes still to be worked on: a damaged file shows now, not after an hour's training."""
+def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.device, progress: Progress) -> None:
+    """Find damaged files and compile the kernels now, not after an hour's training or within somebody's seconds."""
+    scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     for scene in scenes:
-        read_everything(scene, partial(progress.advance, f"checking {scene.name}"))
+        read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
+    if scenes:
+        progress.say("compiling kernels (kept for the next run)")
+        compile_kernels(RADIOGS, scenes[0], device)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:

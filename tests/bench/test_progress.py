@@ -6,7 +6,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from radiogs_bench.progress import LogProgress, TerminalProgress, progress_for_stderr
+from radiogs_bench.progress import LogProgress, SweepProgress, TerminalProgress, progress_for_stderr
 
 
 def test_a_pipe_gets_lines_and_nothing_that_moves(capsys: pytest.CaptureFixture[str]) -> None:
@@ -50,3 +50,37 @@ def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: Te
     assert screen.bars.tasks[0].completed == 9
     screen.advance("init", 10, 10)
     assert screen.bars.tasks == []
+
+
+class Recorder(LogProgress):
+    """Remembers the last report of each task."""
+
+    def __init__(self) -> None:
+        self.last: dict[str, tuple[int, int]] = {}
+
+    def advance(self, task: str, done: int, total: int) -> None:
+        self.last[task] = (done, total)
+
+
+def test_the_sweep_counts_the_steps_of_all_stages_and_not_those_of_a_checkpoint() -> None:
+    recorder = Recorder()
+    with SweepProgress(recorder, ("one", "two"), steps=40) as progress:
+        for step in range(1, 11):
+            progress.advance("one", step, 10)
+        assert recorder.last["all stages"] == (10, 40)
+        for step in range(15, 21):  # continued from a checkpoint at step 14
+            progress.advance("two", step, 20)
+        progress.advance("evaluation", 3, 8)
+        assert recorder.last["all stages"] == (16, 26)
+        for step in range(1, 11):  # the next cell's
+            progress.advance("one", step, 10)
+    assert recorder.last == {"one": (10, 10), "two": (20, 20), "evaluation": (3, 8), "all stages": (26, 26)}
+
+
+def test_a_bar_that_gets_no_steps_for_a_while_is_shown_all_the_same(screen: TerminalProgress) -> None:
+    clock = 0.0
+    screen.bars.get_time = lambda: clock
+    screen.advance("cells", 0, 10)
+    clock = 5.0
+    screen.advance("invert", 1, 10)
+    assert [bar.visible for bar in screen.bars.tasks] == [True, False]

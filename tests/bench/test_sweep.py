@@ -10,7 +10,7 @@ from radiogs.budget import budget
 from radiogs.errors import DataError
 from radiogs_bench.store import Store
 from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Place, Request, read_sweep, state_of, write_sweep
+from radiogs_bench.sweep import Place, Request, read_sweep, state_of, steps_to_take, write_sweep
 
 
 def request() -> Request:
@@ -64,3 +64,14 @@ def test_states_follow_what_is_stored(tmp_path: Path) -> None:
     sweep.run([cell])
     assert state_of(sweep.store, place) == "finished"
     assert json.loads((tmp_path / "cells" / f"{cell.key}.json").read_text())["scene"] == "fake"
+
+
+def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_path: Path) -> None:
+    store, cells = Store(tmp_path), [cell for _, cell in request().cells()]
+    cost = budget("smoke")
+    whole = 4 * cost.initialise_iterations + 10 * cost.inverse_iterations
+    assert steps_to_take(store, cells) == whole
+    store.put_tensors(f"init/{cells[0].initialisation_key}", {})
+    store.put_tensors(f"trained/{cells[0].training_key}", {})
+    assert steps_to_take(store, cells) == whole - cost.initialise_iterations - cost.inverse_iterations
+    assert steps_to_take(store, []) == 0

@@ -1,0 +1,158 @@
+"""Evaluation compares the right maps in the right form; a stand-in renders known images."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+import torch
+
+from bench.fake_method import CPU, FakeStage, fake_cell
+from radiogs.light import EnvironmentMap
+from radiogs.model import Model
+from radiogs.scene import Scene, View
+from radiogs_bench import evaluate as module
+from radiogs_bench.evaluate import displayed, evaluate, truth
+from radiogs_bench.metrics import PSNR_CAP
+from scenes import look_at
+
+SIZE = 16
+SCALE = torch.tensor([0.5, 2.0, 1.25])
+MODEL = FakeStage(torch.zeros(3), 0.0, 0).model
+
+
+def view_with(place: int, names: Mapping[str, int]) -> View:
+    """A view whose maps are random, covered in its left three quarters, half of that by 60 %."""
+    generator = torch.Generator().manual_seed(place)
+    maps = {name: 0.1 + 0.4 * torch.rand(SIZE, SIZE, channels, generator=generator) for name, channels in names.items()}
+    alpha = torch.zeros(SIZE, SIZE, 1)
+    alpha[:, :12], alpha[:, :6] = 0.6, 1.0
+    maps["alpha"] = alpha
+    for name in ("direct", "indirect"):
+        if name in maps:
+            maps[name] = maps[name] * alpha
+    if "normal" in maps:
+        maps["normal"] = torch.nn.functional.normalize(maps["normal"], dim=-1) * (alpha > 0)
+    camera = look_at(torch.tensor([4.0 + place, 0.0, 0.0]), torch.zeros(3), SIZE, 20.0)
+    return View(f"view_{place}", camera, {name: (lambda image=image: image) for name, image in maps.items()})
+
+
+EVERYTHING = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit/sun": 3, "relit/sky": 3}
+
+
+def scene_of(*views: View) -> Scene:
+    lights = {name: EnvironmentMap(torch.ones(2, 4, 3)) for name in ("sun", "sky")}
+    return Scene("s", "none", views, views, lights, None, "0")
+
+
+class Perfect:
+    """Renders the ground truth, but for what ``wrong`` adds to a map, and albedo divided by SCALE."""
+
+    wrong: ClassVar[Mapping[str, float]]
+    scene: ClassVar[Scene]
+    scales: ClassVar[list[torch.Tensor]]
+
+    def __init__(self, model: Model, *further: Any) -> None:
+        self.light = None
+        if len(further) == 4:  # as Relit: light, albedo scale, budget, seed
+            self.light = next(name for name, light in self.scene.lights.items() if light is further[0])
+            self.scales.append(further[1])
+
+    def render(self, camera: Any) -> dict[str, torch.Tensor]:
+        view = next(view for view in self.scene.test if torch.equal(view.camera.centre, camera.centre))
+        if self.light is not None:
+            name = f"relit/{self.light}"
+            return {"image": truth(view, name) + self.wrong.get(name, 0.0)}
+        maps = {name: torch.zeros(SIZE, SIZE, channels) for name, channels in EVERYTHING.items() if "/" not in name}
+        maps |= {name: truth(view, name) for name in maps if view.has(name)}
+        maps["albedo"] = maps["albedo"] / SCALE
+        return {name: image + self.wrong.get(name, 0.0) for name, image in maps.items()}
+
+
+def values(scene: Scene, monkeypatch: pytest.MonkeyPatch, wrong: Mapping[str, float] | None = None) -> Any:
+    monkeypatch.setattr(Perfect, "scene", scene, raising=False)
+    monkeypatch.setattr(Perfect, "wrong", wrong or {}, raising=False)
+    monkeypatch.setattr(Perfect, "scales", [], raising=False)
+    monkeypatch.setattr(module, "Renderer", Perfect)
+    monkeypatch.setattr(module, "Relit", Perfect)
+    told: list[tuple[int, int]] = []
+    result = evaluate(MODEL, scene, fake_cell(), CPU, lambda done, total: told.append((done, total)))
+    assert told == [(step, told[-1][1]) for step in range(1, told[-1][1] + 1)]
+    return result
+
+
+def test_a_perfect_model_has_perfect_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING), view_with(2, EVERYTHING))
+    found = values(scene, monkeypatch)
+    for task in ("nvs", "albedo", "indirect", "relight"):
+        assert found.metrics[f"{task}/psnr"]["value"] > 0.99 * PSNR_CAP
+    assert found.metrics["normal/mae"]["value"] == pytest.approx(0.0, abs=1e-6)
+    assert found.metrics["roughness/mse"]["value"] == pytest.approx(0.0, abs=1e-12)
+    assert found.albedo_scale == pytest.approx(SCALE.tolist())
+    assert all(torch.allclose(scale, SCALE) for scale in Perfect.scales)
+    assert found.views == ["view_0", "view_1", "view_2"]
+
+
+def test_a_known_error_has_the_psnr_of_its_square(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(view_with(0, EVERYTHING))
+    found = values(scene, monkeypatch, {"image": 0.01, "relit/sun": 0.1, "relit/sky": 0.001, "roughness": 0.02})
+    assert found.metrics["nvs/psnr"]["value"] == pytest.approx(40.0, abs=1e-3)
+    assert found.metrics["roughness/mse"]["value"] == pytest.approx(4e-4, rel=1e-4)
+    # The mean over lights of 20 dB and 60 dB, not the PSNR of their mean error.
+    assert found.metrics["relight/psnr"]["value"] == pytest.approx(40.0, abs=1e-2)
+
+
+def test_indirect_light_is_compared_as_it_is_displayed(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(view_with(0, EVERYTHING))
+    found = values(scene, monkeypatch, {"indirect": 0.05})
+    true = truth(scene.test[0], "indirect").double().numpy()
+
+    def encode(linear: np.ndarray) -> np.ndarray:
+        return np.clip(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055), 0, 1)
+
+    error = np.mean((encode(true + 0.05) - encode(true)) ** 2)
+    assert found.metrics["indirect/psnr"]["value"] == pytest.approx(-10 * math.log10(error), abs=1e-3)
+
+
+def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    some = {"image": 3, "normal": 3}
+    found = values(scene_of(view_with(0, {"image": 3}), view_with(1, some)), monkeypatch)
+    assert {name.split("/")[0] for name in found.metrics} == {"nvs", "normal"}
+    assert found.metrics["normal/mae"]["value"] is None
+    assert found.metrics["normal/mae"]["reason"] == "not every test view has this ground truth"
+    assert found.metrics["normal/mae"]["views"][0] is None
+    assert found.albedo_scale is None
+    assert found.shown_light is None
+
+
+def test_the_arrays_are_what_the_contact_sheet_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
+    found = values(scene, monkeypatch)
+    names = {"image", "albedo", "normal", "roughness", "indirect", "relit"}
+    assert found.arrays.keys() == {f"{side}/{name}" for side in ("render", "truth") for name in names}
+    assert (found.shown_view, found.shown_light) == ("view_1", "sun")
+    for name in names:
+        assert found.arrays[f"render/{name}"] == pytest.approx(found.arrays[f"truth/{name}"], abs=1e-6)
+        assert found.arrays[f"render/{name}"].dtype == np.float32
+
+
+def test_straight_maps_are_multiplied_by_coverage_once() -> None:
+    view = view_with(0, EVERYTHING)
+    alpha = view.read("alpha")
+    for name in ("image", "albedo", "roughness", "relit/sun"):
+        assert torch.equal(truth(view, name), view.read(name) * alpha)
+    for name in ("normal", "indirect"):
+        assert torch.equal(truth(view, name), view.read(name))
+
+
+def test_a_view_without_alpha_is_covered_everywhere() -> None:
+    view = view_with(0, EVERYTHING)
+    opaque = View("v", view.camera, {"image": view.sources["image"]})
+    assert torch.equal(truth(opaque, "image"), view.read("image"))
+
+
+def test_display_is_clipped() -> None:
+    assert torch.equal(displayed(torch.tensor([[[-1.0, 0.0, 9.0]]])), torch.tensor([[[0.0, 0.0, 1.0]]]))

@@ -1,0 +1,62 @@
+"""The summary's figures are the stored ones: means, paired differences, and reasons for what is not there."""
+
+from pathlib import Path
+
+import pytest
+
+from bench.fake_method import SCENE, FakeSweep
+from radiogs.budget import budget
+from radiogs_bench.cli.summarise import summarise
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request
+
+REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+PLACES = [place for place, _ in REQUEST.cells()]
+PUBLISHED = {"ours": {"nvs/psnr": 37.86}}
+
+
+@pytest.fixture
+def sweep(tmp_path: Path) -> FakeSweep:
+    sweep = FakeSweep(tmp_path)
+    cells = [cell for _, cell in REQUEST.cells()]
+    sweep.run(cells[:-1])  # the last row lacks its last seed
+    return sweep
+
+
+def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) -> None:
+    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    stored = {
+        (place["row"], place["seed"]): result["metrics"]["nvs/psnr"]["value"]
+        for place in PLACES
+        if (result := sweep.store.result(place["key"])) is not None
+    }
+    ours = [stored["ours", seed] for seed in range(3)]
+    initialised = [stored["nvs-init", seed] for seed in range(2)]
+    found = summary["cells"]["nvs-init"]["nvs/psnr"]
+    assert found["mean"] == pytest.approx(sum(initialised) / 2)
+    assert found["count"] == 2
+    assert found["difference"] is not None
+    assert found["difference"]["mean"] == pytest.approx(sum(initialised) / 2 - sum(ours[:2]) / 2)
+    assert found["reason"] == "fake seed 2 is not finished"
+    assert summary["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx(sum(ours) / 3)
+    assert summary["cells"]["ours"]["nvs/psnr"]["difference"] is None
+    assert summary["published"] == PUBLISHED
+
+
+def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
+    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    found = summary["cells"]["ours"]["albedo/psnr"]
+    assert found == {"mean": None, "count": 0, "difference": None, "reason": "fake has no ground truth for it"}
+
+
+def test_the_sheet_shows_the_first_seed_of_every_row_that_is_there(sweep: FakeSweep, tmp_path: Path) -> None:
+    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    assert [entry["row"] for entry in summary["sheet"]] == [row.key for row in ABLATIONS.rows]
+    assert all((tmp_path / entry["arrays"]).exists() for entry in summary["sheet"])
+    assert len(summary["keys"]) == 14
+
+
+def test_an_empty_store_gives_a_summary_without_figures(tmp_path: Path) -> None:
+    summary = summarise(FakeSweep(tmp_path).store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    assert summary["sheet"] == []
+    assert all(figure["mean"] is None for row in summary["cells"].values() for figure in row.values())
