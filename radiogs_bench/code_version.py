@@ -5,7 +5,9 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-EVALUATION_MODULES = ("radiogs_bench.evaluate", "radiogs_bench.metrics")
+from .metrics.lpips import missing_weights
+
+EVALUATION_MODULES = ("radiogs_bench.evaluate", "radiogs_bench.figures", "radiogs_bench.metrics")
 
 
 def sources_of(module: str) -> dict[str, Path]:
@@ -36,5 +38,6 @@ def method_code() -> str:
 
 
 def evaluation_code() -> str:
-    """Digest of what scores a trained model."""
-    return code_digest(*EVALUATION_MODULES)
+    """Digest of what scores a trained model, and whether it can score LPIPS: once the weights are there, it is."""
+    digest = code_digest(*EVALUATION_MODULES)
+    return f"{digest} without LPIPS weights" if missing_weights() else digest

@@ -12,6 +12,8 @@ from typing import Any
 
 import torch
 
+from radiogs.kernels.runtime import workers
+
 from .schema import Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
@@ -68,7 +70,7 @@ def machine(device: torch.device) -> dict[str, Any]:
         "cores": os.cpu_count(),
         "memory_bytes": os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"),
         "gpu": torch.cuda.get_device_name(device) if device.type == "cuda" else None,
-        "threads": torch.get_num_threads(),
+        "threads": workers(torch.device("cpu")),
     }
 
 

@@ -62,7 +62,7 @@ def reasons(summary: Summary) -> list[str]:
             reason = summary["cells"][row["key"]][column["key"]]["reason"]
             if reason is not None and column["label"] not in columns.setdefault(reason, []):
                 columns[reason].append(column["label"])
-    return [f"n/a, {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
+    return [f"lacking in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
 
 
 def heading(column: ColumnSummary) -> str:

@@ -1,6 +1,7 @@
 """The steps of a run: what is asked for, what is there already, running the rest, showing the table."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from functools import partial
 
@@ -9,6 +10,7 @@ from rich.table import Table
 
 from radiogs.budget import budget
 from radiogs.errors import ExplainedError, UsageError
+from radiogs.kernels.runtime import use_threads
 from radiogs.scene import Scene
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs_datasets import load_scene
@@ -41,8 +43,7 @@ def plan(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.devi
         raise UsageError(
             "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
         )
-    if options.threads is not None:
-        torch.set_num_threads(options.threads)
+    use_threads(options.threads or len(os.sched_getaffinity(0)))
     protocol(options.protocol)
     preset = budget(options.preset)
     scenes = load_scenes(options.scenes or suite.scenes)

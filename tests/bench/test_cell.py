@@ -9,7 +9,7 @@ from bench.fake_method import fake_cell
 from radiogs.budget import budget
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell, content_key
-from radiogs_bench.code_version import code_digest, sources_of
+from radiogs_bench.code_version import code_digest, evaluation_code, sources_of
 
 OTHER: list[Cell] = [
     fake_cell(checksum="1" * 64),
@@ -90,3 +90,13 @@ def test_the_code_digest_sees_names_and_bytes(tmp_path: Path, monkeypatch: pytes
 
 def test_the_code_digest_covers_kernels_and_subpackages() -> None:
     assert "radiogs/kernels/counters.py" in sources_of("radiogs")
+
+
+def test_results_without_lpips_are_scored_again_once_its_weights_are_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
+    without = evaluation_code()
+    (tmp_path / "alexnet_features.npz").touch()
+    (tmp_path / "alex.pth").touch()
+    assert evaluation_code() != without
