@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from .errors import DataError
 from .light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -35,8 +36,10 @@ def hemisphere_directions(
     """A spherical-Fibonacci set over each hemisphere, and the solid angle (2 pi / S) of each direction.
 
     Sample i lies at height z = 1 - (i + 1/2) / S above the surface: every band of equal solid angle holds one,
-    so the cosine sums to exactly pi for every S (the white furnace is unbiased). ``generator`` turns the set by a
-    random azimuth per surfel; None leaves it fixed.
+    so the cosine sums to exactly pi for every S (the white furnace has no error; with the released code's floor of
+    10 degrees it is 3.1 % or more). ``generator`` turns the set by a random azimuth per surfel; None leaves it
+    fixed. In height it is the midpoint rule, whose error no turn averages out (irradiance of one surface under random
+    4 x 8 maps: at most 1.9 % with 4 samples, 0.5 % with 8, 0.04 % with 32, 0.012 % with 64).
     """
     like: dict[str, Any] = {"dtype": normal.dtype, "device": normal.device}
     place = torch.arange(samples, **like)
@@ -47,7 +50,7 @@ def hemisphere_directions(
         turn = 2 * torch.pi * torch.rand(len(normal), 1, generator=generator, **like)
     azimuth = place * GOLDEN_ANGLE + turn
     local = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height.expand_as(azimuth)], -1)
-    weight = torch.full((len(normal), samples), 2 * torch.pi / samples, **like)
+    weight = torch.full((len(normal), samples), 2 * torch.pi, **like) / samples
     return local @ tangent_frame(normal).mT, weight
 
 
@@ -64,21 +67,32 @@ class LightSampler:
     """Draws directions from an environment map in proportion to the brightest channel of its texels.
 
     Inside a texel the direction is uniform in solid angle, so the density is piecewise constant and exact.
+    Raises DataError for a map with a texel that is not finite.
     """
 
     def __init__(self, light: EnvironmentMap) -> None:
         self.height, self.width = light.radiance.shape[:2]
-        area = texel_solid_angles(self.height, self.width).to(light.radiance)
-        power = light.radiance.max(-1).values.clamp(min=0) * area
-        total = power.sum()
+        broken = int((~torch.isfinite(light.radiance)).any(-1).sum())
+        if broken:
+            raise DataError(
+                f"{broken} texels of the environment map are not finite",
+                "Light is drawn in proportion to radiance, so each of them would take all of it.",
+                "Repair the map's file; saturated texels are written as the format's largest finite value.",
+            )
+        # Float64: the running sum over the millions of texels of a sky would lose the dark ones in float32.
+        area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
+        power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area
         # A black light has nothing to prefer: every direction is as good.
-        share = torch.where(total > 0, power / torch.where(total > 0, total, 1.0), area / (4 * torch.pi))
-        self.probability = share.flatten()
-        self.density = (share / area).flatten()
+        share = power / power.sum() if bool(power.any()) else (area / (4 * torch.pi)).expand_as(power)
+        self.cumulative = share.flatten().cumsum(0)
+        self.density = (share / area).flatten().to(light.radiance.dtype)
 
     def draw(self, count: int, generator: torch.Generator) -> Float[Tensor, "count 3"]:
         """``count`` independent directions."""
-        texel = torch.multinomial(self.probability, count, replacement=True, generator=generator)
+        place = torch.rand(count, generator=generator, dtype=torch.float64, device=self.cumulative.device)
+        # The first texel whose running sum exceeds the draw: never one of probability zero.
+        texel = torch.searchsorted(self.cumulative, place * self.cumulative[-1], right=True)
+        texel = texel.clamp(max=len(self.cumulative) - 1)  # a draw that rounds up to the whole sum
         row, column = texel // self.width, texel % self.width
         like: dict[str, Any] = {"dtype": self.density.dtype, "device": self.density.device}
         along, across = torch.rand(2, count, generator=generator, **like)

@@ -1,7 +1,7 @@
 """Split-sum shading: pre-filtered light times a pre-integrated BRDF (paper, initialisation and relighting).
 
-The light is filtered by matrices with rows that sum to one, so a constant light stays the same constant at every
-roughness, and the filter is linear in the texels: gradients to the light are exact.
+The light is filtered by matrices that keep a constant light constant and the total energy of every other one; they
+are linear in the texels, so gradients to the light are exact.
 """
 
 from functools import cache
@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
-from .brdf import FRESNEL_NORMAL, visibility
+from .brdf import FRESNEL_NORMAL, smith_visibility
 from .light import EnvironmentMap, bilinear_texels, texel_directions, texel_solid_angles
 
 LARGEST_HEIGHT = 32
@@ -22,15 +22,20 @@ LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Roughnesses of the filtered maps; below the first the light itself (its texels are as wide as that lobe)."""
 
 
+BALANCING_ROUNDS = 16
+"""Filtering then keeps the energy of every texel to 3e-5, and at the sharpest level, which converges last, to 1 %."""
+
+
 class PrefilteredLight:
     """A light map, filtered for diffuse and glossy reflection; differentiable in its texels.
 
-    ``radiance``: linear, lat-long (see ``light``), averaged down to at most 32 rows.
+    ``radiance``: linear, lat-long (see ``light``), averaged down by solid angle to at most 32 rows.
     """
 
     def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
         height = min(radiance.shape[0], LARGEST_HEIGHT)
-        small = adaptive_avg_pool2d(radiance.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0)
+        area = texel_solid_angles(*radiance.shape[:2]).to(radiance).expand(radiance.shape[:2])
+        small = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
         matrix = _filters(height).to(radiance)
         filtered = (matrix @ small.reshape(-1, 3)).view(len(LEVELS) + 1, GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
         self._diffuse = EnvironmentMap(filtered[0])
@@ -92,6 +97,10 @@ def brdf_integral(
     return torch.lerp(upper, lower, down).unbind(-1)  # type: ignore[return-value]
 
 
+def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tensor, "rows columns _"]:
+    return adaptive_avg_pool2d(values.permute(2, 0, 1), (height, 2 * height)).permute(1, 2, 0)
+
+
 @cache
 def _brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
     """The integrals on a grid of n.wo by roughness, float32.
@@ -110,7 +119,7 @@ def _brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughnes
     view_half = view_x * half_x + cosine * half_z
     light_z = 2 * view_half * half_z - cosine
     valid = (view_half > 0) & (light_z > 0)
-    lobe = 4 * visibility(*torch.broadcast_tensors(cosine, light_z.clamp(min=0), roughness))
+    lobe = 4 * smith_visibility(*torch.broadcast_tensors(cosine, light_z.clamp(min=0), roughness))
     value = torch.where(valid, lobe * view_half * light_z / half_z, 0.0)
     bright = torch.exp2((-5.55473 * view_half - 6.98316) * view_half)
     return torch.stack([(value * (1 - bright)).mean((2, 3)), (value * bright).mean((2, 3))], -1).float()
@@ -132,5 +141,27 @@ def _filters(height: int) -> Float[Tensor, "rows texels"]:
         alpha_squared = roughness**4
         denominator = half_cosine_squared * (alpha_squared - 1) + 1
         kernels.append(alpha_squared / denominator.square() * cosine.clamp(min=0))
-    weights = torch.cat(kernels) * area
-    return (weights / weights.sum(-1, keepdim=True)).float()
+    return torch.cat([_balanced(kernel, area) for kernel in kernels]).float()
+
+
+def _balanced(kernel: Float[Tensor, "grid texels"], area: Float[Tensor, " texels"]) -> Float[Tensor, "grid texels"]:
+    """Scaled so that rows sum to one (a constant stays) and columns give away a texel's light (energy stays).
+
+    In turns, by Sinkhorn: rows alone would brighten a sun near the pole of the map by 7 %.
+    """
+    covered = _grid_solid_angles()
+    rows, columns = torch.ones_like(covered), area
+    for _ in range(BALANCING_ROUNDS):
+        columns = area / ((covered * rows) @ kernel)
+        rows = 1 / (kernel @ columns)
+    return rows[:, None] * kernel * columns
+
+
+def _grid_solid_angles() -> Float[Tensor, " grid"]:
+    """Solid angle that each texel of the grid stands for under bilinear lookup; they add up to the sphere."""
+    fine = 64 * GRID_HEIGHT
+    direction, width = texel_directions(fine, 4)[:, 0], 2 * GRID_HEIGHT
+    texel, share = bilinear_texels(direction, GRID_HEIGHT, width)
+    ring = texel_solid_angles(fine, 1) * share / width
+    rows = torch.zeros(GRID_HEIGHT, dtype=torch.float64).index_add(0, (texel // width).flatten(), ring.flatten())
+    return rows.repeat_interleave(width)

@@ -74,9 +74,11 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
 
 
 def test_initialisation_learns_the_images() -> None:
-    stage = Initialisation(SCENE, Variant(), dataclasses.replace(BUDGET, initialise_iterations=60), 0, CPU)
-    history = [stage.step()["radiance"] for _ in range(60)]
-    assert sum(history[-4:]) < 0.8 * sum(history[:4])
+    longer = dataclasses.replace(BUDGET, initialise_iterations=120, densify_interval=20)
+    stage = Initialisation(SCENE, Variant(), longer, 0, CPU)
+    history = [stage.step()["radiance"] for _ in range(120)]
+    # Eight steps are every view on both backgrounds.
+    assert sum(history[-8:]) < 0.7 * sum(history[:8])
 
 
 @pytest.mark.parametrize(

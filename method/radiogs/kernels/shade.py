@@ -43,7 +43,7 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(outgoing.dtype)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
-        given, result = _inputs(kernels, inputs), as_array(out, dtype=kernels.vector)
+        given, result = _inputs(kernels, inputs), _flat(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         count(shaded_samples=surfels * views * direction.shape[1])
         ctx.save_for_backward(*inputs)
@@ -56,23 +56,19 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(normal.dtype)
         wants_incident = ctx.needs_input_grad[6] or ctx.needs_input_grad[7]
         wants_environment = ctx.needs_input_grad[8]
-        team = workers(normal.device)
         own = [torch.empty_like(value) for value in (normal, albedo, roughness)]
-        incident = [torch.zeros_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
+        incident = [torch.empty_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
+        # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
+        team = workers(normal.device) if wants_environment else 0
         light = environment.new_zeros(team, *environment.shape)
-        given = _inputs(kernels, inputs)
-        upstream = as_array(grad_out.contiguous(), dtype=kernels.vector)
-        outputs = [
-            as_array(own[0], dtype=kernels.vector), as_array(own[1], dtype=kernels.vector),
-            as_array(own[2]), as_array(incident[0]), as_array(incident[1], dtype=kernels.vector),
-        ]  # fmt: skip
-        lights = [as_array(buffer, dtype=kernels.vector) for buffer in light]
-        flags = [int(wants_incident), int(wants_environment)]
+        lights = [_flat(buffer) for buffer in light] or [_flat(light)] * workers(normal.device)
+        given, pull = _inputs(kernels, inputs), _flat(grad_out.contiguous())
+        outputs = [_flat(value) for value in (*own, *incident)]
         launch_in_parallel(
             kernels.backward,
             len(normal),
             normal.device,
-            lambda worker: [given, upstream, *flags, *outputs, lights[worker]],
+            lambda worker: [given, pull, int(wants_incident), int(wants_environment), *outputs, lights[worker]],
         )
         traced = incident if wants_incident else [None, None]
         return *own, None, None, None, *traced, light.sum(0) if wants_environment else None
@@ -84,6 +80,11 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
         "normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment",
     )  # fmt: skip
     for name, value in zip(names, inputs, strict=True):
-        is_scalar = name in ("roughness", "weight", "visibility")
-        setattr(given, name, as_array(value) if is_scalar else as_array(value, dtype=kernels.vector))
+        setattr(given, name, _flat(value))
+    given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
+    given.height, given.width = inputs[8].shape[:2]
     return given
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

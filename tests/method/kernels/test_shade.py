@@ -3,8 +3,10 @@
 import pytest
 import torch
 
+from radiogs.kernels.counters import work
 from radiogs.kernels.runtime import use_threads
 from radiogs.kernels.shade import shade
+from radiogs.kernels.shade_source import CPU_LANES
 from radiogs.light import EnvironmentMap
 from radiogs.sampling import hemisphere_directions
 from reference.shade import shade as dense_shade
@@ -39,8 +41,12 @@ def gradients(function: object, given: dict[str, torch.Tensor], pull: torch.Tens
     return {name: leaves[name].grad for name in DIFFERENTIABLE}  # type: ignore[misc]
 
 
-def test_float64_equals_the_dense_sum_and_its_gradients() -> None:
-    given = inputs()
+@pytest.mark.parametrize(
+    ("views", "samples"), [(1, 1), (2, CPU_LANES), (3, CPU_LANES + 1), (1, 2 * CPU_LANES - 1), (2, 64)]
+)
+def test_float64_equals_the_dense_sum_and_its_gradients(views: int, samples: int) -> None:
+    """Also where the samples do not fill their last block."""
+    given = inputs(views=views, samples=samples)
     found, expected = shade(*given.values()), dense_shade(*given.values())
     torch.testing.assert_close(found, expected, rtol=1e-11, atol=1e-13)
     pull = torch.randn_like(found)
@@ -92,7 +98,7 @@ def test_white_furnace_has_no_bias_at_any_number_of_samples(samples: int) -> Non
 
 def test_lookup_in_the_kernel_is_the_environment_maps_own() -> None:
     light = EnvironmentMap(torch.rand(8, 16, 3, dtype=torch.float64))
-    toward = torch.cat([unit(100, 3), torch.eye(3, dtype=torch.float64), -torch.eye(3, dtype=torch.float64)])
+    toward = torch.cat([unit(100, 3), torch.eye(3, dtype=torch.float64), 0 - torch.eye(3, dtype=torch.float64)])
     count = len(toward)
     parts = shade(
         toward, torch.full((count, 3), torch.pi, dtype=torch.float64), torch.ones(count, dtype=torch.float64),
@@ -100,6 +106,84 @@ def test_lookup_in_the_kernel_is_the_environment_maps_own() -> None:
         torch.ones(count, 1, dtype=torch.float64), torch.zeros(count, 1, 3, dtype=torch.float64), light.radiance,
     )  # fmt: skip
     torch.testing.assert_close(parts[:, 0, 0], light.lookup(toward))
+
+
+def test_lookup_crosses_the_seam_and_reaches_the_poles_without_a_step() -> None:
+    """Either side of the map's edge, and a step away from each pole, against the map's own lookup in float32."""
+    light = EnvironmentMap(torch.rand(8, 16, 3))
+    angle = torch.tensor([torch.pi - 1e-4, -torch.pi + 1e-4])
+    toward = torch.cat([
+        torch.stack([angle.cos(), angle.sin(), torch.zeros(2)], -1),
+        torch.tensor([[1e-4, 0.0, 1.0], [1e-20, 1e-20, -1.0], [0.0, 0.0, 1.0]]),
+    ])  # fmt: skip
+    parts = shade(
+        toward, torch.full((5, 3), torch.pi), torch.ones(5), toward[:, None], toward[:, None], torch.ones(5, 1),
+        torch.ones(5, 1), torch.zeros(5, 1, 3), light.radiance,
+    )  # fmt: skip
+    torch.testing.assert_close(parts[:, 0, 0], light.lookup(toward), rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(parts[0, 0, 0], parts[1, 0, 0], rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("roughness", [1e-3, 0.02, 0.1, 1.0])
+def test_sharp_lobes_keep_their_digits_in_float32(roughness: float) -> None:
+    """Mirrored pairs within ten widths of the peak, against the dense sum in float64 on the same rounded inputs."""
+    count = 2000
+    normal = unit(count, 3)
+    sideways = torch.nn.functional.normalize(torch.linalg.cross(normal, unit(count, 3)), dim=-1)
+    half = normal + roughness**2 * torch.logspace(-3, 1, count, dtype=torch.float64)[:, None] * sideways
+    half = torch.nn.functional.normalize(half, dim=-1)
+    wo = torch.nn.functional.normalize(half + 0.7 * unit(count, 3), dim=-1)
+    wi = 2 * (wo * half).sum(-1, keepdim=True) * half - wo
+    both = ((wo * normal).sum(-1) > 0.05) & ((wi * normal).sum(-1) > 0.05)
+    normal, wo, wi = (value[both].float() for value in (normal, wo, wi))
+    count = len(normal)
+    given = [
+        normal, torch.ones(count, 3), torch.full((count,), roughness), wo[:, None], wi[:, None], torch.ones(count, 1),
+        torch.ones(count, 1), torch.zeros(count, 1, 3), torch.ones(4, 8, 3),
+    ]  # fmt: skip
+    found, exact = shade(*given)[:, 0, 2].double(), dense_shade(*(value.double() for value in given))[:, 0, 2]
+    assert float(((found - exact) / exact).abs().max()) < 1e-5  # measured 1e-6 (4e-6 at roughness 1)
+
+
+def test_each_view_is_the_same_alone_as_among_others() -> None:
+    """Views share the look-up of the light and the diffuse sums."""
+    given = inputs(views=3)
+    together = shade(*given.values())
+    for view in range(3):
+        alone = shade(*{**given, "outgoing": given["outgoing"][:, view : view + 1]}.values())
+        assert torch.equal(alone[:, 0], together[:, view])
+
+
+def test_exchanging_view_and_light_changes_nothing() -> None:
+    """Reciprocity: f itself, the sum of one sample over weight (n.wi), is the same both ways."""
+    normal, wo, wi = unit(500, 3), unit(500, 3), unit(500, 3)
+    wo, wi = (torch.where((w * normal).sum(-1, keepdim=True) < 0, -w, w) for w in (wo, wi))
+    one = torch.ones(500, 1, dtype=torch.float64)
+
+    def lobe(view: torch.Tensor, light: torch.Tensor) -> torch.Tensor:
+        parts = shade(
+            normal, torch.ones_like(normal), one[:, 0] * 0.3, view[:, None], light[:, None], one, one,
+            one[..., None].expand(-1, -1, 3), torch.ones(4, 8, 3, dtype=torch.float64),
+        )  # fmt: skip
+        return parts[:, 0, 3, 0] / (normal * light).sum(-1)
+
+    torch.testing.assert_close(lobe(wo, wi), lobe(wi, wo), rtol=1e-10, atol=0)
+
+
+def test_opposed_grazing_directions_give_finite_values_and_gradients() -> None:
+    """Where wo = -wi there is no half-vector; on the horizon itself there is no light."""
+    normal = torch.tensor([[0.0, 0.0, 1.0]]).expand(4, 3)
+    outgoing = torch.tensor([[1.0, 0.0, 0.0], [1.0, 0.0, 1e-8], [0.6, 0.0, 0.8], [0.0, 0.0, -1.0]])
+    direction = torch.tensor([[-1.0, 0.0, 0.0], [-1.0, 0.0, 1e-8], [-0.6, 0.0, -0.8], [0.0, 0.0, 1.0]])
+    given = {
+        "normal": normal, "albedo": torch.ones(4, 3), "roughness": torch.full((4,), 0.02),
+        "outgoing": outgoing[:, None], "direction": direction[:, None], "weight": torch.ones(4, 1),
+        "visibility": torch.ones(4, 1), "indirect": torch.ones(4, 1, 3), "environment": torch.ones(4, 8, 3),
+    }  # fmt: skip
+    out = shade(*given.values())
+    assert torch.isfinite(out).all()
+    assert bool((out[[0, 2, 3]] == 0).all())
+    assert all(torch.isfinite(slope).all() for slope in gradients(shade, given, torch.ones_like(out)).values())
 
 
 @pytest.mark.parametrize("team", [1, 2])
@@ -114,3 +198,20 @@ def test_results_repeat_bit_for_bit(team: int) -> None:
 def test_no_surfel_gives_no_radiance() -> None:
     given = {name: value[:0] for name, value in inputs().items() if name != "environment"}
     assert shade(*given.values(), torch.ones(4, 8, 3, dtype=torch.float64)).shape == (0, 2, 4, 3)
+
+
+def test_a_surfel_that_is_not_finite_disturbs_no_other_and_reads_nothing_off_the_map() -> None:
+    given = inputs(surfels=6)
+    whole = shade(*given.values())
+    given["normal"][2] = torch.nan
+    given["normal"][4] = torch.inf
+    others = [0, 1, 3, 5]
+    assert torch.equal(shade(*given.values())[others], whole[others])
+    slopes = gradients(shade, given, torch.ones_like(whole))
+    assert all(torch.isfinite(slopes[name][others]).all() for name in ("normal", "albedo", "roughness"))
+
+
+def test_every_sample_of_every_view_is_counted() -> None:
+    work.clear()
+    shade(*inputs(surfels=5, views=3, samples=7).values())
+    assert work["shaded_samples"] == 5 * 3 * 7

@@ -1,0 +1,36 @@
+"""Every kernel, forward and backward, compiles for CUDA on a machine that has none (NVRTC comes with Warp)."""
+
+from itertools import product
+from pathlib import Path
+
+import pytest
+import torch
+import warp as wp
+
+from radiogs.kernels.rasterize_source import blend_kernels
+from radiogs.kernels.shade_source import shade_kernels
+from radiogs.kernels.trace_source import trace_kernels
+
+
+@pytest.mark.parametrize(
+    ("architecture", "dtype"),
+    [
+        (90, torch.float32),
+        *(
+            pytest.param(architecture, dtype, marks=pytest.mark.slow)
+            for architecture, dtype in product((80, 89, 90), (torch.float32, torch.float64))
+            if (architecture, dtype) != (90, torch.float32)
+        ),
+    ],
+)
+def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
+    shading, tracing, blending = shade_kernels(dtype), trace_kernels(dtype, 7), blend_kernels(dtype, 13)
+    kernels = [
+        shading.forward, shading.backward, tracing.gather, tracing.forward, tracing.backward,
+        blending.forward, blending.backward,
+    ]  # fmt: skip
+    for place, kernel in enumerate(kernels):
+        folder = tmp_path / str(place)
+        folder.mkdir()
+        wp.compile_aot_module(kernel.module, arch=architecture, module_dir=folder, use_ptx=True)
+        assert any(path.suffix == ".ptx" for path in folder.iterdir())
