@@ -3,13 +3,13 @@
 from pathlib import Path
 
 import numpy as np
-from matplotlib import colormaps
+from matplotlib import colormaps, get_data_path
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from .summary import SheetSummary, Summary
 
-SMALLEST_TILE = 160
+SMALLEST_TILE = 192
 GAP = 6
 LABEL = 26
 TITLE = 34
@@ -50,12 +50,12 @@ def _band(summary: Summary, entry: SheetSummary, out: Path) -> Image.Image:
         PAPER,
     )
     draw = ImageDraw.Draw(band)
-    draw.text((MARGIN, MARGIN), _title(summary, entry), fill=INK, font=ImageFont.load_default(18))
+    draw.text((MARGIN, MARGIN), _title(summary, entry), fill=INK, font=_font(18))
     for line, tiles in enumerate((truth, render)):
         top = MARGIN + TITLE + line * (LABEL + height * factor + GAP)
         for place, (label, image) in enumerate(tiles):
             left = MARGIN + place * step
-            draw.text((left, top + 5), label, fill=FAINT, font=ImageFont.load_default(14))
+            draw.text((left, top + 5), label, fill=FAINT, font=_font(14))
             band.paste(_enlarged(image, factor), (left, top + LABEL))
     return band
 
@@ -95,6 +95,11 @@ def _title(summary: Summary, entry: SheetSummary) -> str:
         if mean is not None and column["unit"] in ("dB", "degrees", "°", "deg"):
             figures.append(f"{column['label']} {mean:.{column['decimals']}f} {column['unit']}")
     return f"{row['text']}   {entry['scene']}, {entry['view']}   table means: {', '.join(figures)}"
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """The font that comes with matplotlib: it has the Greek letters of the rows' names, on every machine."""
+    return ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
 
 
 def _as_is(image: NDArray) -> NDArray:
