@@ -50,7 +50,7 @@ def _band(summary: Summary, entry: SheetSummary, out: Path) -> Image.Image:
         PAPER,
     )
     draw = ImageDraw.Draw(band)
-    draw.text((MARGIN, MARGIN), _title(summary, entry), fill=INK, font=_font(18))
+    draw.text((MARGIN, MARGIN), _title(summary, entry), fill=INK, font=_font(15))
     for line, tiles in enumerate((truth, render)):
         top = MARGIN + TITLE + line * (LABEL + height * factor + GAP)
         for place, (label, image) in enumerate(tiles):
@@ -66,7 +66,7 @@ def _tiles(arrays: dict[str, NDArray[np.float64]], light: str) -> tuple[list[Til
     render: list[Tile] = []
     columns = {
         "image": ("image", _as_is),
-        "albedo": ("albedo (linear, as sRGB)", _display),
+        "albedo": ("albedo (as sRGB)", _display),
         "normal": ("normal", _normal),
         "roughness": ("roughness", _as_is),
         "indirect": (f"indirect light x {INDIRECT_GAIN:g}", lambda image: _display(INDIRECT_GAIN * image)),
