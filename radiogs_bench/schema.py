@@ -40,7 +40,7 @@ class Session(TypedDict):
     versions: dict[str, str]
     """Python and every library whose version can change a digit."""
     machine: dict[str, Any]
-    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of torch)."""
+    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
     peak_memory_bytes: dict[str, int]
     """``host``: the process's peak resident set; ``device``: the CUDA allocator's peak (only with a GPU)."""
 

@@ -8,6 +8,7 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
+from radiogs.kernels.runtime import workers
 from radiogs_bench import provenance
 from radiogs_bench.provenance import git_state, peak_memory, session
 
@@ -46,7 +47,7 @@ def test_without_git_there_is_no_state(tmp_path: Path, monkeypatch: pytest.Monke
 def test_a_session_names_versions_machine_and_memory() -> None:
     found = session(CPU)
     assert found["versions"]["torch"].startswith(torch.__version__.split("+")[0])
-    assert found["machine"]["threads"] == torch.get_num_threads()
+    assert found["machine"]["threads"] == workers(CPU)
     assert found["machine"]["gpu"] is None
     assert datetime.datetime.fromisoformat(found["date"]).utcoffset() == datetime.timedelta(0)
 
