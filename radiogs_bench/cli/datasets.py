@@ -2,6 +2,31 @@
 
 import argparse
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import add_verbose
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command and its actions."""
+    parser = commands.add_parser("datasets", help="list, check and generate scenes", allow_abbrev=False)
+    actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
+    listing = actions.add_parser("list", help="scenes that are at hand", allow_abbrev=False)
+    listing.set_defaults(command=list_scenes)
+    checking = actions.add_parser("check", help="read every file of a scene", allow_abbrev=False)
+    checking.set_defaults(command=check)
+    checking.add_argument("scene", metavar="PATH", help="scene name or folder")
+    generating = actions.add_parser("generate", help="path-trace miniature scenes ([generate])", allow_abbrev=False)
+    generating.set_defaults(command=generate)
+    generating.add_argument("names", nargs="+", metavar="NAME")
+    generating.add_argument("--out", type=Path, default=Path("out/scenes"), metavar="DIR", help="(default: out/scenes)")
+    generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
+    for action in (listing, checking, generating):
+        add_verbose(action)
 
 
 def list_scenes(options: argparse.Namespace) -> int:

@@ -2,8 +2,31 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from radiogs.errors import UsageError
+
+from .options import add_verbose, names, positive
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("run", help="run a suite, or continue it", allow_abbrev=False)
+    parser.set_defaults(command=run)
+    parser.add_argument("suite", nargs="?", metavar="SUITE", help="see --list")
+    parser.add_argument("--list", action="store_true", help="list the suites and leave")
+    parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
+    parser.add_argument("--seeds", type=positive, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
+    parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
+    parser.add_argument("--protocol", default="default", help="metric protocol (default: default)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
+    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+    parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
+    add_verbose(parser)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -1,6 +1,27 @@
 """``radiogs-bench status`` and ``report``: what is in a folder, and its tables and figures anew."""
 
 import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import add_verbose
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the commands."""
+    _declare(commands, "status", "what a folder of results holds", status)
+    _declare(commands, "report", "rebuild tables and figures from stored results", report)
+
+
+def _declare(commands: "Commands", name: str, purpose: str, command: Callable[[argparse.Namespace], int]) -> None:
+    parser = commands.add_parser(name, help=purpose, allow_abbrev=False)
+    parser.set_defaults(command=command)
+    parser.add_argument("out", type=Path, metavar="OUT")
+    add_verbose(parser)
 
 
 def status(options: argparse.Namespace) -> int:

@@ -1,0 +1,34 @@
+"""What the commands' options share: the parser that explains itself, and the types of values."""
+
+import argparse
+from typing import TYPE_CHECKING, NoReturn
+
+from radiogs.errors import UsageError
+
+if TYPE_CHECKING:
+    Commands = argparse._SubParsersAction["ExplainingParser"]
+
+
+class ExplainingParser(argparse.ArgumentParser):
+    """Reports wrong usage as every other error of the program is reported."""
+
+    def error(self, message: str) -> NoReturn:
+        """Raise UsageError instead of printing and leaving."""
+        raise UsageError(message, self.format_usage().strip(), f"All options:  {self.prog} --help")
+
+
+def names(text: str) -> list[str]:
+    """A list separated by commas."""
+    return [name for name in text.split(",") if name]
+
+
+def positive(text: str) -> int:
+    """A whole number above zero."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number above zero")
+    return int(text)
+
+
+def add_verbose(parser: argparse.ArgumentParser) -> None:
+    """The option that every command has."""
+    parser.add_argument("--verbose", action="store_true", help="log what happens, and tracebacks of errors")
