@@ -1,19 +1,17 @@
-"""The bounding volumes that rays are traced through: a complete eight-wide tree over surfels in k-d order.
+"""The bounding volumes that rays are traced through: an eight-wide tree over surfels, eight surfels a leaf.
 
-Eight surfels make a leaf, eight children a node; where a node's children are follows from its place, so building
-is sorting, and refitting after the surfels moved is a minimum and a maximum per level.
+On the CPU the tree is built by the surface-area heuristic, on CUDA in k-d order (sorting alone). Refitting after the
+surfels moved is a minimum and a maximum per level; a tree that has loosened too much is built anew.
 """
 
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
 from .geometry import SplatGeometry, can_be_met, support_extent
-
-WIDTH = 8
-"""Children of a node and surfels of a leaf: one AVX register of float32."""
+from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 EMPTY = 1e30
 """Corner of a box that no ray meets: low = EMPTY, high = -EMPTY. Finite, so that 0 * EMPTY stays a number."""
@@ -25,53 +23,42 @@ COORDINATE_PADDING = 1e-6
 LEAF_FIELDS = 14
 """Per surfel of a leaf: centre (3), axis_u (3), axis_v (3), normal (3), opacity, squared support radius."""
 
+LOOSENED = 1.1
+"""Build anew when the expected visits of a ray have grown by this factor: a build takes as long as about three refits
+and a twentieth of the rays that an iteration traces, so that a tenth more traversal already costs more."""
+
 
 @dataclass
 class SurfelBVH:
-    """The tree. Nodes are numbered from the root down, level by level.
+    """The tree: per node its children's low x, y, z and high x, y, z, eight abreast (48 numbers)."""
 
-    boxes: per node, its children's low x, y, z and high x, y, z (48 numbers). first_child: the node number of
-    child 0, or -1 - (leaf number of child 0). order: the surfel at each place of each leaf, or -1.
-    """
-
+    topology: Topology
     boxes: Float[Tensor, "nodes 48"]
-    first_child: Int[Tensor, " nodes"]
-    order: Int[Tensor, " places"]
-    depth: int
+    visits_when_built: float = 0.0
 
     @classmethod
     def build(cls, geometry: SplatGeometry) -> "SurfelBVH":
         """Sort the surfels into leaves and fit the boxes; nothing here carries gradient."""
-        order = _kd_order(geometry.centre.detach())
-        leaves = len(order) // WIDTH
-        levels = [max(1, leaves // WIDTH)]
-        while levels[0] > 1:
-            levels.insert(0, -(-levels[0] // WIDTH))
-        device = geometry.centre.device
-        first_child = []
-        begin = 0
-        for size in levels:
-            begin += size
-            first_child.append(begin + WIDTH * torch.arange(size, device=device))
-        first_child[-1] = -1 - WIDTH * torch.arange(levels[-1], device=device)
-        boxes = geometry.centre.new_empty(sum(levels), 6 * WIDTH)
-        tree = cls(boxes, torch.cat(first_child).int(), order.int(), len(levels))
-        tree.refit(geometry)
+        tree = cls(_topology(geometry), geometry.centre.new_empty(0, 6 * WIDTH))
+        tree._fit(geometry)
+        tree.visits_when_built = tree.expected_visits
         return tree
 
-    @torch.no_grad()
     def refit(self, geometry: SplatGeometry) -> None:
-        """New boxes for surfels that moved; the same surfels in the same leaves."""
-        low, high = _leaf_boxes(geometry, self.order)
-        end = len(self.boxes)
-        while end > 0:
-            size = -(-len(low) // WIDTH)
-            missing = size * WIDTH - len(low)
-            low = torch.cat([low, low.new_full((missing, 3), EMPTY)]).view(size, WIDTH, 3)
-            high = torch.cat([high, high.new_full((missing, 3), -EMPTY)]).view(size, WIDTH, 3)
-            self.boxes[end - size : end] = torch.cat([low.mT, high.mT], 1).reshape(size, 6 * WIDTH)
-            low, high = low.amin(1), high.amax(1)
-            end -= size
+        """Follow the same surfels to where they moved: new boxes, or a new tree once it is LOOSENED."""
+        self._fit(geometry)
+        if self.expected_visits > LOOSENED * self.visits_when_built:
+            self.topology = _topology(geometry)
+            self._fit(geometry)
+            self.visits_when_built = self.expected_visits
+
+    @property
+    def expected_visits(self) -> float:
+        """Nodes and leaves that a random line through the root's box visits: the sum of areas over the root's."""
+        low, high = self.boxes.view(-1, 2, 3, WIDTH).unbind(1)
+        half_area = _half_area((high - low).clamp(min=0).mT)
+        whole = _half_area((high[0].amax(1) - low[0].amin(1)).clamp(min=0))
+        return float(half_area.sum() / whole) if whole > 0 else 0.0
 
     def leaf_records(self, geometry: SplatGeometry, reach: Tensor) -> Float[Tensor, "leaves fields 8"]:
         """The surfels as rays meet them, eight abreast; an empty place is all zero and faces no ray."""
@@ -79,42 +66,47 @@ class SurfelBVH:
         fields = torch.cat([*columns, geometry.opacity[:, None], reach[:, None]], -1).detach()
         fields = torch.where(can_be_met(geometry)[:, None], fields, 0.0)
         fields = torch.cat([fields, fields.new_zeros(1, LEAF_FIELDS)])
-        return fields[self.order.long()].view(-1, WIDTH, LEAF_FIELDS).mT.contiguous()
+        return fields[self.topology.order.long()].mT.contiguous()
+
+    @torch.no_grad()
+    def _fit(self, geometry: SplatGeometry) -> None:
+        child, order = self.topology.child.long(), self.topology.order.long()
+        nodes = len(child)
+        # Boxes of all nodes, then of all leaves, then the empty one that absent children point to.
+        place = torch.where(child >= 0, child, nodes - 1 - child)
+        low, high = (value.new_empty(nodes + len(order) + 1, 3) for value in 2 * [geometry.centre])
+        surfel_low, surfel_high = _surfel_boxes(geometry)
+        low[nodes:], high[nodes:] = EMPTY, -EMPTY
+        low[nodes:-1] = surfel_low[order].amin(1)
+        high[nodes:-1] = surfel_high[order].amax(1)
+        self.boxes = geometry.centre.new_empty(nodes, 6 * WIDTH)
+        ends = self.topology.level_end
+        for begin, end in reversed(list(zip((0, *ends), ends, strict=False))):
+            inner_low, inner_high = low[place[begin:end]], high[place[begin:end]]
+            self.boxes[begin:end] = torch.cat([inner_low.mT, inner_high.mT], 1).flatten(1)
+            low[begin:end], high[begin:end] = inner_low.amin(1), inner_high.amax(1)
 
 
-def _kd_order(centre: Float[Tensor, "surfels 3"]) -> Int[Tensor, " places"]:
-    """Surfel numbers in the order of a balanced k-d tree's leaves, filled up with -1 to 8 * a power of two.
-
-    Every segment is sorted along the longest side of its box and halved, all segments of a level at once.
-    """
-    count = len(centre)
-    halvings = 0
-    while WIDTH << halvings < max(count, 1):
-        halvings += 1
-    places = WIDTH << halvings
-    order = torch.full((places,), -1, dtype=torch.long, device=centre.device)
-    order[:count] = torch.arange(count, device=centre.device)
-    finite = torch.where(torch.isfinite(centre).all(-1, keepdim=True), centre, 0.0)
-    place = torch.cat([finite, finite.new_full((1, 3), torch.inf)])
-    for level in range(halvings):
-        order = order.view(1 << level, -1)
-        points = place[order]
-        filled = torch.isfinite(points)
-        side = torch.where(filled, points, -torch.inf).amax(1) - torch.where(filled, points, torch.inf).amin(1)
-        key = points.gather(2, side.argmax(-1)[:, None, None].expand(-1, points.shape[1], 1))[..., 0]
-        order = order.gather(1, key.argsort(dim=1, stable=True)).flatten()
-    return order
+def _topology(geometry: SplatGeometry) -> Topology:
+    """Surfels that no ray can meet now have a place too: they may return while the tree is refitted."""
+    with torch.no_grad():
+        centre = torch.where(torch.isfinite(geometry.centre).all(-1, keepdim=True), geometry.centre, 0.0)
+        if centre.device.type != "cpu":
+            return kd_topology(centre)
+        extent = torch.where(can_be_met(geometry)[:, None], support_extent(geometry), 0.0)
+        return sah_topology(centre - extent, centre + extent)
 
 
-def _leaf_boxes(
-    geometry: SplatGeometry, order: Int[Tensor, " places"]
-) -> tuple[Float[Tensor, "leaves 3"], Float[Tensor, "leaves 3"]]:
-    extent = support_extent(geometry)
-    centre = geometry.centre
+def _half_area(side: Float[Tensor, "*boxes 3"]) -> Float[Tensor, "*boxes"]:
+    x, y, z = side.double().unbind(-1)
+    return x * y + y * z + z * x
+
+
+def _surfel_boxes(geometry: SplatGeometry) -> tuple[Float[Tensor, "surfels_and_none 3"], ...]:
+    """Corners of every surfel's padded box, and of an empty one after the last."""
+    extent, centre = support_extent(geometry), geometry.centre
     padded = extent + RELATIVE_PADDING * extent.amax(-1, keepdim=True) + COORDINATE_PADDING * centre.abs()
     alive = can_be_met(geometry)[:, None]
     low = torch.where(alive, centre - padded, EMPTY)
     high = torch.where(alive, centre + padded, -EMPTY)
-    low = torch.cat([low, low.new_full((1, 3), EMPTY)])[order.long()]
-    high = torch.cat([high, high.new_full((1, 3), -EMPTY)])[order.long()]
-    return low.view(-1, WIDTH, 3).amin(1), high.view(-1, WIDTH, 3).amax(1)
+    return torch.cat([low, low.new_full((1, 3), EMPTY)]), torch.cat([high, high.new_full((1, 3), -EMPTY)])

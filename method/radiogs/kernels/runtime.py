@@ -44,6 +44,11 @@ def scalar_type(dtype: torch.dtype) -> Any:
     return scalars[dtype]
 
 
+NATIVE = {"cpu_compiler_flags": "-march=native -ffp-contract=fast"}
+"""Module options of kernels whose loops the CPU compiler turns into vector code; never -ffast-math, which would
+rule NaN and infinity out."""
+
+
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors)."""
     return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)

@@ -20,9 +20,7 @@ import torch
 import warp as wp
 
 from ..brdf import FRESNEL_NORMAL
-from .runtime import scalar_type, start_warp
-
-OPTIONS = {"cpu_compiler_flags": "-march=native -ffp-contract=fast"}
+from .runtime import NATIVE, scalar_type, start_warp
 
 CPU_LANES = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
@@ -328,11 +326,11 @@ def shade_kernels(dtype: torch.dtype) -> Any:
         grad_environment: flat,
     ): ...
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=OPTIONS)
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def forward(begin: wp.int32, given: Inputs, out: flat):
         shade_surfel(begin + wp.tid(), given, out)
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=OPTIONS)
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
     def backward(
         begin: wp.int32,
         given: Inputs,

@@ -7,6 +7,7 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs.kernels.hits_source import hit_kernels
 from radiogs.kernels.rasterize_source import blend_kernels
 from radiogs.kernels.shade_source import shade_kernels
 from radiogs.kernels.trace_source import trace_kernels
@@ -24,9 +25,14 @@ from radiogs.kernels.trace_source import trace_kernels
     ],
 )
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
-    shading, tracing, blending = shade_kernels(dtype), trace_kernels(dtype, 7), blend_kernels(dtype, 13)
+    shading, hits, tracing, blending = (
+        shade_kernels(dtype),
+        hit_kernels(dtype),
+        trace_kernels(dtype),
+        blend_kernels(dtype, 13),
+    )
     kernels = [
-        shading.forward, shading.backward, tracing.gather, tracing.forward, tracing.backward,
+        shading.forward, shading.backward, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):

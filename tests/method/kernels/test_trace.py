@@ -1,11 +1,14 @@
 """K2 against a dense float64 implementation, finite differences, ties, and closed shells."""
 
+from collections.abc import Callable
+
 import pytest
 import torch
 
-from radiogs.kernels.bvh import SurfelBVH
+from radiogs.kernels.bvh import LOOSENED, SurfelBVH
 from radiogs.kernels.geometry import SplatGeometry
 from radiogs.kernels.runtime import use_threads
+from radiogs.kernels.topology import DEEPEST, kd_topology
 from radiogs.kernels.trace import Hits, trace
 from reference.trace import trace as dense_trace
 
@@ -112,21 +115,66 @@ def test_exactly_coincident_surfels_are_neither_lost_nor_swapped(copies: int) ->
         torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12)
 
 
-def test_the_tree_finds_what_brute_force_finds_after_building_and_after_refitting() -> None:
-    given = random_inputs(2000, 50, 1)
-    given["axis_u"], given["axis_v"] = 6 * given["axis_u"], 6 * given["axis_v"]
-    geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
-    tree = SurfelBVH.build(geometry)
-    moved = SplatGeometry(geometry.centre + 0.5 * torch.randn(2000, 3, dtype=torch.float64), *given_rest(geometry))
-    tree.refit(moved)
-    given["centre"] = moved.centre
-    hits = trace(tree, moved, given["sh"], given["features"], given["origin"], given["direction"], given["t_min"])
+def small_surfels(count: int) -> dict[str, torch.Tensor]:
+    given = random_inputs(count, 50, 1)
+    return given | {"axis_u": 6 * given["axis_u"], "axis_v": 6 * given["axis_v"]}
+
+
+def splats(given: dict[str, torch.Tensor]) -> SplatGeometry:
+    return SplatGeometry(*(given[name] for name in FIELDS[:5]))
+
+
+def assert_brute_force_agrees(tree: SurfelBVH, given: dict[str, torch.Tensor]) -> None:
+    hits = trace(
+        tree, splats(given), given["sh"], given["features"], given["origin"], given["direction"], given["t_min"]
+    )
     for name, theirs in zip(OUTPUTS, dense(given), strict=True):
         torch.testing.assert_close(getattr(hits, name), theirs, rtol=0, atol=1e-12)
 
 
-def given_rest(geometry: SplatGeometry) -> tuple[torch.Tensor, ...]:
-    return geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity
+def in_kd_order(geometry: SplatGeometry) -> SurfelBVH:
+    tree = SurfelBVH(kd_topology(geometry.centre), geometry.centre.new_empty(0, 48), visits_when_built=torch.inf)
+    tree.refit(geometry)
+    return tree
+
+
+@pytest.mark.parametrize("build", [SurfelBVH.build, in_kd_order])
+def test_trees_find_what_brute_force_finds_also_after_refitting(build: Callable[[SplatGeometry], SurfelBVH]) -> None:
+    given = small_surfels(2000)
+    tree = build(splats(given))
+    for move in (0.0, 0.02, 0.5):
+        given["centre"] = given["centre"] + move * torch.randn(2000, 3, dtype=torch.float64)
+        tree.refit(splats(given))
+        assert_brute_force_agrees(tree, given)
+
+
+def test_a_tree_is_built_anew_once_it_is_loose_and_not_before() -> None:
+    given = small_surfels(2000)
+    tree = SurfelBVH.build(splats(given))
+    first = tree.topology
+    given["centre"] = given["centre"] + 1e-3 * torch.randn(2000, 3, dtype=torch.float64)
+    tree.refit(splats(given))
+    assert tree.topology is first
+    given["centre"] = given["centre"][torch.randperm(2000)]
+    tree.refit(splats(given))
+    assert tree.topology is not first
+    assert tree.expected_visits < LOOSENED * SurfelBVH.build(splats(given)).expected_visits
+
+
+def test_the_heuristic_visits_no_more_than_k_d_order() -> None:
+    geometry = splats(small_surfels(5000) | {"centre": torch.randn(5000, 3, dtype=torch.float64) ** 3})
+    other = in_kd_order(geometry).expected_visits
+    assert SurfelBVH.build(geometry).expected_visits < 0.9 * other
+
+
+def test_surfels_spaced_exponentially_make_no_tree_too_deep_for_the_stack() -> None:
+    given = small_surfels(4000)
+    step = torch.linspace(-120, 120, 4000, dtype=torch.float64)
+    given["centre"] = torch.stack([2**step, 0 * step, 0 * step], -1)
+    tree = SurfelBVH.build(splats(given))
+    assert len(tree.topology.level_end) <= DEEPEST
+    assert sorted(tree.topology.order[tree.topology.order >= 0].tolist()) == list(range(4000))
+    assert_brute_force_agrees(tree, given)
 
 
 def shell(count: int, scale: float, inward: bool) -> SplatGeometry:
