@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .geometry import SplatGeometry, can_be_met, support_extent
+from .geometry import SplatGeometry, can_be_met, support_extent, support_radius
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 EMPTY = 1e30
@@ -30,16 +30,27 @@ and a twentieth of the rays that an iteration traces, so that a tenth more trave
 
 @dataclass
 class SurfelBVH:
-    """The tree: per node its children's low x, y, z and high x, y, z, eight abreast (48 numbers)."""
+    """The tree, and the surfels that it was last fitted to.
+
+    boxes: per node its children's low x, y, z and high x, y, z, eight abreast. leaves: per leaf the LEAF_FIELDS of its
+    surfels, eight abreast; an empty place is all zero and faces no ray.
+    """
 
     topology: Topology
     boxes: Float[Tensor, "nodes 48"]
+    leaves: Float[Tensor, "leaves fields 8"]
     visits_when_built: float = 0.0
 
     @classmethod
     def build(cls, geometry: SplatGeometry) -> "SurfelBVH":
         """Sort the surfels into leaves and fit the boxes; nothing here carries gradient."""
-        tree = cls(_topology(geometry), geometry.centre.new_empty(0, 6 * WIDTH))
+        return cls.over(_topology(geometry), geometry)
+
+    @classmethod
+    def over(cls, topology: Topology, geometry: SplatGeometry) -> "SurfelBVH":
+        """A tree of that topology, fitted."""
+        new = geometry.centre.new_empty
+        tree = cls(topology, new(0, 6 * WIDTH), new(0, LEAF_FIELDS, WIDTH))
         tree._fit(geometry)
         tree.visits_when_built = tree.expected_visits
         return tree
@@ -60,14 +71,6 @@ class SurfelBVH:
         whole = _half_area((high[0].amax(1) - low[0].amin(1)).clamp(min=0))
         return float(half_area.sum() / whole) if whole > 0 else 0.0
 
-    def leaf_records(self, geometry: SplatGeometry, reach: Tensor) -> Float[Tensor, "leaves fields 8"]:
-        """The surfels as rays meet them, eight abreast; an empty place is all zero and faces no ray."""
-        columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal]
-        fields = torch.cat([*columns, geometry.opacity[:, None], reach[:, None]], -1).detach()
-        fields = torch.where(can_be_met(geometry)[:, None], fields, 0.0)
-        fields = torch.cat([fields, fields.new_zeros(1, LEAF_FIELDS)])
-        return fields[self.topology.order.long()].mT.contiguous()
-
     @torch.no_grad()
     def _fit(self, geometry: SplatGeometry) -> None:
         child, order = self.topology.child.long(), self.topology.order.long()
@@ -79,6 +82,7 @@ class SurfelBVH:
         low[nodes:], high[nodes:] = EMPTY, -EMPTY
         low[nodes:-1] = surfel_low[order].amin(1)
         high[nodes:-1] = surfel_high[order].amax(1)
+        self.leaves = _records(geometry)[order].mT.contiguous()
         self.boxes = geometry.centre.new_empty(nodes, 6 * WIDTH)
         ends = self.topology.level_end
         for begin, end in reversed(list(zip((0, *ends), ends, strict=False))):
@@ -110,3 +114,11 @@ def _surfel_boxes(geometry: SplatGeometry) -> tuple[Float[Tensor, "surfels_and_n
     low = torch.where(alive, centre - padded, EMPTY)
     high = torch.where(alive, centre + padded, -EMPTY)
     return torch.cat([low, low.new_full((1, 3), EMPTY)]), torch.cat([high, high.new_full((1, 3), -EMPTY)])
+
+
+def _records(geometry: SplatGeometry) -> Float[Tensor, "surfels_and_none fields"]:
+    reach = support_radius(geometry.opacity).square()
+    columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal]
+    fields = torch.cat([*columns, geometry.opacity[:, None], reach[:, None]], -1)
+    fields = torch.where(can_be_met(geometry)[:, None], fields, 0.0)
+    return torch.cat([fields, fields.new_zeros(1, LEAF_FIELDS)])

