@@ -3,7 +3,12 @@
 from collections import Counter
 
 work: Counter[str] = Counter()
-"""Work done by this process since it was last cleared: rays, node_visits, hits, blended_pairs, shaded_samples."""
+"""Work done by this process since it was last cleared.
+
+rays; node_visits and leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels.
+shaded_samples: surfels times views times directions. bytes_read: of nodes, leaves, surfels and samples, each time that
+one is used (caches may serve most of it).
+"""
 
 
 def count(**amounts: int) -> None:

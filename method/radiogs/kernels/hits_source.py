@@ -40,13 +40,13 @@ _GATHER = """
     SCALAR* hit_alpha = hits_alpha.data + (long long)slot * BUFFER;
     SCALAR left[BUFFER + 1];
     SCALAR limit = huge;
-    int found = 0, visits = 0, top = 0, closed = 0, node = 0;
+    int found = 0, nodes = 0, leaf_count = 0, top = 0, closed = 0, node = 0;
     int stack_node[STACK];
     SCALAR stack_t[STACK];
     left[0] = start_rest;
     for (;;) {
-        ++visits;
         if (node >= 0) {
+            ++nodes;
             const SCALAR* box = boxes.data + (long long)node * 48;
             const int* child = children.data + (long long)node * 8;
             SCALAR enter[8];
@@ -109,6 +109,7 @@ _GATHER = """
                 continue;
             }
         } else {
+            ++leaf_count;
             const int leaf = -1 - node;
             const SCALAR* f = leaves.data + (long long)leaf * 112;
             SCALAR depth[8], square[8];
@@ -167,13 +168,14 @@ _GATHER = """
 done:
     found_out.data[slot] = found;
     rest_out.data[slot] = left[found];
-    visits_out.data[slot] = visits;
+    nodes_out.data[slot] = nodes;
+    leaves_out.data[slot] = leaf_count;
 """
 
 
 @cache
 def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
-    """Kernels ``gather`` and ``pack`` for float32 or float64, and the vector type that ``gather`` takes."""
+    """Kernels ``code``, ``gather`` and ``pack`` for float32 or float64, and the vector type that they take."""
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
@@ -181,6 +183,34 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
     name = f"wp::{scalar.__name__}"
     for word, text in (("SCALAR", name), ("BUFFER", str(BUFFER)), ("STACK", str(STACK)), ("MAX_ALPHA", str(MAX_ALPHA))):
         snippet = snippet.replace(word, text)
+
+    @wp.func
+    def spread(bits: wp.int32):
+        """Two zeros between any two of nine bits."""
+        bits = (bits | (bits << 16)) & 0x030000FF
+        bits = (bits | (bits << 8)) & 0x0300F00F
+        bits = (bits | (bits << 4)) & 0x030C30C3
+        return (bits | (bits << 2)) & 0x09249249
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def code(
+        first: wp.int32,
+        origin: wp.array(dtype=vector),
+        direction: wp.array(dtype=vector),
+        low: vector,
+        cells: scalar,
+        out: wp.array(dtype=wp.int32),
+    ):
+        ray = first + wp.tid()
+        place = (origin[ray] - low) * cells
+        towards = direction[ray]
+        found = wp.int32(0)
+        for axis in range(3):
+            cell = wp.clamp(wp.int32(place[axis]), 0, 511)
+            found += spread(cell) << axis
+            if towards[axis] > scalar(0.0):
+                found += 1 << (27 + axis)
+        out[ray] = found
 
     @wp.func_native(snippet)
     def gather_hits(
@@ -200,7 +230,8 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
         hits_alpha: wp.array(dtype=scalar),
         found_out: wp.array(dtype=wp.int32),
         rest_out: wp.array(dtype=scalar),
-        visits_out: wp.array(dtype=wp.int32),
+        nodes_out: wp.array(dtype=wp.int32),
+        leaves_out: wp.array(dtype=wp.int32),
     ): ...
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
@@ -222,13 +253,14 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
         hits_alpha: wp.array(dtype=scalar),
         found: wp.array(dtype=wp.int32),
         rest: wp.array(dtype=scalar),
-        visits: wp.array(dtype=wp.int32),
+        node_visits: wp.array(dtype=wp.int32),
+        leaf_visits: wp.array(dtype=wp.int32),
     ):
         slot = first + wp.tid()
         ray = rays[slot]
         gather_hits(
             slot, origin[ray], direction[ray], start_t[slot], start_id[slot], start_rest[slot], stop,
-            boxes, children, leaves, order, hits_t, hits_id, hits_alpha, found, rest, visits,
+            boxes, children, leaves, order, hits_t, hits_id, hits_alpha, found, rest, node_visits, leaf_visits,
         )  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
@@ -251,4 +283,4 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
             surfel[target + step] = hits_id[source + step]
             alpha[target + step] = hits_alpha[source + step]
 
-    return SimpleNamespace(gather=gather, pack=pack, vector=vector)
+    return SimpleNamespace(code=code, gather=gather, pack=pack, vector=vector)

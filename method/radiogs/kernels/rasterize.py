@@ -12,7 +12,7 @@ from .counters import count
 from .geometry import SplatGeometry, support_radius
 from .rasterize_binning import TileLists, tile_lists
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels
-from .runtime import as_array, launch_in_parallel, workers
+from .runtime import WorkerSums, as_array, launch_in_parallel
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,8 @@ class _Blend(torch.autograd.Function):
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
         outputs = [as_array(images, dtype=kernels.feature), *map(as_array, (sums, ends, blended))]
         launch_in_parallel(kernels.forward, _threads(camera), like.device, lambda _: [*arguments, *outputs])
-        count(blended_pairs=int(blended.sum()))
+        pairs = int(blended.sum())
+        count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
         ctx.camera, ctx.lists, ctx.depth_unit = camera, lists, depth_unit
         ctx.save_for_backward(images, sums, ends, *splats)
         return images, sums
@@ -86,25 +87,20 @@ class _Blend(torch.autograd.Function):
     def backward(ctx: Any, grad_images: Tensor, grad_sums: Tensor) -> Any:
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1])
-        team = workers(images.device)
-        gradients = [value.new_zeros(team, *value.shape) for value in splats]
+        gradients = WorkerSums(splats, images.device)
         types = [kernels.record, kernels.feature]
         arguments = _arguments(kernels, ctx.camera, ctx.lists, ctx.depth_unit, splats)
         saved = [
             as_array(images, dtype=kernels.feature), as_array(sums), as_array(ends),
             as_array(grad_images.contiguous(), dtype=kernels.feature), as_array(grad_sums.contiguous()),
         ]  # fmt: skip
-        buffers = [
-            [as_array(value[worker], dtype=dtype) for value, dtype in zip(gradients, types, strict=True)]
-            for worker in range(team)
-        ]
-        launch_in_parallel(
-            kernels.backward,
-            _threads(ctx.camera),
-            images.device,
-            lambda worker: [*arguments, *saved, *buffers[worker]],
-        )
-        return None, None, None, *(value.sum(0) for value in gradients)
+
+        def given(worker: int) -> list[Any]:
+            own = zip(gradients.of(worker), types, strict=True)
+            return [*arguments, *saved, *(as_array(value, dtype=dtype) for value, dtype in own)]
+
+        launch_in_parallel(kernels.backward, _threads(ctx.camera), images.device, given)
+        return None, None, None, *gradients.total()
 
 
 def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Any]:

@@ -5,9 +5,9 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 import warp as wp
@@ -54,6 +54,8 @@ def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
 
 
+Result = TypeVar("Result")
+
 CHUNKS_PER_WORKER = 8
 """Enough that a worker with expensive items does not keep the others waiting long."""
 
@@ -87,6 +89,57 @@ def _pool(size: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(size, thread_name_prefix="radiogs-kernel")
 
 
+def in_parallel(tasks: Sequence[Callable[[], Result]], device: torch.device) -> list[Result]:
+    """Run tasks that share nothing side by side on the CPU's workers; results in the order of the tasks.
+
+    A task launches its kernels by ``launch``. On CUDA the tasks run one after another.
+    """
+    team = min(workers(device), len(tasks))
+    if team <= 1:
+        return [task() for task in tasks]
+    return list(_pool(workers(device)).map(lambda task: task(), tasks))
+
+
+def launch(kernel: wp.Kernel, count: int, device: torch.device, arguments: Sequence[Any]) -> None:
+    """Run ``kernel`` for items [0, count) in the calling thread; its first argument is the first item, zero."""
+    if count > 0:
+        wp.launch(kernel, dim=count, inputs=[0, *arguments], device=wp.device_from_torch(device))
+
+
+def compile_for(device: torch.device, *kernels: wp.Kernel) -> None:
+    """Compile or load kernels now, in one thread: two workers that found one missing would build into one folder."""
+    for kernel in kernels:
+        kernel.module.load(wp.device_from_torch(device))
+
+
+class WorkerSums:
+    """Zero-initialised sums, one copy a worker, added up in the workers' order: they repeat for a given team."""
+
+    def __init__(self, like: Sequence[torch.Tensor], device: torch.device) -> None:
+        self.like = like
+        self.copies: list[list[torch.Tensor] | None] = [None] * workers(device)
+
+    def of(self, worker: int) -> list[torch.Tensor]:
+        """The worker's own copies, made by the thread that will fill them."""
+        copies = [torch.zeros_like(value, memory_format=torch.contiguous_format) for value in self.like]
+        self.copies[worker] = copies
+        return copies
+
+    def total(self) -> list[torch.Tensor]:
+        """The sums over all workers."""
+        made = [copies for copies in self.copies if copies is not None]
+        if not made:
+            return [torch.zeros_like(value) for value in self.like]
+        for others in made[1:]:
+            pieces = [
+                partial(whole.add_, part)
+                for sums, parts in zip(made[0], others, strict=True)
+                for whole, part in zip(sums.chunk(len(self.copies)), parts.chunk(len(self.copies)), strict=True)
+            ]
+            in_parallel(pieces, made[0][0].device)
+        return made[0]
+
+
 def launch_in_parallel(
     kernel: wp.Kernel, count: int, device: torch.device, arguments: Callable[[int], Sequence[Any]]
 ) -> None:
@@ -97,8 +150,7 @@ def launch_in_parallel(
     interpreter lock during a launch, so the workers really run side by side.
     """
     where = wp.device_from_torch(device)
-    # Compiled here, once: two workers that found it missing would build into the same folder.
-    kernel.module.load(where)
+    compile_for(device, kernel)
     team = workers(device)
     if count == 0:
         return

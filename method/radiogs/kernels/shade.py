@@ -10,6 +10,9 @@ from .counters import count
 from .runtime import as_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 
+SAMPLE_FIELDS = 8
+"""Numbers that a sample is read from: direction (3), weight, visibility, indirect radiance (3)."""
+
 
 def shade(
     normal: Float[Tensor, "surfels 3"],
@@ -45,7 +48,8 @@ class _Shade(torch.autograd.Function):
         out = outgoing.new_empty(surfels, views, 4, 3)
         given, result = _inputs(kernels, inputs), _flat(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
-        count(shaded_samples=surfels * views * direction.shape[1])
+        samples = surfels * views * direction.shape[1]
+        count(shaded_samples=samples, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
         ctx.save_for_backward(*inputs)
         return out
 

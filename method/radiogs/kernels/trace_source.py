@@ -24,8 +24,9 @@ _RAY = """
 #endif
     constexpr int LANES = 24;
     const int width = 3 * hits.coefficients, channels = hits.channels;
-    const int begin = hits.begin.data[ray], end = hits.begin.data[ray + 1];
-    const SCALAR* d = hits.direction.data + 3LL * ray;
+    const int begin = hits.begin.data[slot], end = hits.begin.data[slot + 1];
+    const long long ray = hits.ray.data[slot];
+    const SCALAR* d = hits.direction.data + 3 * ray;
     const SCALAR x = d[0], y = d[1], z = d[2];
     const SCALAR xx = x * x, yy = y * y, zz = z * z;
     const SCALAR harmonic[16] = {
@@ -80,7 +81,7 @@ _FORWARD = (
     + """
     SCALAR left = SCALAR(1), depth = SCALAR(0);
     SCALAR total[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
-    SCALAR* blended = out_features.data + (long long)channels * ray;
+    SCALAR* blended = out_features.data + channels * ray;
     for (int k = 0; k < channels; ++k) blended[k] = SCALAR(0);
     fetch(begin);
     fetch(begin + 1);
@@ -97,24 +98,24 @@ _FORWARD = (
         depth += weight * hits.depth.data[entry];
         left *= SCALAR(1) - alpha;
     }
-    for (int c = 0; c < 3; ++c) out_colour.data[3LL * ray + c] = total[c];
-    out_scalars.data[2LL * ray] = left;
-    out_scalars.data[2LL * ray + 1] = depth;
+    for (int c = 0; c < 3; ++c) out_colour.data[3 * ray + c] = total[c];
+    out_scalars.data[2 * ray] = left;
+    out_scalars.data[2 * ray + 1] = depth;
 """
 )
 
 _BACKWARD = (
     _RAY
     + """
-    const SCALAR* o = hits.origin.data + 3LL * ray;
-    const SCALAR* pull = pull_colour.data + 3LL * ray;
-    const SCALAR* colour_out = out_colour.data + 3LL * ray;
-    const SCALAR* blended_out = out_features.data + (long long)channels * ray;
-    const SCALAR* blended_pull = pull_features.data + (long long)channels * ray;
-    const SCALAR depth_pull = pull_scalars.data[2LL * ray + 1];
+    const SCALAR* o = hits.origin.data + 3 * ray;
+    const SCALAR* pull = pull_colour.data + 3 * ray;
+    const SCALAR* colour_out = out_colour.data + 3 * ray;
+    const SCALAR* blended_out = out_features.data + channels * ray;
+    const SCALAR* blended_pull = pull_features.data + channels * ray;
+    const SCALAR depth_pull = pull_scalars.data[2 * ray + 1];
     // T is the product of all (1 - alpha): dL/dalpha_i gains -T dL/dT / (1 - alpha_i).
-    const SCALAR rest_pull = pull_scalars.data[2LL * ray] * out_scalars.data[2LL * ray];
-    SCALAR behind = depth_pull * out_scalars.data[2LL * ray + 1];
+    const SCALAR rest_pull = pull_scalars.data[2 * ray] * out_scalars.data[2 * ray];
+    SCALAR behind = depth_pull * out_scalars.data[2 * ray + 1];
     for (int c = 0; c < 3; ++c) behind += pull[c] * colour_out[c];
     for (int k = 0; k < channels; ++k) behind += blended_pull[k] * blended_out[k];
     SCALAR left = SCALAR(1);
@@ -179,7 +180,7 @@ _BACKWARD = (
         ADD(to_surface + 12, pull_bell * bell);
         left *= SCALAR(1) - alpha;
     }
-    for (int c = 0; c < 3; ++c) grad_origin.data[3LL * ray + c] = origin_pull[c];
+    for (int c = 0; c < 3; ++c) grad_origin.data[3 * ray + c] = origin_pull[c];
 """
 )
 
@@ -199,6 +200,7 @@ def trace_kernels(dtype: torch.dtype) -> SimpleNamespace:
 
     @wp.struct
     class Hits:
+        ray: wp.array(dtype=wp.int32)
         origin: wp.array(dtype=scalar)
         direction: wp.array(dtype=scalar)
         begin: wp.array(dtype=wp.int32)
@@ -213,7 +215,7 @@ def trace_kernels(dtype: torch.dtype) -> SimpleNamespace:
 
     @wp.func_native(forward_text)
     def blend(
-        ray: wp.int32,
+        slot: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
@@ -222,7 +224,7 @@ def trace_kernels(dtype: torch.dtype) -> SimpleNamespace:
 
     @wp.func_native(backward_text)
     def pull_back(
-        ray: wp.int32,
+        slot: wp.int32,
         hits: Hits,
         out_colour: wp.array(dtype=scalar),
         out_scalars: wp.array(dtype=scalar),
