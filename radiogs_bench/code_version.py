@@ -5,7 +5,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from .metrics.lpips import missing_weights
+from .metrics.weights import FILES, missing_weights
 
 EVALUATION_MODULES = ("radiogs_bench.evaluate", "radiogs_bench.figures", "radiogs_bench.metrics")
 
@@ -38,6 +38,7 @@ def method_code() -> str:
 
 
 def evaluation_code() -> str:
-    """Digest of what scores a trained model, and whether it can score LPIPS: once the weights are there, it is."""
+    """Digest of what scores a trained model, and which LPIPS it cannot score: once the weights are there, it can."""
     digest = code_digest(*EVALUATION_MODULES)
-    return f"{digest} without LPIPS weights" if missing_weights() else digest
+    missing = [net for net in FILES if missing_weights(net)]
+    return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest

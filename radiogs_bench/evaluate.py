@@ -1,8 +1,8 @@
-"""Scoring a trained model: its maps of the test views, and the views under other lights.
+"""Scoring a trained model: its maps of the test views, the views under other lights, and the light it found.
 
-Every map is compared as it is composited on black: the ground truth's straight maps are multiplied by its coverage,
-the rendered ones are multiplied by theirs. Linear radiance (``indirect``) is compared as display sRGB, clipped; albedo
-as it is, linear, after alignment and clipped to [0, 1].
+Every map goes to the protocol as it appears on black, with both coverages: the ground truth's straight maps are
+multiplied by its coverage, the rendered ones are multiplied by theirs. Linear radiance (``indirect``) goes as display
+sRGB, clipped; albedo as it is, linear.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -12,15 +12,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs.camera import Camera
 from radiogs.colour import srgb_encode
+from radiogs.light import EnvironmentMap, texel_directions
 from radiogs.model import Model
 from radiogs.relighting import Relit
-from radiogs.rendering import Renderer
+from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene, View
 
 from .cell import Cell
 from .figures import Figures
-from .metrics import protocol
+from .metrics import Protocol, protocol
 from .run_cell import Evaluation
 
 Image = Float[Tensor, "height width channels"]
@@ -52,22 +54,28 @@ def evaluate(
     arrays = {f"truth/{name}": truth(shown, name) for name in SHOWN if shown.has(name)}
 
     renderer = Renderer(model, cell.budget.incident_samples)
-    albedo: dict[str, Image] = {}
+    kept_maps = ("albedo", "alpha") if rules.depth is None else ("albedo", "alpha", "depth")
+    kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
-        maps = on_cpu(renderer.render(view.camera.to(device, torch.float32)))
+        camera = view.camera.to(device, torch.float32)
+        maps = on_cpu(renderer.render(camera))
+        if compared_indirect(rules) == "incident":
+            maps["incident"] = incident_map(renderer, camera).cpu()
         score_view(figures, view, maps)
-        albedo[view.name] = maps["albedo"]
+        kept[view.name] = {name: maps[name] for name in kept_maps}
         if view is shown:
             arrays |= {f"render/{name}": maps[name] for name in SHOWN}
         advance(done, total)
 
-    scale = score_albedo(figures, scene, albedo)
-    applied = torch.ones(3) if scale is None else scale
-    arrays["render/albedo"] = albedo[shown.name] * applied
+    score_light(figures, scene, model)
+    score_depth(figures, scene, kept)
+    scale = score_albedo(figures, scene, kept)
+    arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)
+    applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
     relit = relit_views(model, lit, scene, applied, cell, device)
-    for done, (light, view, image) in enumerate(relit, start=len(scene.test) + 1):
-        target = truth(view, f"relit/{light}")
-        figures.add("relight", view.name, rules.score_image(image, target))
+    for done, (light, view, maps) in enumerate(relit, start=len(scene.test) + 1):
+        image, target = maps["image"], truth(view, f"relit/{light}")
+        figures.add("relight", view.name, rules.score_image(image, target, coverage(view), maps["alpha"], "relight"))
         if view is shown and light == shown_light:
             arrays |= {"render/relit": image, "truth/relit": target}
         advance(done, total)
@@ -85,30 +93,50 @@ def evaluate(
 
 def score_view(figures: Figures, view: View, maps: Maps) -> None:
     """Score what needs no other view: novel-view synthesis, normals, roughness, indirect light."""
-    rules, mask = figures.rules, coverage(view)
-    figures.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image")))
+    rules, mask, alpha = figures.rules, coverage(view), maps["alpha"]
+    figures.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
     if view.has("normal"):
-        error = rules.normal_mae(maps["normal"], truth(view, "normal"), mask)
-        figures.add("normal", view.name, {"mae": error})
+        figures.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
     if view.has("roughness"):
-        error = rules.roughness_mse(maps["roughness"], truth(view, "roughness"), mask)
-        figures.add("roughness", view.name, {"mse": error})
+        figures.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
     if view.has("indirect"):
-        scores = rules.score_image(displayed(maps["indirect"]), displayed(truth(view, "indirect")))
-        figures.add("indirect", view.name, scores)
+        ours, theirs = displayed(maps[compared_indirect(rules)]), displayed(truth(view, "indirect"))
+        figures.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
 
 
-def score_albedo(figures: Figures, scene: Scene, rendered: Mapping[str, Image]) -> Float[Tensor, "3"] | None:
+def score_albedo(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
     """Align the recovered albedo over all test views that have a true one, score it, and return the factor."""
     views = [view for view in scene.test if view.has("albedo")]
     if not views:
         return None
-    truths = [truth(view, "albedo") for view in views]
-    predictions = [rendered[view.name] for view in views]
-    scale = figures.rules.albedo_scale(predictions, truths, [coverage(view) for view in views])
-    for view, prediction, target in zip(views, predictions, truths, strict=True):
-        figures.add("albedo", view.name, figures.rules.score_image((prediction * scale).clamp(0, 1), target))
+    rules = figures.rules
+    truths, masks = [truth(view, "albedo") for view in views], [coverage(view) for view in views]
+    predictions, alphas = ([rendered[view.name][name] for view in views] for name in ("albedo", "alpha"))
+    scale = rules.albedo_scale(predictions, truths, masks, alphas)
+    for view, prediction, target, mask, alpha in zip(views, predictions, truths, masks, alphas, strict=True):
+        figures.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
     return scale
+
+
+def score_light(figures: Figures, scene: Scene, model: Model) -> None:
+    """Score the recovered environment map where the true one is known, at the true one's resolution."""
+    if scene.training_light is None:
+        return
+    true_light = scene.training_light.radiance.cpu()
+    directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)
+    found = EnvironmentMap(model.environment.detach().cpu()).lookup(directions)
+    figures.add_whole("environment", figures.rules.score_environment(found, true_light))
+
+
+def score_depth(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> None:
+    """Score the depth of all test views that have a true one, if the protocol compares depth."""
+    views = [view for view in scene.test if view.has("depth")]
+    if figures.rules.depth is None or not views:
+        return
+    depths, targets = [rendered[view.name]["depth"] for view in views], [truth(view, "depth") for view in views]
+    errors = figures.rules.score_depth(depths, targets, [coverage(view) for view in views])
+    for view, error in zip(views, errors, strict=True):
+        figures.add("depth", view.name, error)
 
 
 def lit_views(scene: Scene) -> dict[str, list[View]]:
@@ -124,12 +152,29 @@ def relit_views(
     albedo_scale: Float[Tensor, "3"],
     cell: Cell,
     device: torch.device,
-) -> Iterator[tuple[str, View, Image]]:
-    """Light, view and display image of the model under every light, light by light."""
+) -> Iterator[tuple[str, View, dict[str, Image]]]:
+    """Light, view and maps of the model under every light, light by light."""
     for light, views in lit.items():
         relit = Relit(model, scene.lights[light], albedo_scale, cell.budget, cell.seed)
         for view in views:
-            yield light, view, relit.render(view.camera.to(device, torch.float32))["image"].cpu()
+            yield light, view, on_cpu(relit.render(view.camera.to(device, torch.float32)))
+
+
+def compared_indirect(rules: Protocol) -> str:
+    """The rendered map that a protocol compares with the scene's indirect light."""
+    incident = rules.indirect is not None and rules.indirect.quantity == "incident"
+    return "incident" if incident else "indirect"
+
+
+@torch.no_grad()
+def incident_map(renderer: Renderer, camera: Camera) -> Float[Tensor, "height width 3"]:
+    """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
+
+    What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
+    """
+    weight = renderer.incident.weight[..., None]
+    arriving = (weight * renderer.incident.radiance).sum(1) / weight.sum(1)
+    return splat(camera, renderer.model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
 
 
 def coverage(view: View) -> Float[Tensor, "height width 1"]:

@@ -1,4 +1,4 @@
-"""Figures of single test views, gathered until there is one for every view."""
+"""Figures of single test views, gathered until there is one for every view, and those of the scene as a whole."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -14,19 +14,28 @@ class Figures:
         self.rules = rules
         self.views = tuple(views)
         self._found: dict[str, dict[str, list[Value]]] = defaultdict(lambda: defaultdict(list))
+        self._whole: dict[str, Value] = {}
 
     def add(self, task: str, view: str, scores: Mapping[str, Value]) -> None:
         """Put in one view's figures of a task, by measure."""
         for measure, value in scores.items():
             self._found[f"{task}/{measure}"][view].append(value)
 
-    def metrics(self) -> dict[str, MetricValue]:
-        """The mean over views of every metric that any view has a figure for."""
-        return {name: self._metric(by_view) for name, by_view in sorted(self._found.items())}
+    def add_whole(self, task: str, scores: Mapping[str, Value]) -> None:
+        """Put in figures of the scene as a whole, which no view has."""
+        self._whole |= {f"{task}/{measure}": value for measure, value in scores.items()}
 
-    def _metric(self, by_view: Mapping[str, list[Value]]) -> MetricValue:
+    def metrics(self) -> dict[str, MetricValue]:
+        """The mean over views of every metric that any view has a figure for, and the figures of the whole."""
+        found = {name: self._metric(name, by_view) for name, by_view in self._found.items()}
+        nowhere: list[float | None] = [None] * len(self.views)
+        for name, value in self._whole.items():
+            found[name] = MetricValue(value=value.value, reason=value.reason or None, views=nowhere)
+        return dict(sorted(found.items()))
+
+    def _metric(self, name: str, by_view: Mapping[str, list[Value]]) -> MetricValue:
         values = [self._value(by_view.get(view, [])) for view in self.views]
-        mean = self.rules.mean(values)
+        mean = self.rules.mean(values, name)
         return MetricValue(value=mean.value, reason=mean.reason or None, views=[value.value for value in values])
 
     def _value(self, values: Sequence[Value]) -> Value:

@@ -1,11 +1,11 @@
-"""``radiogs-bench datasets``: list, check and generate scenes."""
+"""``radiogs-bench datasets``: list, check and generate scenes, and fetch the weights that scoring needs."""
 
 import argparse
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import add_verbose
+from .options import add_verbose, names
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -25,7 +25,11 @@ def add_to(commands: "Commands") -> None:
     generating.add_argument("names", nargs="+", metavar="NAME")
     generating.add_argument("--out", type=Path, default=Path("out/scenes"), metavar="DIR", help="(default: out/scenes)")
     generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
-    for action in (listing, checking, generating):
+    fetching = actions.add_parser("weights", help="fetch the published weights of LPIPS", allow_abbrev=False)
+    fetching.set_defaults(command=weights)
+    fetching.add_argument("--to", type=Path, metavar="DIR", help="(default: where they are looked for)")
+    fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
+    for action in (listing, checking, generating, fetching):
         add_verbose(action)
 
 
@@ -71,4 +75,21 @@ def generate(options: argparse.Namespace) -> int:
         with progress_for_stderr() as progress:
             generate_scene(name, folder, options.seed, progress.advance)
         say(f"{name}: {folder}")
+    return 0
+
+
+def weights(options: argparse.Namespace) -> int:
+    """Fetch the backbones and heads of LPIPS that are not there, and check them."""
+    from ..metrics.download import fetch, sources
+    from ..metrics.weights import WEIGHTS_VARIABLE, weights_folder
+    from ..progress import progress_for_stderr
+    from .reporter import say
+
+    folder = options.to or weights_folder()
+    for source in sources(options.nets):
+        with progress_for_stderr() as progress:
+            fetched = fetch(source, folder, partial(progress.advance, source.name))
+        say(f"{folder / source.name}: {'fetched from ' + source.url if fetched else 'is there'}")
+    if folder != weights_folder():
+        say(f"Use them:  export {WEIGHTS_VARIABLE}={folder}")
     return 0

@@ -1,6 +1,7 @@
 """Metrics, each once, and the named protocols that bundle their conventions."""
 
-from .protocol import PROTOCOLS, Protocol, protocol
+from .protocol import Protocol, Scores
+from .protocols import PROTOCOLS, protocol
 from .values import PSNR_CAP, Value
 
-__all__ = ["PROTOCOLS", "PSNR_CAP", "Protocol", "Value", "protocol"]
+__all__ = ["PROTOCOLS", "PSNR_CAP", "Protocol", "Scores", "Value", "protocol"]

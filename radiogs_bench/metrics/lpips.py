@@ -1,22 +1,23 @@
-"""LPIPS v0.1 (Zhang et al. 2018) on AlexNet features, with the published weights or not at all."""
+"""LPIPS v0.1 (Zhang et al. 2018) with the published weights or not at all."""
 
-import os
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import conv2d, max_pool2d, relu
+from torch.nn.functional import conv2d
 
-WEIGHTS_VARIABLE = "RADIOGS_BENCH_WEIGHTS"
-BACKBONES = ("alexnet_features.npz", "alexnet-owt-7be5be79.pth")
-HEADS = ("heads/alex.pth", "alex.pth")
-LAYERS = ((0, 4, 2), (3, 1, 2), (6, 1, 1), (8, 1, 1), (10, 1, 1))
-"""Convolutions of torchvision's AlexNet: index, stride, padding; a 3 x 3 pool of stride 2 stands before 3 and 6."""
+from radiogs.errors import DataError
 
-POOL_BEFORE = (3, 6)
+from .backbones import BACKBONES
+from .conventions import Lpips, Net
+from .weights import DOWNLOAD, read_weights, weights_folder
+
+ALEX = Lpips()
+"""AlexNet on [-1, 1], as published."""
+
 SHIFT = (-0.030, -0.088, -0.188)
 SCALE = (0.458, 0.448, 0.450)
 """ImageNet's statistics for inputs in [-1, 1]."""
@@ -24,66 +25,51 @@ SCALE = (0.458, 0.448, 0.450)
 UNIT_GUARD = 1e-10
 """The reference implementation's guard against features that are zero in all channels."""
 
-SMALLEST_SIDE = 31
-"""Below this the second pool has nothing to look at."""
+SMALLEST_SIDE: Mapping[Net, int] = {"alex": 31, "vgg": 16, "squeeze": 31}
+"""Pixels below which the last pool has nothing to look at (AlexNet, VGG16; SqueezeNet is held to AlexNet's)."""
 
 
-def weights_folder() -> Path:
-    """Where weights are looked for: the variable RADIOGS_BENCH_WEIGHTS, else the user's cache."""
-    named = os.environ.get(WEIGHTS_VARIABLE)
-    cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return Path(named) if named else cache_home / "radiogs-bench" / "weights"
+def lpips(
+    image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"], rules: Lpips = ALEX
+) -> float:
+    """Distance of two images in [0, 1], display sRGB as a rule; 0 for identical ones.
 
-
-def missing_weights() -> str:
-    """Why LPIPS cannot be computed here, or nothing."""
+    Needs ``missing_weights(rules.net) == ""``; raises DataError for damaged weights.
+    """
     folder = weights_folder()
-    if _first(folder, BACKBONES) is None:
-        return f"LPIPS weights not found: {folder} has neither {' nor '.join(BACKBONES)}"
-    if _first(folder, HEADS) is None:
-        return f"LPIPS weights not found: {folder} has neither {' nor '.join(HEADS)}"
-    return ""
+    features, heads = _network(rules.net, folder)
+    try:
+        return distance(_prepared(image, rules), _prepared(target, rules), rules.net, features, heads)
+    except KeyError as lacking:
+        raise DataError(f"the weights of '{rules.net}' in {folder} lack {lacking}", remedy=DOWNLOAD) from lacking
 
 
-def lpips(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> float:
-    """Distance of two display-sRGB images in [0, 1]; 0 for identical ones. Needs ``missing_weights() == ""``."""
-    features, heads = _network(weights_folder())
+def distance(
+    ours: Float[Tensor, "1 3 height width"],
+    theirs: Float[Tensor, "1 3 height width"],
+    net: Net,
+    features: Mapping[str, Tensor],
+    heads: list[Tensor],
+) -> float:
+    """The distance of two prepared images under given weights: heads over unit features, mean over pixels, summed."""
+    layers = BACKBONES[net]
     total = 0.0
-    for ours, theirs, head in zip(_layers(image, features), _layers(target, features), heads, strict=True):
-        total += float(conv2d((_unit(ours) - _unit(theirs)).square(), head).mean())
+    for a, b, head in zip(layers(ours, features), layers(theirs, features), heads, strict=True):
+        total += float(conv2d((_unit(a) - _unit(b)).square(), head).mean())
     return total
+
+
+def _prepared(image: Float[Tensor, "height width 3"], rules: Lpips) -> Float[Tensor, "1 3 height width"]:
+    value = image.cpu().float()
+    if rules.input == "[-1, 1]":
+        value = 2 * value - 1
+    return ((value - torch.tensor(SHIFT)) / torch.tensor(SCALE)).permute(2, 0, 1)[None]
 
 
 def _unit(value: Tensor) -> Tensor:
     return value / (value.square().sum(1, keepdim=True).sqrt() + UNIT_GUARD)
 
 
-def _layers(image: Tensor, features: dict[str, Tensor]) -> list[Tensor]:
-    shift, scale = torch.tensor(SHIFT), torch.tensor(SCALE)
-    value = ((2 * image.cpu().float() - 1 - shift) / scale).permute(2, 0, 1)[None]
-    found = []
-    for index, stride, padding in LAYERS:
-        if index in POOL_BEFORE:
-            value = max_pool2d(value, 3, 2)
-        weight, bias = features[f"features.{index}.weight"], features[f"features.{index}.bias"]
-        value = relu(conv2d(value, weight, bias, stride, padding))
-        found.append(value)
-    return found
-
-
 @cache
-def _network(folder: Path) -> tuple[dict[str, Tensor], list[Tensor]]:
-    backbone, heads = _first(folder, BACKBONES), _first(folder, HEADS)
-    if backbone is None or heads is None:
-        raise FileNotFoundError(missing_weights())
-    if backbone.suffix == ".npz":
-        with np.load(backbone) as archive:
-            features = {name: torch.from_numpy(archive[name]) for name in archive.files}
-    else:
-        features = torch.load(backbone, map_location="cpu", weights_only=True)
-    loaded = torch.load(heads, map_location="cpu", weights_only=True)
-    return features, [loaded[f"lin{layer}.model.1.weight"].float() for layer in range(len(LAYERS))]
-
-
-def _first(folder: Path, names: tuple[str, ...]) -> Path | None:
-    return next((folder / name for name in names if (folder / name).is_file()), None)
+def _network(net: Net, folder: Path) -> tuple[dict[str, Tensor], list[Tensor]]:
+    return read_weights(net, folder)

@@ -5,23 +5,64 @@ import math
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
+
+from .conventions import Bits, Normal
+from .pictures import in_bits
+
+IN_MASK = Normal()
+"""Where the truth covers more than half."""
 
 HOLE = 90.0
 """Degrees that a missing (zero) prediction inside the mask counts: no direction is as wrong as a guess."""
+
+BEHIND = (0.0, 0.0, 1.0)
+"""The normal that published evaluations give to the background, on both sides."""
 
 
 def normal_mae(
     normal: Float[Tensor, "height width 3"],
     target: Float[Tensor, "height width 3"],
     mask: Float[Tensor, "height width 1"],
+    alpha: Float[Tensor, "height width 1"] | None = None,
+    rules: Normal = IN_MASK,
 ) -> float:
-    """Mean angle in degrees over the pixels that the mask covers by more than half; NaN if there are none.
+    """Mean angle in degrees over the region of the rules; NaN if the mask is empty. Lengths do not matter.
+
+    ``mask`` is the true and ``alpha`` the predicted coverage (the true one if not given); normals are directions in one
+    frame, zero where there are none.
+    """
+    normal = _through_bits(normal, rules.prediction_bits)
+    inside = mask[..., 0] > 0.5
+    if rules.region == "image":
+        blended_by = mask if alpha is None or rules.blended_by == "true coverage" else alpha
+        normal, target = over_background(normal, blended_by), over_background(target, mask)
+        return float(angle(normal, target).mean()) if inside.any() else math.nan
+    return float(angle(normal[inside], target[inside]).mean())
+
+
+def angle(a: Float[Tensor, "*pixels 3"], b: Float[Tensor, "*pixels 3"]) -> Float[Tensor, "*pixels"]:
+    """Degrees between directions, in float64; HOLE where either is zero.
 
     atan2(|a x b|, a . b) is exact at every angle; arccos of a float32 dot product returns 0 or NaN near 0 degrees.
-    Lengths do not matter.
     """
-    inside = mask[..., 0] > 0.5
-    a, b = normal[inside].double(), target[inside].double()
-    angle = torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)) * (180 / math.pi)
+    a, b = a.double(), b.double()
+    degrees = torch.atan2(torch.linalg.cross(a, b).norm(dim=-1), (a * b).sum(-1)) * (180 / math.pi)
     missing = (a == 0).all(-1) | (b == 0).all(-1)
-    return float(torch.where(missing, HOLE, angle).mean())
+    return torch.where(missing, HOLE, degrees)
+
+
+def over_background(
+    normal: Float[Tensor, "height width 3"], coverage: Float[Tensor, "height width 1"]
+) -> Float[Tensor, "height width 3"]:
+    """Unit normals blended over (0, 0, 1) by coverage; what a map holds where nothing is covered does not count."""
+    behind = torch.tensor(BEHIND, dtype=normal.dtype, device=normal.device)
+    return torch.where(coverage > 0, normalize(normal, dim=-1) * coverage, 0.0) + behind * (1 - coverage)
+
+
+def _through_bits(normal: Float[Tensor, "height width 3"], bits: Bits) -> Float[Tensor, "height width 3"]:
+    # A hole stays a hole: written as (n + 1) / 2 it would come back as grey, which is no direction either.
+    if bits == "float":
+        return normal
+    missing = (normal == 0).all(-1, keepdim=True)
+    return torch.where(missing, 0.0, 2 * in_bits((normal + 1) / 2, bits) - 1)

@@ -1,99 +1,209 @@
-"""Named metric protocols: one bundle of conventions, so that two figures under one name can be compared."""
+"""A metric protocol: one bundle of conventions, so that two figures under one name can be compared."""
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from difflib import get_close_matches
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.errors import UsageError
+from .albedo import PER_CHANNEL_MEDIAN, albedo_scale, encoded
+from .conventions import Albedo, Depth, Environment, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim, Task
+from .depth import depth_errors
+from .environment import environment_error
+from .lpips import ALEX, SMALLEST_SIDE, lpips
+from .normals import IN_MASK, normal_mae
+from .pictures import AS_RENDERED, Image, Mask, needs_truth, predicted, times, true
+from .psnr import JOINT, decibel, error_of, masked_mse, mse, psnr
+from .ssim import WANG, smallest_side, ssim
+from .values import PSNR_CAP, Value, mean
+from .weights import missing_weights
 
-from . import albedo, lpips, normals, psnr, ssim, values
-from .values import PSNR_CAP, Value
+Scores = dict[str, Value]
+"""Figures by measure: ``psnr``, ``ssim``, ``lpips``, ``mae``, ``mse``, ``error``."""
 
-Image = Float[Tensor, "height width channels"]
-Mask = Float[Tensor, "height width 1"]
+EMPTY = "the mask is empty"
+
+SOLID_ROUGHNESS, OUTGOING, FACTOR_A_CHANNEL = Roughness(), Indirect(), Environment()
+"""Roughness inside the mask; radiance towards the camera; light aligned by one factor a channel."""
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """Conventions ``default``: display images in [0, 1] on black, scored over the whole image, mean over views.
+    """Conventions, a field each; the defaults are those of the protocol ``default``.
 
-    PSNR over all channels jointly; SSIM without padding; LPIPS on AlexNet; normals in degrees inside the mask;
-    roughness inside the mask; albedo linear on black after the per-channel median alignment.
+    Every map that is scored is given as it appears on black. ``mask`` is the true and ``alpha`` the predicted coverage,
+    [height, width, 1]: without a mask the truth covers everything, without an alpha the prediction covers what the
+    truth does. A field that is None is something that the protocol's own evaluation does not compare: "n/a".
     """
 
     name: str
+    nvs: Picture = AS_RENDERED
+    relight: Picture = AS_RENDERED
+    psnr: Psnr = JOINT
+    ssim: Ssim = WANG
+    lpips: tuple[Lpips, ...] = (ALEX,)
+    normal: Normal | None = IN_MASK
+    albedo: Albedo = PER_CHANNEL_MEDIAN
+    roughness: Roughness | None = SOLID_ROUGHNESS
+    indirect: Indirect | None = OUTGOING
+    depth: Depth | None = None
+    environment: Environment = FACTOR_A_CHANNEL
 
     def describe(self) -> dict[str, Any]:
-        """The conventions, spelled out for the record."""
-        return {
-            "name": self.name,
-            "images": "display sRGB, clipped to [0, 1], not quantised, composited on black, whole image",
-            "albedo": "linear, on black, scaled by the per-channel median of truth / prediction over all views",
-            "psnr": f"peak 1, joint over channels, capped at {PSNR_CAP:g} dB, mean over views",
-            "ssim": "Gaussian 11 taps, sigma 1.5, valid windows, population covariance, range 1",
-            "lpips": "AlexNet, v0.1, inputs scaled to [-1, 1]",
-            "normal": "mean angle in degrees where true coverage > 0.5, holes count 90",
-            "roughness": "mean squared error where true coverage > 0.5",
+        """Every convention in words, for the record."""
+        return asdict(self) | {
+            "lpips": [asdict(rules) for rules in self.lpips],
+            "images": "display sRGB, peak 1",
+            "psnr_cap": f"{PSNR_CAP:g} dB",
+            "mean": "over lights, then over views",
         }
+
+    def score_image(
+        self, image: Image, target: Image, mask: Mask | None = None, alpha: Mask | None = None, task: Task = "nvs"
+    ) -> Scores:
+        """``psnr``, ``ssim`` and ``lpips`` of one display image in [0, 1]; a second network is named (``lpips_alex``).
+
+        For task "indirect", ``indirect.quantity`` says which indirect light both images have to show.
+        """
+        if task == "indirect" and self.indirect is None:
+            return self.no_comparison(self._not_compared("indirect light").reason)
+        rules = self._picture(task)
+        mask, alpha = coverages(target, mask, alpha)
+        ours, theirs = predicted(image, alpha, mask, rules), true(target, mask, rules)
+        return self.compare(ours, theirs) if usable(mask, rules) else self.no_comparison(EMPTY)
 
     def albedo_scale(
-        self, predictions: Sequence[Image], truths: Sequence[Image], masks: Sequence[Mask]
+        self,
+        predictions: Sequence[Image],
+        truths: Sequence[Image],
+        masks: Sequence[Mask],
+        alphas: Sequence[Mask] | None = None,
     ) -> Float[Tensor, "3"]:
-        """Per-channel factor for the recovered albedo; see ``albedo.albedo_scale``."""
-        return albedo.albedo_scale(predictions, truths, masks)
+        """Factor per channel for the recovered albedo (linear), from all views; ones where none can be had."""
+        rules = replace(self.albedo.picture, prediction="rendered", target="composited", clipped=False)
+        ours = [predicted(*view, rules) for view in zip(predictions, alphas or masks, masks, strict=True)]
+        theirs = [true(*view, rules) for view in zip(truths, masks, strict=True)]
+        return albedo_scale(ours, theirs, masks, self.albedo)
 
-    def score_image(self, image: Image, target: Image) -> dict[str, Value]:
-        """``psnr``, ``ssim`` and ``lpips`` of one image in [0, 1]."""
+    def relighting_scale(self, scale: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
+        """The factor that the recovered albedo is relit with: the aligning one, or ones."""
+        return scale if self.albedo.relights else torch.ones(3)
+
+    def score_albedo(
+        self,
+        prediction: Image,
+        target: Image,
+        scale: Float[Tensor, "3"],
+        mask: Mask | None = None,
+        alpha: Mask | None = None,
+    ) -> Scores:
+        """``psnr``, ``ssim`` and ``lpips`` of linear albedo; ``scale`` is what ``albedo_scale`` found."""
+        rules = self.albedo.picture
+        mask, alpha = coverages(target, mask, alpha)
+        if not usable(mask, rules):
+            return self.no_comparison(EMPTY)
+        pair = predicted(prediction, alpha, mask, rules, scale), true(target, mask, rules)
+        error, structure = (
+            [encoded(side, space) for side in pair] for space in (self.albedo.psnr_space, self.albedo.structure_space)
+        )
+        return {"psnr": Value(psnr(error[0], error[1], self.psnr))} | self._structure(structure[0], structure[1])
+
+    def score_normal(self, normal: Image, target: Image, mask: Mask, alpha: Mask | None = None) -> Scores:
+        """``mae``: mean angular error in degrees of directions in one frame."""
+        if self.normal is None:
+            return {"mae": self._not_compared("normals")}
+        return {"mae": inside(normal_mae(normal, target, mask, alpha, self.normal))}
+
+    def score_roughness(self, roughness: Image, target: Image, mask: Mask) -> Scores:
+        """``mse`` of perceptual roughness."""
+        if self.roughness is None:
+            return {"mse": self._not_compared("roughness")}
+        if self.roughness.region == "mask" or not (mask > 0).any():
+            return {"mse": inside(masked_mse(roughness, target, mask))}
+        return {"mse": Value(mse(times(roughness, mask), times(target, mask)))}
+
+    def score_depth(self, depths: Sequence[Image], targets: Sequence[Image], masks: Sequence[Mask]) -> list[Scores]:
+        """``simse`` of every view's z-depth; one scale may serve all views, so they come together."""
+        if self.depth is None:
+            return [{"simse": self._not_compared("depth")} for _ in depths]
+        return [{"simse": inside(error)} for error in depth_errors(depths, targets, masks, self.depth)]
+
+    def score_environment(
+        self, estimate: Float[Tensor, "height width 3"], truth: Float[Tensor, "rows columns 3"]
+    ) -> Scores:
+        """``error`` of the recovered light as it is, and ``error_scaled`` after the protocol's alignment."""
+        black = "the true light is black"
         return {
-            "psnr": Value(psnr.psnr(image, target)),
-            "ssim": _unless_too_small(image, ssim.WINDOW, lambda: ssim.ssim(image, target)),
-            "lpips": self._lpips(image, target),
+            "error": inside(environment_error(estimate, truth), black),
+            "error_scaled": inside(environment_error(estimate, truth, self.environment), black),
         }
 
-    def normal_mae(self, normal: Image, target: Image, mask: Mask) -> Value:
-        """Mean angular error in degrees inside the mask."""
-        return _inside(normals.normal_mae(normal, target, mask))
+    def mean(self, views: Sequence[Value], metric: str = "") -> Value:
+        """Mean over views of the figures of a metric (``task/measure``), or one error over all of them.
 
-    def roughness_mse(self, roughness: Image, target: Image, mask: Mask) -> Value:
-        """Mean squared error of roughness inside the mask."""
-        return _inside(psnr.masked_mse(roughness, target, mask))
+        A pooled PSNR is that of the mean error, which is the pooled one for views of one size.
+        """
+        if metric != "albedo/psnr" or self.psnr.albedo_views == "mean":
+            return mean(views)
+        errors = [value if value.value is None else Value(error_of(value.value)) for value in views]
+        pooled = mean(errors)
+        return pooled if pooled.value is None else Value(decibel(pooled.value))
 
-    def mean(self, views: Sequence[Value]) -> Value:
-        """Mean over views."""
-        return values.mean(views)
+    def compare(self, ours: Image, theirs: Image) -> Scores:
+        """All measures of two images that are laid out already."""
+        return {"psnr": Value(psnr(ours, theirs, self.psnr))} | self._structure(ours, theirs)
 
-    def _lpips(self, image: Image, target: Image) -> Value:
-        missing = lpips.missing_weights()
-        if missing:
-            return Value(None, missing)
-        return _unless_too_small(image, lpips.SMALLEST_SIDE, lambda: lpips.lpips(image, target))
+    def no_comparison(self, reason: str) -> Scores:
+        """The measures of ``compare``, none of which exists."""
+        return {measure: Value(None, reason) for measure in ("psnr", "ssim", *self._perceptual())}
+
+    def _picture(self, task: Task) -> Picture:
+        if task == "indirect" and self.indirect is not None:
+            return self.indirect.picture
+        return self.nvs if task == "nvs" else self.relight
+
+    def _structure(self, ours: Image, theirs: Image) -> Scores:
+        found = {"ssim": large_enough(ours, smallest_side(self.ssim), lambda: ssim(ours, theirs, self.ssim))}
+        return found | {name: perceptual(ours, theirs, rules) for name, rules in self._perceptual().items()}
+
+    def _perceptual(self) -> dict[str, Lpips]:
+        names = ["lpips", *(f"lpips_{rules.net}" for rules in self.lpips[1:])]
+        return dict(zip(names, self.lpips, strict=True))
+
+    def _not_compared(self, what: str) -> Value:
+        return Value(None, f"protocol '{self.name}' does not compare {what}")
 
 
-def _unless_too_small(image: Image, side: int, compute: Callable[[], float]) -> Value:
+def perceptual(ours: Image, theirs: Image, rules: Lpips) -> Value:
+    """LPIPS, or why there is none."""
+    missing = missing_weights(rules.net)
+    if missing:
+        return Value(None, missing)
+    return large_enough(ours, SMALLEST_SIDE[rules.net], lambda: lpips(ours, theirs, rules))
+
+
+def large_enough(image: Image, side: int, compute: Callable[[], float]) -> Value:
+    """What is computed of an image that is large enough for it."""
     if min(image.shape[:2]) < side:
         return Value(None, f"images are smaller than {side} pixels")
     return Value(compute())
 
 
-def _inside(value: float) -> Value:
-    return Value(value) if math.isfinite(value) else Value(None, "the mask is empty")
+def inside(value: float, reason: str = EMPTY) -> Value:
+    """A figure that is NaN where there was nothing to average."""
+    return Value(value) if math.isfinite(value) else Value(None, reason)
 
 
-PROTOCOLS = {"default": Protocol("default")}
+def usable(mask: Mask, rules: Picture) -> bool:
+    """Whether a comparison inside the true coverage has anything left; else it would be perfect for nothing."""
+    return not needs_truth(rules) or bool((mask > 0).any())
 
 
-def protocol(name: str) -> Protocol:
-    """The protocol of that name. Raises UsageError for an unknown one."""
-    if name not in PROTOCOLS:
-        near = get_close_matches(name, PROTOCOLS, 1)
-        raise UsageError(
-            f"unknown metric protocol '{name}'",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Protocols: {', '.join(PROTOCOLS)}.",
-        )
-    return PROTOCOLS[name]
+def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mask, Mask]:
+    """True and predicted coverage, with what stands for one that is not given."""
+    if mask is None:
+        mask = torch.ones(*target.shape[:2], 1)
+    return mask, mask if alpha is None else alpha

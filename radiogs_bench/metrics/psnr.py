@@ -7,7 +7,11 @@ from torch import Tensor
 
 from radiogs.errors import NumericalFailure
 
+from .conventions import Psnr
 from .values import PSNR_CAP
+
+JOINT = Psnr()
+"""Of the error over all channels together."""
 
 
 def mse(image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]) -> float:
@@ -20,13 +24,26 @@ def mse(image: Float[Tensor, "height width channels"], target: Float[Tensor, "he
     return error
 
 
-def psnr(image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]) -> float:
-    """PSNR in dB of the error over all channels together, capped at PSNR_CAP.
+def psnr(
+    image: Float[Tensor, "height width channels"],
+    target: Float[Tensor, "height width channels"],
+    rules: Psnr = JOINT,
+) -> float:
+    """PSNR in dB, capped at PSNR_CAP: of the error over all channels, or the mean of one PSNR a channel."""
+    if rules.channels == "joint":
+        return decibel(mse(image, target))
+    channels = zip(image.split(1, -1), target.split(1, -1), strict=True)
+    return math.fsum(decibel(mse(ours, theirs)) for ours, theirs in channels) / image.shape[-1]
 
-    The splatting codes average three per-channel PSNRs instead, which is never lower (convexity).
-    """
-    error = mse(image, target)
+
+def decibel(error: float) -> float:
+    """PSNR of a mean squared error, capped at PSNR_CAP."""
     return min(PSNR_CAP, -10 * math.log10(error)) if error > 0 else PSNR_CAP
+
+
+def error_of(psnr: float) -> float:
+    """The mean squared error of a PSNR, dB; the inverse of ``decibel`` up to the cap."""
+    return 10 ** (-psnr / 10)
 
 
 def masked_mse(

@@ -1,42 +1,81 @@
-"""Structural similarity (Wang et al. 2004) as published: 11 Gaussian taps, sigma 1.5, no padding, float64."""
+"""Structural similarity (Wang et al. 2004) in the forms that are in use, in float64."""
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
-from torch.nn.functional import conv2d
+from torch.nn.functional import conv2d, pad
 
 from radiogs.errors import UsageError
 
+from .conventions import Ssim
+
 WINDOW = 11
 SIGMA = 1.5
-LUMINANCE_GUARD = 0.01**2
-CONTRAST_GUARD = 0.03**2
-"""(K1 L)^2 and (K2 L)^2 for a data range L of 1."""
+K1, K2 = 0.01, 0.03
+
+WANG = Ssim()
+"""As published: 11 Gaussian taps, no padding, population covariance. scikit-image agrees with gaussian_weights,
+sigma 1.5, use_sample_covariance=False, data_range=1."""
 
 
-def ssim(image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]) -> float:
-    """Mean SSIM over the pixels whose window lies inside the image, and over channels; population covariance.
+def ssim(
+    image: Float[Tensor, "height width channels"],
+    target: Float[Tensor, "height width channels"],
+    rules: Ssim = WANG,
+) -> float:
+    """Mean SSIM over pixels and channels.
 
-    Equals scikit-image with gaussian_weights, sigma 1.5, use_sample_covariance=False, data_range=1. Raises UsageError
-    for an image smaller than the window.
+    Raises UsageError for an image that is smaller than the window (without padding) or than what is reflected.
     """
-    if min(image.shape[:2]) < WINDOW:
+    smallest = smallest_side(rules)
+    if min(image.shape[:2]) < smallest:
         raise UsageError(
-            f"SSIM needs images of at least {WINDOW} x {WINDOW} pixels, not {image.shape[1]} x {image.shape[0]}",
+            f"SSIM needs images of at least {smallest} x {smallest} pixels, not {image.shape[1]} x {image.shape[0]}",
             "Its window does not fit.",
             "Leave SSIM out, or render larger images.",
         )
-    offset = torch.arange(WINDOW, dtype=torch.float64, device=image.device) - WINDOW // 2
-    taps = torch.exp(-offset.square() / (2 * SIGMA**2))
-    taps = taps / taps.sum()
+    return float(ssim_map(image, target, rules).mean())
+
+
+def smallest_side(rules: Ssim) -> int:
+    """Pixels that an image needs along each side."""
+    return {"valid": rules.window, "reflect": rules.window // 2 + 1, "zero": 1}[rules.padding]
+
+
+def ssim_map(
+    image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"], rules: Ssim
+) -> Float[Tensor, "channels rows columns"]:
+    """SSIM of every window."""
     x, y = (side.double().permute(2, 0, 1)[:, None] for side in (image, target))
+    taps = _taps(rules, x)
 
     def blur(value: Tensor) -> Tensor:
-        return conv2d(conv2d(value, taps.view(1, 1, 1, -1)), taps.view(1, 1, -1, 1))
+        return conv2d(conv2d(_padded(value, rules), taps.view(1, 1, 1, -1)), taps.view(1, 1, -1, 1))
 
     mean_x, mean_y = blur(x), blur(y)
     variance_x, variance_y = blur(x * x) - mean_x.square(), blur(y * y) - mean_y.square()
     covariance = blur(x * y) - mean_x * mean_y
-    luminance = (2 * mean_x * mean_y + LUMINANCE_GUARD) / (mean_x.square() + mean_y.square() + LUMINANCE_GUARD)
-    contrast = (2 * covariance + CONTRAST_GUARD) / (variance_x + variance_y + CONTRAST_GUARD)
-    return float((luminance * contrast).mean())
+    if rules.covariance == "sample":
+        unbiased = rules.window**2 / (rules.window**2 - 1)
+        variance_x, variance_y, covariance = unbiased * variance_x, unbiased * variance_y, unbiased * covariance
+    if rules.bounded:
+        variance_x, variance_y = variance_x.clamp(min=0), variance_y.clamp(min=0)
+        bound = (variance_x * variance_y).sqrt()
+        covariance = covariance.clamp(-bound, bound)
+    guard_mean, guard_variance = ((k * rules.data_range) ** 2 for k in (K1, K2))
+    luminance = (2 * mean_x * mean_y + guard_mean) / (mean_x.square() + mean_y.square() + guard_mean)
+    contrast = (2 * covariance + guard_variance) / (variance_x + variance_y + guard_variance)
+    return (luminance * contrast)[:, 0]
+
+
+def _taps(rules: Ssim, like: Tensor) -> Float[Tensor, " taps"]:
+    offset = torch.arange(rules.window, dtype=like.dtype, device=like.device) - rules.window // 2
+    taps = torch.exp(-offset.square() / (2 * SIGMA**2)) if rules.taps == "gaussian" else torch.ones_like(offset)
+    return taps / taps.sum()
+
+
+def _padded(value: Tensor, rules: Ssim) -> Tensor:
+    reach = [rules.window // 2] * 4
+    if rules.padding == "valid":
+        return value
+    return pad(value, reach, mode="reflect" if rules.padding == "reflect" else "constant")

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -9,13 +10,15 @@ import pytest
 import torch
 
 from bench.fake_method import CPU, FakeStage, fake_cell
+from radiogs.incident import Incident
 from radiogs.light import EnvironmentMap
 from radiogs.model import Model
+from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene, View
 from radiogs_bench import evaluate as module
-from radiogs_bench.evaluate import displayed, evaluate, truth
-from radiogs_bench.metrics import PSNR_CAP
-from scenes import look_at
+from radiogs_bench.evaluate import displayed, evaluate, incident_map, truth
+from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
+from scenes import look_at, sphere_scene
 
 SIZE = 16
 SCALE = torch.tensor([0.5, 2.0, 1.25])
@@ -63,21 +66,29 @@ class Perfect:
         view = next(view for view in self.scene.test if torch.equal(view.camera.centre, camera.centre))
         if self.light is not None:
             name = f"relit/{self.light}"
-            return {"image": truth(view, name) + self.wrong.get(name, 0.0)}
+            return {"image": truth(view, name) + self.wrong.get(name, 0.0), "alpha": view.read("alpha")}
         maps = {name: torch.zeros(SIZE, SIZE, channels) for name, channels in EVERYTHING.items() if "/" not in name}
         maps |= {name: truth(view, name) for name in maps if view.has(name)}
         maps["albedo"] = maps["albedo"] / SCALE
+        depth = truth(view, "depth") if view.has("depth") else torch.zeros(SIZE, SIZE, 1)
+        maps |= {"alpha": view.read("alpha"), "depth": depth / 3}
         return {name: image + self.wrong.get(name, 0.0) for name, image in maps.items()}
 
 
-def values(scene: Scene, monkeypatch: pytest.MonkeyPatch, wrong: Mapping[str, float] | None = None) -> Any:
+def values(
+    scene: Scene,
+    monkeypatch: pytest.MonkeyPatch,
+    wrong: Mapping[str, float] | None = None,
+    protocol: str = "default",
+) -> Any:
     monkeypatch.setattr(Perfect, "scene", scene, raising=False)
     monkeypatch.setattr(Perfect, "wrong", wrong or {}, raising=False)
     monkeypatch.setattr(Perfect, "scales", [], raising=False)
     monkeypatch.setattr(module, "Renderer", Perfect)
     monkeypatch.setattr(module, "Relit", Perfect)
     told: list[tuple[int, int]] = []
-    result = evaluate(MODEL, scene, fake_cell(), CPU, lambda done, total: told.append((done, total)))
+    cell = replace(fake_cell(), protocol=protocol)
+    result = evaluate(MODEL, scene, cell, CPU, lambda done, total: told.append((done, total)))
     assert told == [(step, told[-1][1]) for step in range(1, told[-1][1] + 1)]
     return result
 
@@ -156,3 +167,60 @@ def test_a_view_without_alpha_is_covered_everywhere() -> None:
 
 def test_display_is_clipped() -> None:
     assert torch.equal(displayed(torch.tensor([[[-1.0, 0.0, 9.0]]])), torch.tensor([[[0.0, 0.0, 1.0]]]))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_every_protocol_has_a_figure_or_a_reason_for_every_task(monkeypatch: pytest.MonkeyPatch, protocol: str) -> None:
+    scene = scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2)))
+    monkeypatch.setattr(module, "incident_map", lambda renderer, camera: torch.full((SIZE, SIZE, 3), 0.2))
+    found = values(scene, monkeypatch, {"image": 0.01}, protocol)
+    tasks = {name.split("/")[0] for name in found.metrics}
+    assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight"}
+    for metric in found.metrics.values():
+        assert (metric["value"] is None) == bool(metric["reason"])
+    assert found.protocol["name"] == protocol
+    nvs = found.metrics["nvs/psnr_l" if protocol == "stanford-orb" else "nvs/psnr"]["value"]
+    assert 20 < nvs < 60
+
+
+def test_a_protocol_that_relights_unscaled_does_so_and_reports_its_factor(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(view_with(0, EVERYTHING))
+    found = values(scene, monkeypatch, protocol="gs-ir")
+    assert found.albedo_scale == pytest.approx(SCALE.tolist(), rel=0.02)
+    assert all(torch.equal(scale, torch.ones(3)) for scale in Perfect.scales)
+
+
+def test_depth_is_scored_up_to_its_scale_where_the_protocol_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of(*(view_with(place, {"image": 3, "depth": 1}) for place in range(2)))
+    found = values(scene, monkeypatch, protocol="stanford-orb").metrics["depth/simse"]
+    assert found["value"] == pytest.approx(0, abs=1e-10)
+    assert "depth/simse" not in values(scene, monkeypatch).metrics
+
+
+def test_the_released_indirect_light_is_the_hemispheres_mean_splatted() -> None:
+    """A constant radiance from everywhere is itself times coverage, whatever the weights."""
+    camera = sphere_scene().test[0].camera
+    model = replace(MODEL, surfels=replace(MODEL.surfels, centre=torch.zeros(4, 3)))
+    weight = torch.rand(4, 5)
+    direction = torch.nn.functional.normalize(torch.randn(4, 5, 3), dim=-1)
+    renderer = object.__new__(Renderer)
+    renderer.model = model
+    radiance = torch.tensor([0.2, 0.4, 0.8])
+    renderer.incident = Incident(direction, weight, torch.zeros(4, 5), radiance.expand(4, 5, 3))
+    alpha = splat(camera, model.surfels, {"any": torch.zeros(4, 1)}, depth_unit=1.0).alpha
+    assert alpha.max() > 0.5
+    torch.testing.assert_close(incident_map(renderer, camera), alpha[..., None] * radiance)
+    # Directions that stand for no solid angle do not count.
+    renderer.incident.weight[:, 1:] = 0
+    renderer.incident.radiance = torch.cat([radiance.expand(4, 1, 3), torch.rand(4, 4, 3)], 1)
+    torch.testing.assert_close(incident_map(renderer, camera), alpha[..., None] * radiance)
+
+
+def test_the_recovered_light_is_compared_at_the_true_ones_resolution(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = replace(scene_of(view_with(0, EVERYTHING)), training_light=EnvironmentMap(torch.full((8, 16, 3), 2.0)))
+    monkeypatch.setattr(module.Model, "environment", torch.tensor([1.0, 2.0, 5.0]).expand(2, 4, 3))
+    found = values(scene, monkeypatch).metrics
+    assert found["environment/error"]["value"] == pytest.approx((1 + 0 + 9) / 12)
+    assert found["environment/error_scaled"]["value"] == pytest.approx(0, abs=1e-9)
+    assert found["environment/error"]["views"] == [None]
+    assert "environment/error" not in values(scene_of(view_with(0, EVERYTHING)), monkeypatch).metrics

@@ -1,7 +1,7 @@
 """Published figures as data: one TOML file a table, and the only place where they stand."""
 
 import tomllib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from importlib import resources
 from typing import Literal
@@ -11,21 +11,34 @@ from radiogs.errors import UsageError
 
 @dataclass(frozen=True)
 class Column:
-    """Unit of a published column, and whether larger ("up") or smaller ("down") is better."""
+    """Unit of a published column, and whether larger ("up") or smaller ("down") is better; "none" for a setting.
+
+    A column of one scene names it; without a scene it is the mean over the table's data.
+    """
 
     unit: str
-    direction: Literal["up", "down"]
+    direction: Literal["up", "down", "none"]
+    scene: str | None = None
 
 
 @dataclass(frozen=True)
 class PublishedTable:
-    """A table of the paper: ``figures[row][column]``; ``label`` is its LaTeX label, ``data`` what it averages over."""
+    """A table of the paper: ``figures[row][column]``, as printed.
+
+    ``label`` is its LaTeX label, ``source`` where it is printed, ``data`` what it averages over. Column keys read
+    ``task/measure`` (``task/measure/scene``), ``labels`` says what the paper calls each row. A row may lack a column:
+    ``absent[row][column]`` says why. ``remarks`` by row say where the paper's tables do not agree with each other.
+    """
 
     title: str
     label: str
+    source: str
     data: str
     columns: dict[str, Column]
+    labels: dict[str, str]
     figures: dict[str, dict[str, float]]
+    absent: dict[str, dict[str, str]] = field(default_factory=dict)
+    remarks: dict[str, str] = field(default_factory=dict)
 
 
 def published_tables() -> tuple[str, ...]:
@@ -44,10 +57,7 @@ def published(table: str) -> PublishedTable:
             f"Tables: {', '.join(published_tables())}.",
         )
     content = tomllib.loads(resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8"))
-    return PublishedTable(
-        title=content["title"],
-        label=content["label"],
-        data=content["data"],
-        columns={name: Column(**column) for name, column in content["columns"].items()},
-        figures=content["rows"],
-    )
+    columns = {name: Column(**column) for name, column in content.pop("columns").items()}
+    rows = content.pop("rows").items()
+    figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in rows}
+    return PublishedTable(columns=columns, figures=figures, **content)

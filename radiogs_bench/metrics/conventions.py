@@ -1,0 +1,142 @@
+"""The conventions that published evaluations differ in, one small type a metric.
+
+Two figures can be compared when every field agrees. Values are words, because results record them as they stand.
+``docs/protocols.md`` says which code uses which, and where that is seen.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Net = Literal["alex", "vgg", "squeeze"]
+"""Backbones of LPIPS: torchvision's AlexNet, VGG16 and SqueezeNet 1.1."""
+
+Bits = Literal["float", "8 bit rounded", "8 bit truncated"]
+"""Whether an image passes through 8 bits before it is compared, and how it gets there."""
+
+Space = Literal["linear", "srgb", "gamma 2.2"]
+"""Encoding in which linear albedo is compared."""
+
+Task = Literal["nvs", "relight", "indirect"]
+"""What an image shows: a new view, a new light, or the part of the radiance that has met two or more surfaces."""
+
+
+@dataclass(frozen=True)
+class Picture:
+    """How prediction and truth are laid out before they are compared. Both come on black with their coverage.
+
+    ``prediction``: as rendered over the background; that, times the true coverage; its straight colour where it
+    covers more than half and the background elsewhere ("solid"); or the background wherever the truth covers nothing.
+    ``target``: composited over the background; that, times its coverage once more; or straight, never multiplied.
+    ``clipped``: the prediction is clipped to [0, 1].
+    """
+
+    background: Literal["black", "white"] = "black"
+    prediction: Literal["rendered", "times true coverage", "solid", "background outside truth"] = "rendered"
+    target: Literal["composited", "times coverage again", "straight"] = "composited"
+    clipped: bool = True
+    prediction_bits: Bits = "float"
+    target_bits: Bits = "float"
+
+
+@dataclass(frozen=True)
+class Psnr:
+    """Peak 1. Over all channels jointly, or the mean of one PSNR a channel (never lower, by convexity).
+
+    ``albedo_views`` says whether the albedo of all views is one error ("pooled") or each view has its own.
+    """
+
+    channels: Literal["joint", "mean of channels"] = "joint"
+    albedo_views: Literal["mean", "pooled"] = "mean"
+
+
+@dataclass(frozen=True)
+class Ssim:
+    """Structural similarity, mean over pixels and channels; K1 = 0.01, K2 = 0.03.
+
+    Gaussian taps have sigma 1.5. ``padding`` "valid" scores only windows inside the image. ``bounded`` clips
+    variances at zero and the covariance at their geometric mean.
+    """
+
+    window: int = 11
+    taps: Literal["gaussian", "uniform"] = "gaussian"
+    padding: Literal["valid", "zero", "reflect"] = "valid"
+    covariance: Literal["population", "sample"] = "population"
+    bounded: bool = False
+    data_range: float = 1.0
+
+
+@dataclass(frozen=True)
+class Lpips:
+    """LPIPS v0.1. The network expects [-1, 1]; several codes feed it [0, 1], which is another metric."""
+
+    net: Net = "alex"
+    input: Literal["[-1, 1]", "[0, 1]"] = "[-1, 1]"
+
+
+@dataclass(frozen=True)
+class Normal:
+    """Angular error in degrees, from atan2.
+
+    ``region`` "mask" averages where the truth covers more than half, and a hole counts 90. ``region`` "image" averages
+    over every pixel, after both sides are blended over (0, 0, 1), the prediction by the coverage ``blended_by`` names.
+    ``measure`` "cosine" is Stanford-ORB's 1 - cos in the eroded mask instead.
+    """
+
+    measure: Literal["angle", "cosine"] = "angle"
+    region: Literal["mask", "image", "eroded mask"] = "mask"
+    blended_by: Literal["own coverage", "true coverage"] = "own coverage"
+    prediction_bits: Bits = "float"
+
+
+@dataclass(frozen=True)
+class Albedo:
+    """Alignment of the recovered albedo, which is known only up to a factor a channel, and its comparison.
+
+    ``align`` is what one factor (of truth / prediction) is taken from; ``fitted_to`` the views it is taken over;
+    ``pixels`` those that count: "solid" where the truth covers more than half and is positive in all channels,
+    "covered" where it covers anything and is positive in all channels, "covered, any truth" where it covers anything,
+    "predicted" where the prediction is positive in all channels. ``largest`` bounds each pixel's ratio.
+    ``relights`` says whether relighting uses the aligned albedo.
+    """
+
+    align: Literal["none", "first channel's median", "median", "mean", "least squares"] = "median"
+    fitted_to: Literal["all views", "first view", "20 views", "each view"] = "all views"
+    pixels: Literal["solid", "covered", "covered, any truth", "predicted", "eroded mask"] = "solid"
+    largest: float | None = None
+    psnr_space: Space = "linear"
+    structure_space: Space = "linear"
+    picture: Picture = Picture()
+    relights: bool = True
+
+
+@dataclass(frozen=True)
+class Roughness:
+    """Mean squared error where the truth covers more than half, or over the image with zeros for the background."""
+
+    region: Literal["mask", "image"] = "mask"
+
+
+@dataclass(frozen=True)
+class Indirect:
+    """Which indirect light is compared, as display sRGB on black.
+
+    "outgoing": radiance towards the camera after two or more surfaces. "incident": the released RadioGS code's mean
+    over the hemisphere's samples of what arrives, without cosine and albedo.
+    """
+
+    quantity: Literal["outgoing", "incident"] = "outgoing"
+    picture: Picture = Picture()
+
+
+@dataclass(frozen=True)
+class Depth:
+    """Scale-invariant squared error of z-depth: one least-squares factor over all views of a capture, or one a view."""
+
+    scale: Literal["all views", "each view"] = "all views"
+
+
+@dataclass(frozen=True)
+class Environment:
+    """Squared error of the recovered light over the squared true light, each texel weighted by its solid angle."""
+
+    scale: Literal["none", "one factor", "factor a channel"] = "factor a channel"

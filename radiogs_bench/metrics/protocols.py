@@ -1,0 +1,111 @@
+"""The named protocols. Where each convention is seen in the public codes: docs/protocols.md."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from difflib import get_close_matches
+
+from radiogs.errors import UsageError
+
+from .conventions import Albedo, Bits, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
+from .protocol import Protocol
+from .stanford_orb_protocol import STANFORD_ORB
+
+BYTES: Bits = "8 bit rounded"
+CUT_BYTES: Bits = "8 bit truncated"
+
+DEFAULT = Protocol("default")
+
+MASKED = Picture(prediction="times true coverage")
+MASKED_TWICE = Picture(prediction="times true coverage", target="times coverage again", clipped=False)
+"""Both sides times the true coverage; the truth was on black already, so its soft edges carry it twice."""
+
+SPLATTING = Protocol(
+    "splatting",
+    psnr=Psnr(channels="mean of channels"),
+    ssim=Ssim(padding="zero"),
+    lpips=(Lpips("vgg", "[0, 1]"),),
+    normal=Normal(region="image"),
+    roughness=None,
+    indirect=None,
+)
+"""What the codes that descend from 3D Gaussian splatting share; no protocol of its own."""
+
+IRGS = replace(
+    SPLATTING,
+    name="irgs",
+    nvs=Picture(target_bits=CUT_BYTES),
+    relight=MASKED,
+    albedo=Albedo(pixels="covered", picture=MASKED_TWICE),
+    roughness=Roughness("image"),
+)
+
+RADIOGS = replace(
+    IRGS,
+    name="radiogs",
+    indirect=Indirect("incident", Picture(prediction="times true coverage", prediction_bits=BYTES)),
+)
+
+R3DG = replace(
+    SPLATTING,
+    name="r3dg",
+    relight=MASKED,
+    normal=None,
+    albedo=Albedo(pixels="covered, any truth", psnr_space="srgb", structure_space="srgb", picture=MASKED),
+    roughness=Roughness("image"),
+)
+
+SVG_IR = replace(
+    SPLATTING,
+    name="svg-ir",
+    relight=MASKED,
+    normal=Normal(region="image", blended_by="true coverage"),
+    albedo=Albedo(fitted_to="first view", pixels="predicted", largest=10.0, psnr_space="srgb", structure_space="srgb"),
+)
+
+GS_IR = replace(
+    SPLATTING,
+    name="gs-ir",
+    relight=Picture(prediction="times true coverage", target="straight", prediction_bits=BYTES),
+    normal=Normal(region="image", prediction_bits=BYTES),
+    albedo=Albedo(
+        pixels="covered, any truth",
+        picture=Picture(target="straight", clipped=False, prediction_bits=BYTES),
+        relights=False,
+    ),
+)
+
+GI_GS = replace(GS_IR, name="gi-gs", roughness=Roughness("mask"))
+
+TENSOIR = Protocol(
+    "tensoir",
+    nvs=Picture(background="white"),
+    relight=Picture(background="white", prediction="solid"),
+    psnr=Psnr(albedo_views="pooled"),
+    ssim=Ssim(bounded=True),
+    lpips=(Lpips("vgg"), Lpips("alex")),
+    normal=Normal(region="image"),
+    albedo=Albedo(
+        fitted_to="20 views",
+        pixels="covered, any truth",
+        psnr_space="gamma 2.2",
+        picture=Picture(background="white", prediction="background outside truth"),
+    ),
+    roughness=None,
+    indirect=None,
+)
+
+PROTOCOLS: Mapping[str, Protocol] = {
+    rules.name: rules for rules in (DEFAULT, RADIOGS, IRGS, R3DG, GS_IR, GI_GS, SVG_IR, TENSOIR, STANFORD_ORB)
+}
+
+
+def protocol(name: str) -> Protocol:
+    """The protocol of that name. Raises UsageError for an unknown one."""
+    if name not in PROTOCOLS:
+        near = get_close_matches(name, PROTOCOLS, 1)
+        raise UsageError(
+            f"unknown metric protocol '{name}'",
+            f"Did you mean '{near[0]}'?" if near else "",
+            f"Protocols: {', '.join(PROTOCOLS)}.",
+        )
+    return PROTOCOLS[name]

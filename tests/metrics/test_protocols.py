@@ -1,0 +1,217 @@
+"""What each named protocol does to known images, and that the default one stays what stored results were made by."""
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from radiogs.errors import UsageError
+from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP, Value, protocol
+from radiogs_bench.metrics.conventions import Psnr
+from radiogs_bench.metrics.psnr import psnr
+
+ONES = torch.ones(3)
+DESCENDANTS = ("radiogs", "irgs", "r3dg", "gs-ir", "gi-gs", "svg-ir")
+
+
+def disc(size: int = 96) -> torch.Tensor:
+    """Coverage of a disc with an anti-aliased rim."""
+    rows, columns = torch.meshgrid(*[torch.arange(size) + 0.5 - size / 2] * 2, indexing="ij")
+    return (0.4 * size - torch.hypot(rows, columns) + 0.5).clamp(0, 1)[..., None]
+
+
+def bytes_of(image: torch.Tensor) -> torch.Tensor:
+    return (image * 255).round() / 255
+
+
+def test_the_default_has_not_moved() -> None:
+    """Results are compared across versions under this name: whoever changes a field needs a new name."""
+    assert protocol("default").describe() == {
+        "name": "default",
+        "nvs": (picture := {
+            "background": "black", "prediction": "rendered", "target": "composited", "clipped": True,
+            "prediction_bits": "float", "target_bits": "float",
+        }),
+        "relight": picture,
+        "psnr": {"channels": "joint", "albedo_views": "mean"},
+        "ssim": {
+            "window": 11, "taps": "gaussian", "padding": "valid", "covariance": "population", "bounded": False,
+            "data_range": 1.0,
+        },
+        "lpips": [{"net": "alex", "input": "[-1, 1]"}],
+        "normal": {
+            "measure": "angle", "region": "mask", "blended_by": "own coverage", "prediction_bits": "float",
+        },
+        "albedo": {
+            "align": "median", "fitted_to": "all views", "pixels": "solid", "largest": None, "psnr_space": "linear",
+            "structure_space": "linear", "picture": picture, "relights": True,
+        },
+        "roughness": {"region": "mask"},
+        "indirect": {"quantity": "outgoing", "picture": picture},
+        "depth": None,
+        "environment": {"scale": "factor a channel"},
+        "images": "display sRGB, peak 1",
+        "psnr_cap": "100 dB",
+        "mean": "over lights, then over views",
+    }  # fmt: skip
+
+
+def test_every_protocol_is_itself_and_can_be_recorded() -> None:
+    described = [protocol(name).describe() for name in PROTOCOLS]
+    assert [json.loads(json.dumps(words, allow_nan=False)) for words in described] == described
+    bare = [json.dumps(words | {"name": ""}) for words in described]
+    assert len(set(bare)) == len(bare)
+    assert set(PROTOCOLS) == {"default", "stanford-orb", "tensoir", *DESCENDANTS}
+
+
+def test_an_unknown_protocol_is_told_its_neighbours() -> None:
+    with pytest.raises(UsageError, match="Did you mean 'tensoir'"):
+        protocol("tenso-ir")
+
+
+@pytest.mark.parametrize("name", ["default", "radiogs", "irgs", "r3dg", "svg-ir", "tensoir"])
+def test_a_perfect_opaque_render_is_perfect(name: str) -> None:
+    image, ones = bytes_of(torch.rand(32, 32, 3)), torch.ones(32, 32, 1)
+    for task in ("nvs", "relight"):
+        found = protocol(name).score_image(image, image, ones, ones, task)
+        assert found["psnr"].value == PSNR_CAP
+        assert found["ssim"].value == pytest.approx(1)
+
+
+@pytest.mark.parametrize("name", DESCENDANTS)
+def test_the_splatting_codes_average_three_psnrs(name: str) -> None:
+    target, ones = bytes_of(torch.rand(32, 32, 3)), torch.ones(32, 32, 1)
+    image = (target + torch.tensor([0.1, 0.01, 0.01]) * torch.randn_like(target)).clamp(0, 1)
+    found = protocol(name).score_image(image, target, ones, ones)["psnr"].value
+    assert found == pytest.approx(psnr(image, target, Psnr("mean of channels")), abs=1e-9)
+    assert found > protocol("default").score_image(image, target)["psnr"].value + 5
+
+
+def test_a_perfect_relit_disc_tops_out_where_coverage_is_applied_twice() -> None:
+    """IRGS multiplies a composited render by the coverage once more: its rim carries a^2 against a."""
+    alpha = disc()
+    target = 0.8 * alpha * ONES
+    found = protocol("irgs").score_image(target, target, alpha, alpha, "relight")["psnr"].value
+    rim = 0.8 * (alpha - alpha**2).double()
+    assert found == pytest.approx(-10 * math.log10(float(rim.square().mean())), abs=1e-3)
+    assert 25 < found < 45
+    assert protocol("irgs").score_image(target, target, alpha, alpha, "nvs")["psnr"].value > found + 10
+    # The rule that the truth is straight where nothing is multiplied into it does the same to GS-IR's rim.
+    assert protocol("gs-ir").score_image(target, target, alpha, alpha, "relight")["psnr"].value < 45
+
+
+def test_the_truth_is_cut_to_bytes_by_the_2dgs_reader() -> None:
+    """A truth halfway between two levels is read as the lower: half a level for a perfect render."""
+    target = ((torch.arange(32 * 32 * 3) % 200).view(32, 32, 3) + 0.5) / 255
+    found = protocol("irgs").score_image(target, target)["psnr"].value
+    assert found == pytest.approx(-20 * math.log10(0.5 / 255), abs=1e-3)
+
+
+def test_tensoir_composites_on_white_and_relights_with_a_hard_mask() -> None:
+    alpha = disc()
+    target = 0.3 * alpha * ONES
+    rules = protocol("tensoir")
+    assert rules.score_image(target, target, alpha, alpha)["psnr"].value == PSNR_CAP
+    found = rules.score_image(target, target, alpha, alpha, "relight")["psnr"].value
+    hard = torch.where(alpha > 0.5, 0.3, 1.0)
+    error = (hard - (0.3 * alpha + 1 - alpha)).double().square().mean()
+    assert found == pytest.approx(-10 * math.log10(float(error)), abs=1e-3)
+    missing = rules.score_image(0 * target, target, alpha, 0 * alpha)["psnr"].value
+    assert missing == pytest.approx(-10 * math.log10(float((0.7 * alpha).double().square().mean())), abs=1e-3)
+
+
+def test_tensoir_pools_the_error_of_albedo_over_views() -> None:
+    """Errors of 1e-2, 1e-3 and 1e-4: 30 dB as a mean of PSNRs, 24.32 dB pooled."""
+    views = [Value(20.0), Value(30.0), Value(40.0)]
+    assert protocol("default").mean(views, "albedo/psnr").value == pytest.approx(30)
+    assert protocol("tensoir").mean(views, "albedo/psnr").value == pytest.approx(24.32, abs=5e-3)
+    assert protocol("tensoir").mean(views, "nvs/psnr").value == pytest.approx(30)
+    assert protocol("tensoir").mean([*views, Value(None, "why")], "albedo/psnr") == Value(None, "why")
+
+
+def test_tensoirs_albedo_is_gamma_encoded_for_psnr_only_and_white_outside() -> None:
+    alpha = (disc() > 0.5).float()
+    target, image = 0.4 * alpha * ONES, 0.2 * alpha * ONES
+    rules = protocol("tensoir")
+    scale = rules.albedo_scale([image], [target], [alpha], [alpha])
+    torch.testing.assert_close(scale, 2 * ONES)
+    assert rules.score_albedo(image, target, scale, alpha, alpha)["psnr"].value == PSNR_CAP
+    found = rules.score_albedo(image, target, ONES, alpha, alpha)
+    error = (0.4 ** (1 / 2.2) - 0.2 ** (1 / 2.2)) ** 2 * float(alpha.mean())
+    assert found["psnr"].value == pytest.approx(-10 * math.log10(error), abs=1e-3)
+    linear = protocol("default").score_image(0.2 * alpha * ONES + 1 - alpha, 0.4 * alpha * ONES + 1 - alpha)
+    assert found["ssim"].value == pytest.approx(linear["ssim"].value, abs=1e-6)
+
+
+def test_irgs_compares_linear_albedo_unclipped_and_svg_ir_in_srgb_clipped() -> None:
+    ones = torch.ones(32, 32, 1)
+    target, image = torch.full((32, 32, 3), 0.9), torch.full((32, 32, 3), 0.6)
+    assert protocol("irgs").score_albedo(image, target, 2 * ONES, ones)["psnr"].value == pytest.approx(
+        -20 * math.log10(0.3), abs=1e-3
+    )
+    display = 1.055 * 0.9 ** (1 / 2.4) - 0.055
+    assert protocol("svg-ir").score_albedo(image, target, 2 * ONES, ones)["psnr"].value == pytest.approx(
+        -20 * math.log10(1 - display), abs=1e-3
+    )
+
+
+def test_relighting_uses_the_aligned_albedo_where_the_code_does() -> None:
+    scale = torch.tensor([2.0, 3.0, 4.0])
+    unscaled = {name for name in PROTOCOLS if torch.equal(protocol(name).relighting_scale(scale), ONES)}
+    assert unscaled == {"gs-ir", "gi-gs", "stanford-orb"}
+
+
+def test_roughness_over_the_image_is_diluted_by_the_background() -> None:
+    mask = torch.zeros(8, 8, 1)
+    mask[:2] = 1
+    target, image = mask * 0.5, mask * 0.6
+    image[5] = math.nan
+    assert protocol("default").score_roughness(image, target, mask)["mse"].value == pytest.approx(0.01, rel=1e-5)
+    assert protocol("irgs").score_roughness(image, target, mask)["mse"].value == pytest.approx(0.0025, rel=1e-5)
+    for name in ("default", "irgs"):
+        assert protocol(name).score_roughness(image, target, 0 * mask)["mse"] == Value(None, "the mask is empty")
+
+
+@pytest.mark.parametrize(
+    ("name", "task"), [("irgs", "relight"), ("gs-ir", "relight"), ("r3dg", "relight"), ("radiogs", "indirect")]
+)
+def test_what_a_mask_excludes_cannot_leak_and_an_empty_one_is_no_perfect_score(name: str, task: str) -> None:
+    rules, mask = protocol(name), (disc(48) > 0.5).float()
+    image, target = torch.rand(48, 48, 3) * mask, torch.rand(48, 48, 3) * mask
+    expected = rules.score_image(image, target, mask, mask, task)
+    image = torch.where(mask > 0, image, math.nan)
+    assert rules.score_image(image, target, mask, mask, task) == expected
+    assert expected["psnr"].value is not None
+    empty = rules.score_image(image, target, 0 * mask, mask, task)
+    assert {value.reason for value in empty.values()} == {"the mask is empty"}
+
+
+def test_what_a_code_does_not_score_is_not_available() -> None:
+    image, ones = torch.rand(16, 16, 3), torch.ones(16, 16, 1)
+    for name, scores in {
+        "r3dg": protocol("r3dg").score_normal(image, image, ones),
+        "tensoir": protocol("tensoir").score_roughness(ones, ones, ones),
+        "irgs": protocol("irgs").score_image(image, image, task="indirect"),
+        "stanford-orb": protocol("stanford-orb").score_image(image, image, task="indirect"),
+        "default": protocol("default").score_depth([ones], [ones], [ones])[0],
+    }.items():
+        for value in scores.values():
+            assert value.value is None
+            assert name in value.reason
+            assert "does not compare" in value.reason
+
+
+def test_one_field_changed_is_another_protocol() -> None:
+    varied = replace(protocol("default"), name="mine", psnr=Psnr("mean of channels"))
+    target = torch.rand(16, 16, 3)
+    image = target + torch.tensor([0.1, 0.0, 0.0])
+    assert varied.score_image(image.clamp(0, 1), target)["psnr"].value > 70
+
+
+def test_the_document_names_every_protocol() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "protocols.md").read_text(encoding="utf-8")
+    for name in PROTOCOLS:
+        assert f"`{name}`" in text
