@@ -7,6 +7,7 @@ import torch
 
 from radiogs.kernels.bvh import LOOSENED, SurfelBVH
 from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.hits import find_hits
 from radiogs.kernels.runtime import use_threads
 from radiogs.kernels.topology import DEEPEST, kd_topology
 from radiogs.kernels.trace import Hits, trace
@@ -88,17 +89,31 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     assert agreed >= 6
 
 
-def test_float32_agrees_with_float64_but_for_hits_at_a_threshold() -> None:
-    given = {name: value.float() for name, value in random_inputs(400, 500, 3).items()}
+def met_by_each(given: dict[str, torch.Tensor]) -> list[list[int]]:
+    """The surfels that each ray blends, in order."""
+    tree = SurfelBVH.build(splats(given))
+    lists = find_hits(tree, given["origin"], given["direction"], given["t_min"], 0.03)
+    begin, members = lists.begin.tolist(), lists.surfel.tolist()
+    place = {ray: slot for slot, ray in enumerate(lists.ray.tolist())}
+    return [members[begin[place[ray]] : begin[place[ray] + 1]] for ray in range(len(place))]
+
+
+def test_float32_agrees_with_float64_but_where_a_hit_crosses_a_threshold() -> None:
+    """A hit at the alpha threshold, at the stop or in a tie is met in one precision and not in the other."""
+    given = {name: value.float() for name, value in random_inputs(400, 5000, 3).items()}
     rounded = {name: value.double() for name, value in given.items()}
+    crossed = torch.tensor([a != b for a, b in zip(met_by_each(given), met_by_each(rounded), strict=True)])
+    assert int(crossed.sum()) < 0.01 * len(crossed)
     exact = fast(rounded)
-    for ours, theirs in zip(fast(given), exact, strict=True):
-        assert ((ours.double() - theirs).abs() < 1e-4).double().mean() > 0.99
+    for name, ours, theirs in zip(OUTPUTS, fast(given), exact, strict=True):
+        torch.testing.assert_close(ours[~crossed].double(), theirs[~crossed], rtol=0, atol=1e-4, msg=name)
     pulls = [torch.randn_like(value) for value in exact]
+    for pull in pulls:
+        pull[crossed] = 0
     ours_by, exact_by = gradients(fast, given, [pull.float() for pull in pulls]), gradients(fast, rounded, pulls)
     for name in FIELDS:
         error = (ours_by[name].double() - exact_by[name]).abs() / exact_by[name].abs().max()
-        assert (error < 1e-4).double().mean() > 0.99, name
+        assert error.max() < 1e-4, name
 
 
 @pytest.mark.parametrize("copies", [17, 33, 64])

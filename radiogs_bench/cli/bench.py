@@ -1,0 +1,77 @@
+"""``radiogs-bench bench kernels``: how fast the kernels are here, beside yardsticks of the same run."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import add_verbose, names, positive
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+KERNELS = ("trace", "rasterize", "shade")
+SCENES = ("S", "M", "Mi")
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command and its subject."""
+    parser = commands.add_parser("bench", help="measure speed and memory", allow_abbrev=False)
+    subjects = parser.add_subparsers(title="subjects", required=True, metavar="SUBJECT")
+    measuring = subjects.add_parser("kernels", help="tracing, rasterizing, shading", allow_abbrev=False)
+    measuring.set_defaults(command=bench_kernels)
+    measuring.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
+    measuring.add_argument("--kernels", type=names, default=KERNELS, metavar="A,B", help="(default: all three)")
+    measuring.add_argument("--scenes", type=names, default=SCENES, metavar="A,B", help="(default: S,M,Mi)")
+    measuring.add_argument("--points", type=Path, metavar="NPZ", help="real points, as gsplat's test_garden.npz")
+    measuring.add_argument("--repetitions", type=positive, default=5, metavar="N", help="(default: 5)")
+    measuring.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
+    add_verbose(measuring)
+
+
+def bench_kernels(options: argparse.Namespace) -> int:
+    """Measure, print the table, and write the record."""
+    import json
+    import os
+
+    import torch
+
+    from radiogs.errors import UsageError
+
+    from .. import kernel_bench
+    from ..atomic import write_atomically
+    from ..kernel_bench.embree import missing_embree
+    from ..provenance import session
+    from .reporter import complain, say, show
+
+    for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
+        for name in given:
+            if name not in known:
+                raise UsageError(f"there is no {kind} '{name}' to measure", "", f"There are: {', '.join(known)}.")
+    if options.device == "cuda" and not torch.cuda.is_available():
+        raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
+    device = torch.device(options.device)
+    reasons = [missing_embree()] if "trace" in options.kernels else []
+    if options.points is None and "trace" in options.kernels:
+        reasons.append("real geometry: no file was named with --points")
+    skipped = [reason for reason in reasons if reason]
+    rows = list(
+        kernel_bench.bench_kernels(
+            device, options.points, tuple(options.kernels), tuple(options.scenes), options.repetitions, complain
+        )
+    )
+    team = os.cpu_count() or 1
+    scaling = None
+    if device.type == "cpu" and "trace" in options.kernels and "M" in options.scenes and team > 1:
+        complain(f"trace, M, float32, {team} threads against one")
+        scaling = kernel_bench.scaling(team, options.repetitions)
+    show(kernel_bench.as_table(rows, device.type == "cuda"))
+    for name in sorted({row.yardstick for row in rows if row.yardstick}):
+        say(f"yardstick of {', '.join(sorted({row.kernel for row in rows if row.yardstick == name}))}: {name}")
+    if scaling is not None:
+        say(f"{team} threads: {scaling['forward']:.2f} x forward, {scaling['backward']:.2f} x backward (wall time)")
+    for reason in skipped:
+        say(f"skipped: {reason}")
+    if options.json is not None:
+        record = kernel_bench.as_json(rows, scaling, skipped, dict(session(device)))
+        write_atomically(options.json, json.dumps(record, indent=1).encode())
+    return 0

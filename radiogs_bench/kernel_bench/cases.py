@@ -1,0 +1,139 @@
+"""The measured pieces of work, each ready to run: forward, backward, and its yardstick."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import torch
+from torch import Tensor
+
+from radiogs.camera import Camera
+from radiogs.kernels.bvh import SurfelBVH
+from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.rasterize import rasterize
+from radiogs.kernels.shade import shade
+from radiogs.kernels.trace import trace
+from radiogs.sampling import hemisphere_directions
+
+from .embree import closest_hits, missing_embree
+from .plain_torch import rasterize_densely, shade_plainly
+from .scenes import KernelScene
+
+SHADED_SURFELS, SHADED_SAMPLES = 4000, 64
+LIGHT_HEIGHT = 16
+CHANNELS = 13
+
+
+@dataclass(frozen=True)
+class Yardstick:
+    """Other code for the same purpose; ``backward`` only where it has one."""
+
+    name: str
+    forward: Callable[[], object]
+    backward: Callable[[], Callable[[], object]] | None
+
+
+@dataclass(frozen=True)
+class Case:
+    """One kernel on one input.
+
+    forward: without gradient. backward: runs the forward pass and returns the backward pass, ready to run. items: what
+    the rate counts.
+    """
+
+    kernel: str
+    scene: str
+    dtype: torch.dtype
+    items: int
+    item: str
+    forward: Callable[[], object]
+    backward: Callable[[], Callable[[], object]]
+    yardstick: Yardstick | None
+
+
+def trace_case(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> Case:
+    """Blending along all rays of a scene, beside Embree's closest hit (float32, one CPU core)."""
+    geometry = _geometry(scene, dtype, device)
+    bvh = SurfelBVH.build(geometry)
+    origin, direction, t_min = (value.to(device, dtype) for value in (scene.origin, scene.direction, scene.t_min))
+    leaves = [getattr(geometry, field.name) for field in fields(geometry)]
+    leaves += [value.to(device, dtype) for value in (scene.sh, scene.features)] + [origin]
+
+    def run(values: list[Tensor]) -> Tensor:
+        hits = trace(bvh, SplatGeometry(*values[:5]), values[5], values[6], values[7], direction, t_min)
+        return hits.radiance.sum() + hits.transmittance.sum() + hits.features.sum() + hits.depth.sum()
+
+    yardstick = None if missing_embree() else Yardstick("Embree closest hit", closest_hits(scene), None)
+    return Case("trace", scene.name, dtype, len(origin), "ray", *_passes(run, leaves), yardstick)
+
+
+def rasterize_case(scene: KernelScene, size: int, dtype: torch.dtype, device: torch.device, dense: bool) -> Case:
+    """An image of CHANNELS features from outside the scene, beside every pixel against every surfel."""
+    geometry = _geometry(scene, dtype, device)
+    camera = _camera(size).to(device, dtype)
+    generator = torch.Generator().manual_seed(1)
+    features = torch.rand(len(geometry), CHANNELS, generator=generator).to(device, dtype)
+    leaves = [*(getattr(geometry, field.name) for field in fields(geometry)), features]
+
+    def run(values: list[Tensor]) -> Tensor:
+        raster = rasterize(camera, SplatGeometry(*values[:5]), values[5], 1.0)
+        return raster.features.sum() + raster.depth.sum() + raster.distortion.sum()
+
+    def run_densely(values: list[Tensor]) -> Tensor:
+        return rasterize_densely(camera, SplatGeometry(*values[:5]), values[5]).sum()
+
+    yardstick = Yardstick("dense PyTorch", *_passes(run_densely, leaves)) if dense else None
+    name = f"{scene.name}, {size} x {size}"
+    return Case("rasterize", name, dtype, size * size, "pixel", *_passes(run, leaves), yardstick)
+
+
+def shade_case(dtype: torch.dtype, device: torch.device) -> Case:
+    """Eq. 8 for SHADED_SURFELS times SHADED_SAMPLES, one view each, beside the same sum as PyTorch expressions."""
+    generator = torch.Generator().manual_seed(0)
+
+    def uniform(*shape: int) -> Tensor:
+        return torch.rand(*shape, generator=generator, dtype=torch.float64)
+
+    def unit(*shape: int) -> Tensor:
+        return torch.nn.functional.normalize(torch.randn(*shape, generator=generator, dtype=torch.float64), dim=-1)
+
+    count, samples = SHADED_SURFELS, SHADED_SAMPLES
+    normal, outgoing = unit(count, 3), unit(count, 1, 3)
+    outgoing = torch.where((outgoing * normal[:, None]).sum(-1, keepdim=True) < 0, -outgoing, outgoing)
+    direction, weight = hemisphere_directions(normal, samples, generator)
+    given = [normal, uniform(count, 3), 0.1 + 0.9 * uniform(count), outgoing, direction, weight]
+    given += [uniform(count, samples), uniform(count, samples, 3), uniform(LIGHT_HEIGHT, 2 * LIGHT_HEIGHT, 3)]
+    leaves = [value.to(device, dtype) for value in given]
+    made_without_gradient = (3, 4, 5)
+    passes = _passes(lambda values: shade(*values).sum(), leaves, made_without_gradient)
+    plain = _passes(lambda values: shade_plainly(*values).sum(), leaves, made_without_gradient)
+    name = f"{count} x {samples}"
+    return Case("shade", name, dtype, count * samples, "sample", *passes, Yardstick("plain PyTorch", *plain))
+
+
+def _passes(
+    run: Callable[[list[Tensor]], Tensor], leaves: list[Tensor], constant: tuple[int, ...] = ()
+) -> tuple[Callable[[], object], Callable[[], Callable[[], object]]]:
+    @torch.no_grad()
+    def forward() -> object:
+        return run(leaves)
+
+    def backward() -> Callable[[], object]:
+        values = [value.detach().requires_grad_(place not in constant) for place, value in enumerate(leaves)]
+        total = run(values)
+        return total.backward
+
+    return forward, backward
+
+
+def _geometry(scene: KernelScene, dtype: torch.dtype, device: torch.device) -> SplatGeometry:
+    return SplatGeometry(*(getattr(scene.geometry, field.name).to(device, dtype) for field in fields(SplatGeometry)))
+
+
+def _camera(size: int) -> Camera:
+    """At (4, 0, 0), looking at the origin, Z up, 40 degrees across."""
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3] = torch.tensor([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]], dtype=torch.float64)
+    pose[0, 3] = 4.0
+    focal = size / 2 / math.tan(math.radians(20))
+    return Camera(pose, focal, focal, size / 2, size / 2, size, size)

@@ -1,0 +1,55 @@
+"""What a piece of work costs: seconds, and memory at its peak."""
+
+import ctypes
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+STATUS = Path("/proc/self/status")
+CLEAR_PEAK = Path("/proc/self/clear_refs")
+
+
+def seconds(work: Callable[[], object], device: torch.device) -> float:
+    """On the CPU the processor time of this process (what other processes take does not count); on CUDA wall time."""
+    clock = time.perf_counter if device.type == "cuda" else time.process_time
+    _wait(device)
+    start = clock()
+    work()
+    _wait(device)
+    return clock() - start
+
+
+def wall_seconds(work: Callable[[], object]) -> float:
+    """Wall time, for work on several threads."""
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
+    """Memory that the work holds at its peak beyond what was there before it.
+
+    On the CPU that is the resident set of the whole process, after the allocator gave back what it kept.
+    """
+    if device.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(device)
+        before = torch.cuda.memory_allocated(device)
+        work()
+        return torch.cuda.max_memory_allocated(device) - before
+    ctypes.CDLL(None).malloc_trim(0)
+    CLEAR_PEAK.write_text("5")  # Linux: sets the peak of the resident set back to its present size
+    before = _status("VmRSS")
+    work()
+    return _status("VmHWM") - before
+
+
+def _status(field: str) -> int:
+    line = next(line for line in STATUS.read_text().splitlines() if line.startswith(f"{field}:"))
+    return int(line.split()[1]) * 1024
+
+
+def _wait(device: torch.device) -> None:
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)

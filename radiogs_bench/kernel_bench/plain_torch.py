@@ -1,0 +1,62 @@
+"""The yardsticks of rasterizing and shading: the same sums as straightforward PyTorch expressions, with autograd."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.brdf import diffuse, specular
+from radiogs.camera import Camera
+from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
+from radiogs.light import EnvironmentMap
+
+PIXELS_AT_ONCE = 1024
+"""Rows of the pixel-by-surfel table that are held together."""
+
+
+def rasterize_densely(
+    camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"]
+) -> Float[Tensor, "pixels channels"]:
+    """Every pixel against every surfel, front to back; only the early stop at full pixels is left out."""
+    order = (geometry.centre @ camera.axes[:, 2]).argsort(stable=True)
+    centre, axis_u, axis_v, normal, opacity, feature = (
+        value[order]
+        for value in (
+            geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity, features,
+        )
+    )  # fmt: skip
+    towards = centre - camera.centre
+    rows = []
+    for ray in camera.ray_directions().flatten(0, 1).split(PIXELS_AT_ONCE):
+        slope = ray @ normal.T
+        depth = (normal * towards).sum(-1) / torch.where(slope < 0, slope, -1.0)
+        u = depth * (ray @ axis_u.T) - (axis_u * towards).sum(-1)
+        v = depth * (ray @ axis_v.T) - (axis_v * towards).sum(-1)
+        alpha = opacity * (-0.5 * (u * u + v * v)).exp()
+        met = (slope < 0) & (depth > 0) & (alpha >= ALPHA_THRESHOLD)
+        alpha = torch.where(met, alpha.clamp(max=MAX_ALPHA), 0.0)
+        left = torch.cumprod(torch.cat([torch.ones_like(alpha[:, :1]), 1 - alpha[:, :-1]], 1), 1)
+        rows.append((left * alpha) @ feature)
+    return torch.cat(rows)
+
+
+def shade_plainly(
+    normal: Float[Tensor, "surfels 3"],
+    albedo: Float[Tensor, "surfels 3"],
+    roughness: Float[Tensor, " surfels"],
+    outgoing: Float[Tensor, "surfels views 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    visibility: Float[Tensor, "surfels samples"],
+    indirect: Float[Tensor, "surfels samples 3"],
+    environment: Float[Tensor, "height width 3"],
+) -> Float[Tensor, "surfels views 4 3"]:
+    """Eq. 8 as one writes it: every factor for all surfels, views and samples, then a sum (see ``kernels.shade``)."""
+    n, wo, wi = torch.broadcast_tensors(normal[:, None, None], outgoing[:, :, None], direction[:, None])
+    cosine = (n * wi).sum(-1)
+    above = ((n * wo).sum(-1, keepdim=True) > 0) & (cosine > 0)[..., None]
+    glossy = torch.where(above, specular(n, wo, wi, roughness[:, None, None].expand_as(cosine))[..., None], 0.0)
+    matt = torch.where(above, diffuse(albedo[:, None, None]), 0.0)
+    direct = (visibility[..., None] * EnvironmentMap(environment).lookup(direction))[:, None]
+    weighted = (weight[:, None] * cosine.clamp(min=0))[..., None]
+    parts = (matt * direct, matt * indirect[:, None], glossy * direct, glossy * indirect[:, None])
+    return torch.stack([(weighted * part).sum(2) for part in parts], 2)

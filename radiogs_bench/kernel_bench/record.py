@@ -1,0 +1,50 @@
+"""The measurements as a table and as JSON."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from .bench import Row
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SCHEMA = "radiogs-bench/kernels/1"
+
+
+def as_json(
+    rows: Sequence[Row], scaling: dict[str, float] | None, skipped: Sequence[str], session: dict[str, Any]
+) -> dict[str, Any]:
+    """Everything measured, and where it comes from."""
+    return {
+        "schema": SCHEMA,
+        **session,
+        "rows": [{**asdict(row), "millions_per_second": row.millions_per_second} for row in rows],
+        "scaling": scaling,
+        "skipped": list(skipped),
+    }
+
+
+def as_table(rows: Sequence[Row], on_gpu: bool) -> "Table":
+    """One line a pass; rates are of one core on the CPU."""
+    from rich.table import Table
+
+    rate = "M/s" if on_gpu else "M/s per core"
+    table = Table("kernel", "scene", "type", "pass", "item")
+    for heading in (rate, "x yardstick", "hits an item", "KiB read an item", "peak MiB", "yardstick's MiB"):
+        table.add_column(heading, justify="right")
+    for row in rows:
+        table.add_row(
+            row.kernel, row.scene, row.dtype, row.direction, row.item,
+            f"{row.millions_per_second:.3f}",
+            "n/a" if row.ratio is None else f"{row.ratio:.2f}",
+            _counter(row, "hits", "blended_pairs"),
+            f"{row.counters['bytes_read'] / 2**10:.2f}",
+            f"{row.peak_bytes / 2**20:.1f}",
+            "n/a" if row.yardstick_peak_bytes is None else f"{row.yardstick_peak_bytes / 2**20:.1f}",
+        )  # fmt: skip
+    return table
+
+
+def _counter(row: Row, *names: str) -> str:
+    return next((f"{row.counters[name]:.1f}" for name in names if name in row.counters), "")

@@ -1,0 +1,164 @@
+"""What the kernels are measured on: surfels, and rays from them.
+
+S   a sphere above a plane, 4,096 surfels, 2^14 rays from their visible sides
+M   100,000 surfels over a closed blob with deep hollows, 2^18 rays outwards: 42 % meet something, 5 hits a ray
+Mi  the same blob seen from inside: every ray meets something, 15 hits a ray
+
+and, from a file of points, real geometry of uneven density.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from radiogs.errors import DataError
+from radiogs.kernels.geometry import SplatGeometry, support_radius
+from radiogs.sampling import tangent_frame
+
+OVERLAP = 0.93
+"""Standard deviations over the spacing of M's surfels; with it the scenes have the hits that this module states."""
+
+SPREAD = 0.4
+"""Standard deviation of the logarithm of each surfel's two scales."""
+
+POINTS_MEASURED = 8
+"""Neighbours that give a point of a cloud its normal and scale."""
+
+FEATURES = 8
+"""Normal, albedo, roughness and one more: what radiometric consistency blends along a ray."""
+
+
+@dataclass(frozen=True)
+class KernelScene:
+    """Surfels with radiance and features, and rays that start on them: origin, unit direction, nearest hit."""
+
+    name: str
+    geometry: SplatGeometry
+    sh: Float[Tensor, "surfels 16 3"]
+    features: Float[Tensor, "surfels channels"]
+    origin: Float[Tensor, "rays 3"]
+    direction: Float[Tensor, "rays 3"]
+    t_min: Float[Tensor, " rays"]
+
+
+def sphere_and_plane() -> KernelScene:
+    """Scene S."""
+    generator = torch.Generator().manual_seed(0)
+    half = 2048
+    ball = _spread_over_sphere(half)
+    plane = 4 * torch.rand(half, 3, generator=generator, dtype=torch.float64) - 2
+    plane[:, 2] = -1.05 + 0.02 * torch.randn(half, generator=generator, dtype=torch.float64)
+    upwards = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64).expand(half, 3)
+    return _scene("S", torch.cat([ball, plane]), torch.cat([ball, upwards]), _spacing(half), 1 << 14, generator)
+
+
+def blob(inside: bool) -> KernelScene:
+    """Scene M, or Mi from inside."""
+    generator = torch.Generator().manual_seed(0)
+    count = 100_000
+    towards = _spread_over_sphere(count)
+    centre = (towards * _blob_radius(towards)[:, None]).requires_grad_()
+    # The surface is |p| = r(p / |p|); its normal is the gradient of the difference.
+    length = centre.norm(dim=-1)
+    (slope,) = torch.autograd.grad((length - _blob_radius(centre / length[:, None])).sum(), centre)
+    normal = torch.nn.functional.normalize(slope, dim=-1) * (-1 if inside else 1)
+    return _scene("Mi" if inside else "M", centre.detach(), normal, _spacing(count), 1 << 18, generator)
+
+
+def cloud(path: Path) -> KernelScene:
+    """Surfels on the points of an .npz (``means3d`` [points, 3], as gsplat's test_garden.npz), normals upwards.
+
+    Raises DataError if the file has no such points.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            points = np.asarray(archive["means3d"], np.float64)
+    except (OSError, EOFError, ValueError, KeyError, BadZipFile) as error:
+        raise DataError(
+            f"cannot read points from {path}",
+            f"NumPy says: {error}.",
+            "Give an .npz file with an array 'means3d' of shape [points, 3].",
+        ) from error
+    distance, neighbours = cKDTree(points).query(points, POINTS_MEASURED + 1)
+    offsets = points[neighbours[:, 1:]] - points[:, None]
+    normal = torch.from_numpy(np.linalg.svd(offsets, full_matrices=False)[2][:, -1])
+    normal = torch.where(normal[:, 2:] < 0, -normal, normal)
+    spacing = torch.from_numpy(distance[:, 1:].mean(1).clip(min=1e-6 * np.ptp(points)))
+    generator = torch.Generator().manual_seed(0)
+    return _scene(path.stem, torch.from_numpy(points), normal, spacing, 1 << 18, generator)
+
+
+SCENES: dict[str, Callable[[], KernelScene]] = {
+    "S": sphere_and_plane,
+    "M": lambda: blob(inside=False),
+    "Mi": lambda: blob(inside=True),
+}
+
+
+def support_quads(geometry: SplatGeometry) -> tuple[Float[Tensor, "corners 3"], Int[Tensor, "triangles 3"]]:
+    """Every surfel's support as the square around its ellipse, in two triangles."""
+    reach = support_radius(geometry.opacity)[:, None]
+    along_u, along_v = (
+        reach * axis / axis.square().sum(-1, keepdim=True) for axis in (geometry.axis_u, geometry.axis_v)
+    )
+    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    corners = torch.stack([geometry.centre + u * along_u + v * along_v for u, v in signs], 1)
+    first = 4 * torch.arange(len(geometry), dtype=torch.int32)[:, None]
+    halves = [first + torch.tensor([half], dtype=torch.int32) for half in ((0, 1, 2), (0, 2, 3))]
+    return corners.flatten(0, 1), torch.cat(halves)
+
+
+def _scene(
+    name: str,
+    centre: Float[Tensor, "surfels 3"],
+    normal: Float[Tensor, "surfels 3"],
+    spacing: float | Float[Tensor, " surfels"],
+    rays: int,
+    generator: torch.Generator,
+) -> KernelScene:
+    count = len(centre)
+    frame = tangent_frame(normal)
+    noise = torch.randn(count, 2, generator=generator, dtype=torch.float64)
+    scale = OVERLAP * torch.as_tensor(spacing).reshape(-1, 1) * (SPREAD * noise).exp()
+    opacity = 0.5 + 0.49 * torch.rand(count, generator=generator, dtype=torch.float64)
+    geometry = SplatGeometry(
+        *(
+            value.float().contiguous()
+            for value in (centre, frame[..., 0] / scale[:, :1], frame[..., 1] / scale[:, 1:], normal, opacity)
+        )
+    )
+    sh = 0.3 * torch.randn(count, 16, 3, generator=generator)
+    features = torch.rand(count, FEATURES, generator=generator)
+    start = torch.randint(0, count, (rays,), generator=generator)
+    direction = torch.nn.functional.normalize(torch.randn(rays, 3, generator=generator, dtype=torch.float64), dim=-1)
+    below = (direction * normal[start]).sum(-1, keepdim=True) < 0
+    direction = torch.where(below, -direction, direction).float()
+    nearest = 3 * scale[start].amax(-1).float()
+    return KernelScene(name, geometry, sh, features, geometry.centre[start], direction, nearest)
+
+
+def _spread_over_sphere(count: int) -> Float[Tensor, "count 3"]:
+    place = torch.arange(count, dtype=torch.float64) + 0.5
+    z = 1 - 2 * place / count
+    azimuth = place * math.pi * (3 - math.sqrt(5))
+    across = (1 - z * z).sqrt()
+    return torch.stack([across * azimuth.cos(), across * azimuth.sin(), z], -1)
+
+
+def _spacing(count: int) -> float:
+    return math.sqrt(4 * math.pi / count)
+
+
+def _blob_radius(towards: Float[Tensor, "count 3"]) -> Float[Tensor, " count"]:
+    x, y, z = towards.unbind(-1)
+    coarse = torch.sin(6.5 * x + 1) * torch.sin(6.5 * y) * torch.cos(6.5 * z)
+    fine = torch.sin(13 * x) * torch.sin(11.05 * z + 1) * torch.cos(11.7 * y)
+    return 1 + 0.45 * coarse + 0.225 * fine
