@@ -13,17 +13,7 @@ from radiogs.kernels.shade_source import shade_kernels
 from radiogs.kernels.trace_source import trace_kernels
 
 
-@pytest.mark.parametrize(
-    ("architecture", "dtype"),
-    [
-        (90, torch.float32),
-        *(
-            pytest.param(architecture, dtype, marks=pytest.mark.slow)
-            for architecture, dtype in product((80, 89, 90), (torch.float32, torch.float64))
-            if (architecture, dtype) != (90, torch.float32)
-        ),
-    ],
-)
+@pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
     shading, hits, tracing, blending = (
         shade_kernels(dtype),
@@ -32,7 +22,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         blend_kernels(dtype, 13),
     )
     kernels = [
-        shading.forward, shading.backward, hits.gather, hits.pack, tracing.forward, tracing.backward,
+        shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
