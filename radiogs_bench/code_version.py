@@ -7,7 +7,12 @@ from pathlib import Path
 
 from .metrics.weights import FILES, missing_weights
 
-EVALUATION_MODULES = ("radiogs_bench.evaluate", "radiogs_bench.figures", "radiogs_bench.metrics")
+EVALUATION_MODULES = (
+    "radiogs_bench.evaluate",
+    "radiogs_bench.figures",
+    "radiogs_bench.metrics",
+    "radiogs_bench.scoring",
+)
 
 
 def sources_of(module: str) -> dict[str, Path]:

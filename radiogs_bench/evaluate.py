@@ -1,9 +1,4 @@
-"""Scoring a trained model: its maps of the test views, the views under other lights, and the light it found.
-
-Every map goes to the protocol as it appears on black, with both coverages: the ground truth's straight maps are
-multiplied by its coverage, the rendered ones are multiplied by theirs. Linear radiance (``indirect``) goes as display
-sRGB, clipped; albedo as it is, linear.
-"""
+"""Scoring a trained model: its maps of the test views, the views under other lights, and the light it found."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
@@ -13,8 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.camera import Camera
-from radiogs.colour import srgb_encode
-from radiogs.light import EnvironmentMap, texel_directions
+from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.relighting import Relit
 from radiogs.rendering import Renderer, splat
@@ -22,14 +16,20 @@ from radiogs.scene import Scene, View
 
 from .cell import Cell
 from .figures import Figures
-from .metrics import Protocol, protocol
+from .metrics import protocol
 from .run_cell import Evaluation
-
-Image = Float[Tensor, "height width channels"]
-Maps = Mapping[str, Float[Tensor, "height width _"]]
-
-MULTIPLIED = ("normal", "depth", "direct", "indirect")
-"""Maps that a scene stores as they appear on black; the others are straight."""
+from .scoring import (
+    Image,
+    Maps,
+    compared_indirect,
+    coverage,
+    lit_views,
+    score_albedo,
+    score_depth,
+    score_light,
+    score_view,
+    truth,
+)  # fmt: skip
 
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are kept beside the result."""
@@ -67,7 +67,7 @@ def evaluate(
             arrays |= {f"render/{name}": maps[name] for name in SHOWN}
         advance(done, total)
 
-    score_light(figures, scene, model)
+    score_light(figures, scene, EnvironmentMap(model.environment.detach().cpu()))
     score_depth(figures, scene, kept)
     scale = score_albedo(figures, scene, kept)
     arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)
@@ -91,60 +91,6 @@ def evaluate(
     )
 
 
-def score_view(figures: Figures, view: View, maps: Maps) -> None:
-    """Score what needs no other view: novel-view synthesis, normals, roughness, indirect light."""
-    rules, mask, alpha = figures.rules, coverage(view), maps["alpha"]
-    figures.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
-    if view.has("normal"):
-        figures.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
-    if view.has("roughness"):
-        figures.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
-    if view.has("indirect"):
-        ours, theirs = displayed(maps[compared_indirect(rules)]), displayed(truth(view, "indirect"))
-        figures.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
-
-
-def score_albedo(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
-    """Align the recovered albedo over all test views that have a true one, score it, and return the factor."""
-    views = [view for view in scene.test if view.has("albedo")]
-    if not views:
-        return None
-    rules = figures.rules
-    truths, masks = [truth(view, "albedo") for view in views], [coverage(view) for view in views]
-    predictions, alphas = ([rendered[view.name][name] for view in views] for name in ("albedo", "alpha"))
-    scale = rules.albedo_scale(predictions, truths, masks, alphas)
-    for view, prediction, target, mask, alpha in zip(views, predictions, truths, masks, alphas, strict=True):
-        figures.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
-    return scale
-
-
-def score_light(figures: Figures, scene: Scene, model: Model) -> None:
-    """Score the recovered environment map where the true one is known, at the true one's resolution."""
-    if scene.training_light is None:
-        return
-    true_light = scene.training_light.radiance.cpu()
-    directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)
-    found = EnvironmentMap(model.environment.detach().cpu()).lookup(directions)
-    figures.add_whole("environment", figures.rules.score_environment(found, true_light))
-
-
-def score_depth(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> None:
-    """Score the depth of all test views that have a true one, if the protocol compares depth."""
-    views = [view for view in scene.test if view.has("depth")]
-    if figures.rules.depth is None or not views:
-        return
-    depths, targets = [rendered[view.name]["depth"] for view in views], [truth(view, "depth") for view in views]
-    errors = figures.rules.score_depth(depths, targets, [coverage(view) for view in views])
-    for view, error in zip(views, errors, strict=True):
-        figures.add("depth", view.name, error)
-
-
-def lit_views(scene: Scene) -> dict[str, list[View]]:
-    """The test views that are given under each light."""
-    lit = {light: [view for view in scene.test if view.has(f"relit/{light}")] for light in scene.lights}
-    return {light: views for light, views in lit.items() if views}
-
-
 def relit_views(
     model: Model,
     lit: Mapping[str, Sequence[View]],
@@ -160,12 +106,6 @@ def relit_views(
             yield light, view, on_cpu(relit.render(view.camera.to(device, torch.float32)))
 
 
-def compared_indirect(rules: Protocol) -> str:
-    """The rendered map that a protocol compares with the scene's indirect light."""
-    incident = rules.indirect is not None and rules.indirect.quantity == "incident"
-    return "incident" if incident else "indirect"
-
-
 @torch.no_grad()
 def incident_map(renderer: Renderer, camera: Camera) -> Float[Tensor, "height width 3"]:
     """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
@@ -175,24 +115,6 @@ def incident_map(renderer: Renderer, camera: Camera) -> Float[Tensor, "height wi
     weight = renderer.incident.weight[..., None]
     arriving = (weight * renderer.incident.radiance).sum(1) / weight.sum(1)
     return splat(camera, renderer.model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
-
-
-def coverage(view: View) -> Float[Tensor, "height width 1"]:
-    """The true coverage; one everywhere for a view without an alpha map."""
-    if view.has("alpha"):
-        return view.read("alpha")
-    return torch.ones(view.camera.height, view.camera.width, 1)
-
-
-def truth(view: View, name: str) -> Image:
-    """A ground-truth map on black."""
-    image = view.read(name)
-    return image if name in MULTIPLIED else image * coverage(view)
-
-
-def displayed(linear: Image) -> Image:
-    """Linear radiance as display sRGB in [0, 1]."""
-    return srgb_encode(linear).clamp(0, 1)
 
 
 def on_cpu(maps: Maps) -> dict[str, Image]:

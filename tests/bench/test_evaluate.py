@@ -16,8 +16,9 @@ from radiogs.model import Model
 from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene, View
 from radiogs_bench import evaluate as module
-from radiogs_bench.evaluate import displayed, evaluate, incident_map, truth
+from radiogs_bench.evaluate import evaluate, incident_map
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
+from radiogs_bench.scoring import displayed, truth
 from scenes import look_at, sphere_scene
 
 SIZE = 16

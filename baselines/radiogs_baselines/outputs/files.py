@@ -1,0 +1,65 @@
+"""Finding the files of a rule."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from radiogs.errors import DataError
+
+from .rules import Rule
+
+SUFFIXES = (".exr", ".npy", ".png")
+"""Looked for in this order where a rule names no suffix: the most digits first."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """A file and how it reads."""
+
+    path: Path
+    rule: Rule
+
+
+def resolved(folder: Path, path: str) -> str:
+    """The path with each ``*`` replaced by the entry that is last in numerical order; as it is where none exists."""
+    parts = path.split("/")
+    for place, part in enumerate(parts):
+        if "*" in part:
+            entries = sorted((entry.name for entry in folder.joinpath(*parts[:place]).glob(part)), key=_numerical)
+            if not entries:
+                return path
+            parts[place] = entries[-1]
+    return "/".join(parts)
+
+
+def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Found | None:
+    """The rule's file for a view, if it is there; view and light go by any of their usual spellings."""
+    for path in spellings(rule, index, name, light):
+        for suffix in ("",) if Path(path).suffix in SUFFIXES else SUFFIXES:
+            file = _inside(folder, path + suffix)
+            if file.is_file():
+                return Found(file, rule)
+    return None
+
+
+def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
+    """Paths that the rule's file may have, relative to the folder."""
+    names = (name, name.rsplit("/", 1)[-1], f"{index:05d}") if "{name}" in rule.path else (name,)
+    lights = (light, light.replace("envmap", "env")) if "{light}" in rule.path else (light,)
+    written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in lights]
+    return list(dict.fromkeys(written))
+
+
+def _inside(folder: Path, path: str) -> Path:
+    file = folder / path
+    if ".." in Path(path).parts or Path(path).is_absolute():
+        raise DataError(
+            f"a view's name leads out of {folder}: '{path}'",
+            "Nothing outside the folder of predictions is read.",
+            "Correct the scene's list of views.",
+        )
+    return file
+
+
+def _numerical(name: str) -> list[tuple[int, str]]:
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", name)]

@@ -1,0 +1,172 @@
+"""``radiogs-bench score``: any code's output folder under a named protocol."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radiogs.errors import UsageError
+
+from .options import add_verbose
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from ..schema import MetricValue
+    from .options import Commands
+
+SCHEMA = "radiogs-bench/score/1"
+ORB = "stanford-orb"
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("score", help="score a folder that any code wrote", allow_abbrev=False)
+    parser.set_defaults(command=score)
+    parser.add_argument("predictions", type=Path, metavar="PREDICTIONS", help="what the code wrote")
+    parser.add_argument("--scene", metavar="PATH", help="the scene that was trained on: its name or folder")
+    parser.add_argument(
+        "--from",
+        dest="code",
+        metavar="CODE",
+        help="radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb, plain (default: told by the folder)",
+    )
+    parser.add_argument("--protocol", default="default", help="a metric protocol, or all (default: default)")
+    parser.add_argument("--json", action="store_true", help="print the record instead of the table")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
+    add_verbose(parser)
+
+
+def score(options: argparse.Namespace) -> int:
+    """Score, show what was compared and what could not be, and write the record."""
+    from ..atomic import write_atomically
+    from .reporter import say, show
+
+    record = _pairs(options) if options.code == ORB else _folder(options)
+    text = json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    if options.out is not None:
+        write_atomically(options.out, text.encode())
+    if options.json:
+        say(text.rstrip())
+        return 0
+    show(_table(record))
+    for heading in ("remarks", "absent", "missing"):
+        for line in record[heading]:
+            say(f"{heading.removesuffix('s')}: {line}")
+    return 0
+
+
+def _protocols(name: str) -> list[Any]:
+    from ..metrics import PROTOCOLS, protocol
+
+    return list(PROTOCOLS.values()) if name == "all" else [protocol(name)]
+
+
+def _folder(options: argparse.Namespace) -> dict[str, Any]:
+    from radiogs_baselines.outputs import read_predictions
+    from radiogs_datasets import load_scene
+
+    from ..progress import progress_for_stderr
+    from ..score import score_predictions
+
+    if options.scene is None:
+        raise UsageError(
+            "no scene was named", "The ground truth is read from it.", "Add --scene PATH (or --from stanford-orb)."
+        )
+    protocols = _protocols(options.protocol)
+    scene = load_scene(options.scene)
+    predictions = read_predictions(options.predictions, scene, options.code)
+    with progress_for_stderr() as progress:
+        scores = score_predictions(
+            predictions, scene, protocols, lambda done, total: progress.advance("scoring", done, total)
+        )
+    return _record(
+        options,
+        predictions.code,
+        {"name": scene.name, "layout": scene.layout, "checksum": scene.checksum},
+        {
+            each.protocol.name: {
+                "conventions": each.protocol.describe(),
+                "metrics": each.metrics,
+                "albedo_scale": each.albedo_scale,
+            }
+            for each in scores
+        },
+        [view.name for view in scene.test],
+        {"remarks": predictions.remarks, "absent": predictions.absent, "missing": predictions.missing},
+    )
+
+
+def _pairs(options: argparse.Namespace) -> dict[str, Any]:
+    from radiogs.errors import DataError
+    from radiogs_baselines.outputs.stanford_orb import read_pairs
+
+    from ..score_orb import score_pairs
+
+    if not options.predictions.exists():
+        raise DataError(f"there is no {options.predictions}", "", "Give a JSON of pairs, or an output folder.")
+    pairs = read_pairs(options.predictions)
+    missing = [f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking]
+    unmasked = sorted(
+        {pair.capture for pair in pairs if not pair.lacking and pair.task != "shape" and pair.mask is None}
+    )
+    return _record(
+        options,
+        ORB,
+        None,
+        {
+            rules.name: {"conventions": rules.describe(), "metrics": score_pairs(pairs, rules), "albedo_scale": None}
+            for rules in _protocols(options.protocol)
+        },
+        [],
+        {
+            "remarks": [f"{capture}: no mask, the whole image counts" for capture in unmasked],
+            "absent": [],
+            "missing": missing,
+        },
+    )
+
+
+def _record(
+    options: argparse.Namespace,
+    code: str,
+    scene: dict[str, Any] | None,
+    protocols: dict[str, Any],
+    views: list[str],
+    notes: dict[str, Any],
+) -> dict[str, Any]:
+    from ..provenance import versions
+
+    return {
+        "schema": SCHEMA,
+        "predictions": str(options.predictions),
+        "from": code,
+        "scene": scene,
+        "views": views,
+        "protocols": protocols,
+        "versions": versions(),
+        **{name: list(lines) for name, lines in notes.items()},
+    }
+
+
+def _table(record: dict[str, Any]) -> "Table":
+    """Metrics by protocol; under a single one, a figure that does not exist says why."""
+    from rich.table import Table
+
+    table = Table("metric", title=f"{record['predictions']} ({record['from']})")
+    for name in record["protocols"]:
+        table.add_column(name, justify="right")
+    if len(record["protocols"]) == 1:
+        table.add_column("why not")
+    metrics = sorted({metric for each in record["protocols"].values() for metric in each["metrics"]})
+    for metric in metrics:
+        values = [each["metrics"].get(metric) for each in record["protocols"].values()]
+        reasons = [(values[0] or {}).get("reason") or ""] if len(values) == 1 else []
+        table.add_row(metric, *map(_shown, values), *reasons)
+    return table
+
+
+def _shown(metric: "MetricValue | None") -> str:
+    if metric is None:
+        return ""
+    return "n/a" if metric["value"] is None else f"{metric['value']:.4f}"

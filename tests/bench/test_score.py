@@ -1,0 +1,190 @@
+"""Anybody's folder: the same prediction scores the same whichever layout carried it, and nothing is guessed."""
+
+import json
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from public_outputs import WRITERS, noisy, png
+from radiogs.errors import DataError
+from radiogs.scene import Scene
+from radiogs_baselines.outputs import CODES, likely_codes, read_predictions
+from radiogs_bench.cli import main
+from radiogs_bench.metrics import PROTOCOLS, protocol
+from radiogs_bench.score import score_predictions
+from radiogs_bench.scoring import coverage
+from radiogs_datasets import load_scene
+
+TOLERANCE = {"psnr": 0.02, "ssim": 1e-3, "mae": 0.02, "mse": 2e-5}
+"""What 8 bits a second time (albedo as sRGB; white taken away at soft edges) may move: an added error of variance
+1 / (12 255^2) beside the noise of 0.05^2 is 0.002 dB; edges add up to ten times that at 64 x 64 pixels."""
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene("corner")
+
+
+@pytest.fixture(scope="module")
+def folders(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    predicted, found = noisy(scene), {}
+    for code, write in WRITERS.items():
+        found[code] = tmp_path_factory.mktemp(code)
+        write(found[code], predicted)
+    return found
+
+
+def figures(folder: Path, scene: Scene, code: str | None = None) -> dict[str, float | None]:
+    (score,) = score_predictions(read_predictions(folder, scene, code), scene, [protocol("default")])
+    return {name: metric["value"] for name, metric in score.metrics.items()}
+
+
+def test_every_reader_has_a_writer_to_be_tested_with() -> None:
+    assert set(WRITERS) == set(CODES)
+
+
+@pytest.mark.parametrize("code", list(WRITERS))
+def test_a_folder_is_told_by_what_it_holds(code: str, folders: dict[str, Path]) -> None:
+    assert likely_codes(folders[code]) == [code]
+
+
+@pytest.mark.parametrize("code", list(WRITERS))
+def test_the_same_prediction_scores_the_same_in_every_layout(code: str, folders: dict[str, Path], scene: Scene) -> None:
+    ours, reference = figures(folders[code], scene), figures(folders["plain"], scene)
+    expected = {"nvs/psnr", "albedo/psnr", "relight/psnr", "normal/mae", "roughness/mse"}
+    assert expected <= ours.keys()
+    assert ours.keys() <= reference.keys()
+    for name, value in ours.items():
+        measure = name.rsplit("/", 1)[1]
+        if measure == "lpips":
+            continue
+        assert value is not None
+        assert reference[name] is not None
+        assert value == pytest.approx(reference[name], abs=TOLERANCE[measure]), name
+    assert 20 < ours["nvs/psnr"] < 35, "the noise is there"
+
+
+def test_indirect_light_is_read_as_outgoing_or_incident_as_the_protocol_compares(
+    folders: dict[str, Path], scene: Scene
+) -> None:
+    predictions = read_predictions(folders["radiogs"], scene)
+    outgoing, incident = score_predictions(predictions, scene, [protocol("default"), protocol("radiogs")])
+    best, half = outgoing.metrics["indirect/psnr"]["value"], incident.metrics["indirect/psnr"]["value"]
+    assert best is not None
+    assert half is not None
+    assert best > 45
+    assert half < 30
+
+
+def test_a_view_without_its_file_leaves_no_mean_and_is_named(
+    folders: dict[str, Path], scene: Scene, tmp_path: Path
+) -> None:
+    WRITERS["irgs"](tmp_path, noisy(scene))
+    (tmp_path / "test/ours_20000/render/00003.png").unlink()
+    predictions = read_predictions(tmp_path, scene)
+    assert predictions.missing == ("image: test/ours_20000/render/00003.png",)
+    (score,) = score_predictions(predictions, scene, [protocol("default")])
+    metric = score.metrics["nvs/psnr"]
+    assert metric["value"] is None
+    assert metric["reason"]
+    assert [place for place, value in enumerate(metric["views"]) if value is None] == [3]
+
+
+def test_what_no_view_has_is_absent_and_named(folders: dict[str, Path], scene: Scene) -> None:
+    predictions = read_predictions(folders["plain"], scene)
+    name = scene.test[0].name
+    assert predictions.absent == (f"depth (depth/{name})", f"incident (incident/{name})")
+    assert predictions.missing == ()
+
+
+def test_the_last_iteration_is_read_in_numerical_order(scene: Scene, tmp_path: Path) -> None:
+    predicted = noisy(scene)
+    WRITERS["irgs"](tmp_path, predicted)
+    for index, maps in enumerate(predicted.values()):
+        png(tmp_path / f"test/ours_7000/render/{index:05d}.png", 0 * maps["image"])
+    found = read_predictions(tmp_path, scene).maps[scene.test[0].name]["image"]
+    assert "ours_20000" in str(found.path)
+
+
+@pytest.mark.parametrize("damage", ["truncated", "size", "text"])
+def test_a_damaged_file_is_an_error_and_never_a_score(damage: str, scene: Scene, tmp_path: Path) -> None:
+    WRITERS["plain"](tmp_path, noisy(scene))
+    file = tmp_path / f"image/{scene.test[0].name}.png"
+    if damage == "truncated":
+        file.write_bytes(file.read_bytes()[:200])
+    elif damage == "size":
+        png(file, torch.zeros(16, 16, 3))
+    else:
+        file.write_text("no image")
+    with pytest.raises(DataError, match=scene.test[0].name):
+        figures(tmp_path, scene)
+
+
+def test_a_strangers_pickle_is_not_run(scene: Scene, tmp_path: Path) -> None:
+    class Evil:
+        def __reduce__(self) -> tuple[object, tuple[str]]:
+            return (Path.touch, (tmp_path / "ran",))  # type: ignore[return-value]
+
+    WRITERS["plain"](tmp_path, noisy(scene))
+    file = tmp_path / f"roughness/{scene.test[0].name}.npy"
+    for content in (pickle.dumps(Evil()), None):
+        if content is None:
+            np.save(file, np.array([Evil()], dtype=object), allow_pickle=True)
+        else:
+            file.write_bytes(content)
+        with pytest.raises(DataError, match="roughness"):
+            figures(tmp_path, scene)
+    assert not (tmp_path / "ran").exists()
+
+
+def test_normals_in_any_encoding_are_directions(folders: dict[str, Path], scene: Scene) -> None:
+    view = scene.test[0]
+    normal = read_predictions(folders["plain"], scene).read(view, coverage(view))["normal"]
+    solid = view.read("alpha")[..., 0] == 1
+    torch.testing.assert_close(normal.norm(dim=-1)[solid], torch.ones(int(solid.sum())), rtol=0, atol=1e-5)
+
+
+def test_the_command_writes_its_record(
+    folders: dict[str, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = tmp_path / "score.json"
+    given = ["score", str(folders["gi-gs"]), "--scene", "corner", "--protocol", "all", "--out", str(record)]
+    assert main(given) == 0
+    content = json.loads(record.read_text())
+    assert content["schema"] == "radiogs-bench/score/1"
+    assert content["from"] == "gi-gs"
+    assert set(content["protocols"]) == set(PROTOCOLS)
+    assert len(content["protocols"]["default"]["metrics"]["nvs/psnr"]["views"]) == len(content["views"])
+    shown = capsys.readouterr().out
+    assert "from_depth" in shown
+    assert "nvs/psnr" in shown
+    assert main([*given[:-4], "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["scene"]["name"] == "corner"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["nowhere", "--scene", "corner"], 3, "there is no folder"),
+        (["."], 2, "no scene was named"),
+        ([".", "--scene", "corner"], 3, "cannot tell which code"),
+        ([".", "--scene", "corner", "--from", "irgz"], 2, "Did you mean 'irgs'"),
+        ([".", "--scene", "corner", "--from", "irgs"], 3, "holds no prediction"),
+        ([".", "--scene", "corner", "--protocol", "best"], 2, "unknown metric protocol"),
+        ([".", "--from", "stanford-orb"], 3, "no Stanford-ORB results"),
+    ],
+)
+def test_wrong_calls_say_what_to_do(
+    arguments: list[str],
+    code: int,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["score", *arguments]) == code
+    assert said in capsys.readouterr().err

@@ -1,0 +1,115 @@
+"""Stanford-ORB's pairs of files: the published example, and a capture made here."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radiogs.errors import DataError
+from radiogs_baselines.outputs.stanford_orb import read_pairs
+from radiogs_bench.cli import main
+from radiogs_bench.metrics import protocol
+from radiogs_bench.score_orb import score_pairs
+from radiogs_datasets.image_files import write_exr, write_png
+
+SIZE = 64
+OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
+
+
+@pytest.fixture
+def handed_in(tmp_path: Path) -> Path:
+    """A capture whose results are the truth, four times as large where the benchmark has 2048 pixels."""
+    generator = np.random.default_rng(0)
+    image = generator.uniform(0.1, 0.9, (SIZE, SIZE, 3)).astype(np.float32)
+    # 16-pixel blocks, so that an area mean of 4 x 4 is exact.
+    image = np.kron(image[::16, ::16], np.ones((16, 16, 1), np.float32))
+    large = np.kron(image, np.ones((4, 4, 1), np.float32))
+    normal = np.tile(np.array([0.0, 0.6, 0.8], np.float32), (SIZE, SIZE, 1))
+    depth = generator.uniform(3, 4, (SIZE, SIZE, 1)).astype(np.float32)
+    for name in ("truth/test", "truth/test_mask", "truth/albedo", "mine"):
+        (tmp_path / name).mkdir(parents=True)
+    write_exr(tmp_path / "truth/test/0000.exr", large)
+    write_png(tmp_path / "truth/test_mask/0000.png", np.ones((4 * SIZE, 4 * SIZE, 1), np.float32))
+    write_png(tmp_path / "truth/albedo/0000.png", large)
+    np.save(tmp_path / "truth/z.npy", np.kron(depth[..., 0], np.ones((4, 4), np.float32)))
+    np.save(tmp_path / "truth/n.npy", np.kron(normal, np.ones((4, 4, 1), np.float32)))
+    (tmp_path / "truth/mesh.obj").write_text(OBJ)
+    write_exr(tmp_path / "mine/view.exr", image)
+    write_exr(tmp_path / "mine/light.exr", 0.5 * image)
+    write_png(tmp_path / "mine/kd.png", image)
+    write_exr(tmp_path / "mine/z.exr", 2 * depth)
+    write_exr(tmp_path / "mine/n.exr", normal)
+    (tmp_path / "mine/mesh.obj").write_text(OBJ)
+    mask = "elsewhere/truth/test_mask/0000.png"
+    entries = {
+        "view": [{"output_image": "elsewhere/mine/view.exr", "target_image": "elsewhere/truth/test/0000.exr"}],
+        "light": [{"output_image": "elsewhere/mine/light.exr", "target_image": "elsewhere/truth/test/0000.exr"}],
+        "material": [
+            {"output_image": "elsewhere/mine/kd.png", "target_image": "elsewhere/truth/albedo/0000.png",
+             "target_mask": mask}
+        ],
+        "geometry": [
+            {"output_depth": "elsewhere/mine/z.exr", "target_depth": "elsewhere/truth/z.npy",
+             "output_normal": "elsewhere/mine/n.exr", "target_normal": "elsewhere/truth/n.npy", "target_mask": mask}
+        ],
+        "shape": {"output_mesh": "elsewhere/mine/mesh.obj", "target_mesh": "elsewhere/truth/mesh.obj"},
+    }  # fmt: skip
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps({"info": {"cube": entries}}))
+    return file
+
+
+def test_the_truth_scores_perfectly_and_scales_do_not_count_where_they_may_not(handed_in: Path) -> None:
+    metrics = score_pairs(read_pairs(handed_in), protocol("stanford-orb"))
+    values = {name.removeprefix("cube/"): metric["value"] for name, metric in metrics.items()}
+    assert values["nvs/psnr_h"] > 60
+    assert values["relight/psnr_l"] > 60, "relit images are aligned a channel"
+    assert values["albedo/psnr"] > 45, "8 bits"
+    assert values["normal/cosine"] == pytest.approx(0, abs=1e-5)
+    assert values["depth/simse"] == pytest.approx(0, abs=1e-5), "half floats, twice the depth"
+    # Points on a surface against its four vertices: never zero, and bounded by the edges.
+    assert 0 < values["shape/chamfer"] < 1
+
+
+def test_what_lacks_its_target_is_named_and_the_rest_is_scored(handed_in: Path) -> None:
+    (handed_in.parent / "truth/z.npy").unlink()
+    pairs = read_pairs(handed_in)
+    assert [pair.lacking for pair in pairs if pair.lacking] == [("elsewhere/truth/z.npy",)]
+    metrics = score_pairs(pairs, protocol("default"))
+    assert "cube/depth/simse" not in metrics
+    assert "cube/normal/mae" in metrics
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", '{"info": {"a": {"view": [{}]}}}', '{"info": 3}', '{"info": {"a": {"view": 3}}}']
+)
+def test_a_json_of_another_kind_is_an_error(content: str, tmp_path: Path) -> None:
+    file = tmp_path / "results.json"
+    file.write_text(content)
+    with pytest.raises(DataError):
+        read_pairs(file)
+
+
+def test_no_path_leads_up_and_out(tmp_path: Path) -> None:
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (tmp_path / "secret.png").write_bytes(b"")
+    entry = {"output_image": "../secret.png", "target_image": "../secret.png"}
+    file = inner / "results.json"
+    file.write_text(json.dumps({"info": {"a": {"view": [entry]}}}))
+    (pair,) = read_pairs(file)
+    assert pair.lacking == ("../secret.png", "../secret.png")
+
+
+def test_the_published_example_scores_what_its_own_log_says(
+    shared_data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = shared_data / "stanford_orb_example"
+    assert main(["score", str(place), "--from", "stanford-orb", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    metrics = record["protocols"]["default"]["metrics"]
+    assert metrics["teapot_scene001 (own reference)/nvs/psnr"]["value"] == pytest.approx(31.93, abs=0.01)
+    assert metrics["teapot_scene001/albedo/psnr"]["value"] > 30
+    assert len(record["missing"]) == 5
+    assert any("z_maps/0000.npy" in line for line in record["missing"])
