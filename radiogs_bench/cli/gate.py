@@ -1,0 +1,44 @@
+"""``radiogs-bench gate``: whether a run is as good as the baseline says."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import add_verbose
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+REGRESSION = 1
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("gate", help="compare a run with a stored baseline", allow_abbrev=False)
+    parser.set_defaults(command=gate)
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder of the run")
+    parser.add_argument("--baseline", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--update", action="store_true", help="make the run the new baseline")
+    add_verbose(parser)
+
+
+def gate(options: argparse.Namespace) -> int:
+    """Print what moved; the exit code is 1 if any of it is a regression."""
+    from ..atomic import write_atomically
+    from ..gate import baseline_of, compare, read_baseline
+    from ..store import Store, strict_json
+    from ..sweep import read_sweep
+    from .reporter import say
+
+    store, sweep = Store(options.out), read_sweep(options.out)
+    if options.update:
+        write_atomically(options.baseline, strict_json(baseline_of(store, sweep)))
+        say(f"{options.baseline}: {len(sweep['cells'])} cells")
+        return 0
+    moved = compare(store, sweep, read_baseline(options.baseline))
+    for each in moved:
+        say(f"{each.severity}: {each.cell}: {each.what}")
+    regressions = sum(each.severity == "regression" for each in moved)
+    cells = len(sweep["cells"])
+    say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as the baseline has them"))
+    return REGRESSION if regressions else 0

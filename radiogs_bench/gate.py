@@ -1,0 +1,180 @@
+"""Comparing a run with a stored baseline: work exactly, figures within a band, time as a warning.
+
+The baseline's bands come from its own spread over seeds: BAND standard deviations of a row's figure on a scene, and
+never less than FLOOR. A run on the CPU repeats bit for bit for a given number of threads, processor and versions of the
+libraries; there the counters are compared exactly, elsewhere a difference in them is a warning.
+"""
+
+import json
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from radiogs.errors import DataError
+
+from .schema import Result
+from .store import Store
+from .sweep import Sweep, label
+
+BASELINE_SCHEMA = "radiogs-bench/baseline/1"
+
+BAND = 4.0
+"""Standard deviations: of 100 figures that only scatter, one in 160 gates is stopped by chance."""
+
+FLOOR = 1e-4
+"""Least band, relative to the figure: what another processor's rounding may move."""
+
+SLOWER = 1.3
+"""Times as long as the baseline, from which on time is remarked on."""
+
+SETTINGS = ("suite", "preset", "protocol", "device")
+REPEATABLE = ("cpu", "threads", "gpu")
+
+
+@dataclass(frozen=True)
+class Moved:
+    """One thing that is not as the baseline has it, in words; only a regression stops a gate."""
+
+    cell: str
+    what: str
+    severity: Literal["regression", "warning"] = "regression"
+
+
+def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
+    """What the store's last run found, as a baseline. Raises DataError unless every cell is finished."""
+    cells = {label(place): store.result(place["key"]) for place in sweep["cells"]}
+    unfinished = [name for name, result in cells.items() if result is None]
+    if unfinished:
+        raise DataError(
+            f"{len(unfinished)} of {len(cells)} cells are not finished: {', '.join(unfinished[:5])}",
+            "A baseline with holes would let through what it does not know.",
+            "Finish the run first.",
+        )
+    finished = {name: result for name, result in cells.items() if result is not None}
+    return {
+        "schema": BASELINE_SCHEMA,
+        **{name: sweep[name] for name in SETTINGS},  # type: ignore[literal-required]
+        "machine": _machine(next(iter(finished.values()))),
+        "bands": _bands(sweep, finished),
+        "cells": {name: _kept(result) for name, result in finished.items()},
+    }
+
+
+def read_baseline(path: Path) -> dict[str, Any]:
+    """Raises DataError for a file that is none."""
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise DataError(
+            f"cannot read the baseline {path}",
+            f"{error}.",
+            "Make one:  radiogs-bench gate OUT --baseline FILE --update",
+        ) from error
+    if not isinstance(content, dict) or content.get("schema") != BASELINE_SCHEMA:
+        raise DataError(
+            f"{path} is no baseline of this version ({BASELINE_SCHEMA})",
+            "",
+            "Make one:  radiogs-bench gate OUT --baseline FILE --update",
+        )
+    return content
+
+
+def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Moved]:
+    """Everything that moved, cell by cell. Raises DataError if run and baseline were asked for different things."""
+    other = {name: (baseline[name], sweep[name]) for name in SETTINGS if baseline[name] != sweep[name]}  # type: ignore[literal-required]
+    if other:
+        raise DataError(
+            "run and baseline are not of one kind: "
+            + ", ".join(f"{name} {ours} against {theirs}" for name, (theirs, ours) in other.items()),
+            "Their figures cannot be compared.",
+            "Run what the baseline was made of, or make it anew with --update.",
+        )
+    found = {label(place): store.result(place["key"]) for place in sweep["cells"]}
+    moved = [Moved(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
+    for name, kept in baseline["cells"].items():
+        result = found.get(name)
+        if result is None:
+            moved.append(Moved(name, "has no finished result"))
+        else:
+            moved += _compare_cell(name, result, kept, baseline)
+    return sorted(moved, key=lambda each: (each.severity, each.cell, each.what))
+
+
+def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: Mapping[str, Any]) -> Iterator[Moved]:
+    same = _machine(result) == baseline["machine"]
+    for stage, counters in kept["work"].items():
+        ours = result["work"].get(stage, {})
+        for counter in sorted(counters.keys() | ours.keys()):
+            before, now = counters.get(counter, 0), ours.get(counter, 0)
+            if before != now:
+                change = f"{100 * (now - before) / before:+.3g} %" if before else "new"
+                where = "" if same else " (on another machine)"
+                yield Moved(
+                    name, f"{stage} {counter}: {before} -> {now} ({change}){where}", "regression" if same else "warning"
+                )
+    for metric, before in kept["metrics"].items():
+        value = result["metrics"].get(metric, {"value": None})["value"]
+        band = baseline["bands"][_group(name)][metric]
+        if value is None:
+            yield Moved(name, f"{metric}: {before:.6g} -> n/a")
+        elif abs(value - before) > band:
+            yield Moved(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
+    before, now = kept["seconds"], _seconds(result)
+    if same and now > SLOWER * before:
+        yield Moved(name, f"{now:.1f} s instead of {before:.1f} s", "warning")
+
+
+def _kept(result: Result) -> dict[str, Any]:
+    return {
+        "metrics": {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None},
+        "work": result["work"],
+        "seconds": _seconds(result),
+    }
+
+
+def _bands(sweep: Sweep, results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
+    """By scene and row, by metric; a row of one seed has no spread, and the floor for a band."""
+    values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for place in sweep["cells"]:
+        for metric, each in results[label(place)]["metrics"].items():
+            if each["value"] is not None:
+                values[_group(label(place))][metric].append(each["value"])
+    return {
+        group: {
+            metric: max(BAND * _deviation(found), FLOOR * max(map(abs, found))) for metric, found in metrics.items()
+        }
+        for group, metrics in values.items()
+    }
+
+
+def _deviation(values: list[float]) -> float:
+    if len(values) < 2:
+        return 0.0
+    mean = math.fsum(values) / len(values)
+    return math.sqrt(math.fsum((value - mean) ** 2 for value in values) / (len(values) - 1))
+
+
+def _group(name: str) -> str:
+    return name.rsplit(" seed ", 1)[0]
+
+
+def _machine(result: Result) -> dict[str, Any]:
+    """What a bitwise repetition depends on, of every session that contributed."""
+    sessions = [session for stage in result["sessions"].values() for session in stage]
+    cards = {
+        json.dumps(
+            {name: session["machine"].get(name) for name in REPEATABLE}
+            | {"versions": {name: version for name, version in session["versions"].items() if name != "radiogs-bench"}},
+            sort_keys=True,
+        )
+        for session in sessions
+    }
+    return json.loads(cards.pop()) if len(cards) == 1 else {"mixed": sorted(cards)}
+
+
+def _seconds(result: Result) -> float:
+    seconds = result["seconds"]
+    return seconds["initialise"] + seconds["invert"]

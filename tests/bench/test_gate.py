@@ -1,0 +1,141 @@
+"""The gate lets an unchanged run through, every time, and stops what moved."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.fake_method import SCENE, FakeSweep
+from radiogs.budget import budget
+from radiogs.errors import DataError
+from radiogs_bench.cli import main
+from radiogs_bench.gate import BAND, baseline_of, compare
+from radiogs_bench.store import Store
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request, read_sweep, write_sweep
+
+REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+
+
+def run(folder: Path, request: Request = REQUEST) -> Path:
+    sweep = FakeSweep(folder)
+    cells = request.cells()
+    write_sweep(sweep.store, request.manifest([place for place, _ in cells]))
+    sweep.run([cell for _, cell in cells])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return run(tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture
+def baseline(finished: Path, tmp_path: Path) -> Path:
+    file = tmp_path / "baseline.json"
+    assert main(["gate", str(finished), "--baseline", str(file), "--update"]) == 0
+    return file
+
+
+def altered(baseline: Path, change: Callable[[dict[str, Any]], None]) -> str:
+    content = json.loads(baseline.read_text())
+    change(content["cells"]["fake ours seed 1"])
+    baseline.write_text(json.dumps(content))
+    return str(baseline)
+
+
+def test_an_unchanged_tree_passes_twenty_times(
+    baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for repetition in range(20):
+        again = run(tmp_path / f"again{repetition}")
+        assert main(["gate", str(again), "--baseline", str(baseline)]) == 0
+    assert "regression" not in capsys.readouterr().out
+
+
+def test_bands_are_the_spread_over_seeds(finished: Path) -> None:
+    store, sweep = Store(finished), read_sweep(finished)
+    content = baseline_of(store, sweep)
+    values = [content["cells"][f"fake ours seed {seed}"]["metrics"]["nvs/psnr"] for seed in range(3)]
+    mean = sum(values) / 3
+    deviation = (sum((value - mean) ** 2 for value in values) / 2) ** 0.5
+    assert content["bands"]["fake ours"]["nvs/psnr"] == pytest.approx(BAND * deviation)
+
+
+def test_one_more_ray_is_a_regression(finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = altered(baseline, lambda cell: cell["work"]["invert"].update(steps=cell["work"]["invert"]["steps"] - 1))
+    assert main(["gate", str(finished), "--baseline", file]) == 1
+    assert "fake ours seed 1: invert steps: 5 -> 6 (+20 %)" in capsys.readouterr().out
+
+
+def test_on_another_machine_counters_warn_and_figures_still_stop(
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads(baseline.read_text())
+    content["machine"]["cpu"] = "another"
+    content["cells"]["fake ours seed 1"]["work"]["invert"]["steps"] += 1
+    baseline.write_text(json.dumps(content))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
+    assert "warning: fake ours seed 1: invert steps" in capsys.readouterr().out
+    content["cells"]["fake ours seed 1"]["metrics"]["nvs/psnr"] += 1000
+    baseline.write_text(json.dumps(content))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
+
+
+def test_a_figure_outside_its_band_is_a_regression_and_inside_is_not(finished: Path, baseline: Path) -> None:
+    store, sweep = Store(finished), read_sweep(finished)
+    content = json.loads(baseline.read_text())
+    band = content["bands"]["fake ours"]["nvs/psnr"]
+    for share, stopped in ((0.9, False), (1.1, True), (-1.1, True)):
+        moved = json.loads(json.dumps(content))
+        moved["cells"]["fake ours seed 0"]["metrics"]["nvs/psnr"] += share * band
+        assert bool(compare(store, sweep, moved)) is stopped
+
+
+def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
+    finished: Path, baseline: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads(baseline.read_text())
+    content["cells"]["fake ours seed 0"]["metrics"]["albedo/psnr"] = 30.0
+    content["bands"]["fake ours"]["albedo/psnr"] = 1.0
+    content["cells"]["fake ours seed 9"] = content["cells"]["fake ours seed 0"]
+    baseline.write_text(json.dumps(content))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
+    said = capsys.readouterr().out
+    assert "albedo/psnr: 30 -> n/a" in said
+    assert "fake ours seed 9: has no finished result" in said
+
+
+def test_longer_is_remarked_on_and_never_stops(
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = altered(baseline, lambda cell: cell.update(seconds=-1.0))
+    assert main(["gate", str(finished), "--baseline", file]) == 0
+    assert "warning: fake ours seed 1:" in capsys.readouterr().out
+
+
+def test_runs_of_another_kind_are_not_compared(finished: Path, baseline: Path) -> None:
+    content = json.loads(baseline.read_text()) | {"preset": "paper"}
+    with pytest.raises(DataError, match="preset smoke against paper"):
+        compare(Store(finished), read_sweep(finished), content)
+
+
+def test_a_baseline_has_no_holes(tmp_path: Path) -> None:
+    sweep = FakeSweep(tmp_path)
+    cells = REQUEST.cells()
+    write_sweep(sweep.store, REQUEST.manifest([place for place, _ in cells]))
+    sweep.run([cell for _, cell in cells[:-1]])
+    with pytest.raises(DataError, match="1 of 15 cells are not finished"):
+        baseline_of(sweep.store, read_sweep(tmp_path))
+
+
+@pytest.mark.parametrize("content", ["", "[]", '{"schema": "radiogs-bench/baseline/0"}'])
+def test_a_file_that_is_no_baseline_is_an_error(
+    content: str, finished: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "baseline.json"
+    file.write_text(content)
+    assert main(["gate", str(finished), "--baseline", str(file)]) == 3
+    assert "--update" in capsys.readouterr().err
