@@ -1,0 +1,128 @@
+"""What each layout writes of a view, and of the lights.
+
+A writer takes maps as ``radiogs.scene.MapName`` defines them, and returns the names of those that it wrote.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.colour import srgb_decode, srgb_encode
+from radiogs.light import EnvironmentMap
+from radiogs.scene import View
+
+from ..image_files import write_exr, write_hdr, write_png
+
+Image = Float[Tensor, "height width channels"]
+Mask = Float[Tensor, "height width 1"]
+WriteView = Callable[[Path, View, str, int], list[str]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a layout is written.
+
+    ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its maps;
+    ``light`` a light's file below the scene's folder, or None where the layout has no lights.
+    """
+
+    frame: Callable[[str, int], str]
+    view: WriteView
+    light: Callable[[Path, str, EnvironmentMap], Path] | None
+    training_light: str | None
+
+
+def _png(path: Path, image: Image, alpha: Mask | None = None) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_png(path, (image if alpha is None else torch.cat([image, alpha], -1)).numpy())
+
+
+def _exr(path: Path, image: Image) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_exr(path, image.numpy())
+
+
+def _alpha(view: View) -> Mask:
+    return view.read("alpha") if view.has("alpha") else torch.ones(view.camera.height, view.camera.width, 1)
+
+
+def write_tensoir_view(folder: Path, view: View, split: str, number: int) -> list[str]:
+    """One folder a view: everything that a scene can hold has a file."""
+    place, alpha = folder / f"{split}_{number:03}", _alpha(view)
+    _png(place / "rgba.png", view.read("image"), alpha)
+    written = ["image", "alpha"]
+    for name in view.sources:
+        if name == "albedo":
+            _png(place / "albedo.png", view.read(name), alpha)
+        elif name == "normal":
+            _png(place / "normal.png", view.read(name) / 2 + 0.5, alpha)
+        elif name == "roughness":
+            _png(place / "roughness.png", view.read(name))
+        elif name in ("depth", "direct", "indirect"):
+            _exr(place / f"{name}.exr", view.read(name))
+        elif name.startswith("relit/") and name.endswith("/indirect"):
+            _exr(place / f"indirect_{name.split('/')[1]}.exr", view.read(name))
+        elif name.startswith("relit/"):
+            _png(place / f"rgba_{name.split('/')[1]}.png", view.read(name), alpha)
+        else:
+            continue
+        written.append(name)
+    return written
+
+
+def write_synthetic4relight_view(folder: Path, view: View, split: str, number: int) -> list[str]:
+    """Training views as linear EXR on black with a mask, test views as PNG with albedo in sRGB."""
+    alpha, stem = _alpha(view), f"{number:03}"
+    if split == "train":
+        _exr(folder / f"train/{stem}_rgb.exr", srgb_decode(view.read("image")) * alpha)
+        _png(folder / f"train/{stem}_mask.png", alpha)
+        return ["image", "alpha"]
+    _png(folder / f"test/{stem}_rgba.png", view.read("image"), alpha)
+    written = ["image", "alpha"]
+    if view.has("albedo"):
+        _png(folder / f"test/{stem}_albedo.png", srgb_encode(view.read("albedo")), alpha)
+        written.append("albedo")
+    if view.has("roughness"):
+        _png(folder / f"test/{stem}_rough.png", view.read("roughness").expand(-1, -1, 3), alpha)
+        written.append("roughness")
+    for name in view.sources:
+        if name.startswith("relit/") and not name.endswith("/indirect"):
+            _png(folder / f"test_rli/{name.split('/')[1]}_{stem}.png", view.read(name), alpha)
+            written.append(name)
+    return written
+
+
+def write_blender_view(folder: Path, view: View, split: str, number: int) -> list[str]:
+    """The image and its coverage, nothing else."""
+    _png(folder / f"{split}/r_{number}.png", view.read("image"), _alpha(view))
+    return ["image", "alpha"]
+
+
+def write_light_as_hdr(folder: Path, name: str, light: EnvironmentMap) -> Path:
+    """Radiance RGBE, Z up."""
+    path = folder / "envmaps" / f"{name}.hdr"
+    path.parent.mkdir(exist_ok=True)
+    write_hdr(path, light.radiance.numpy())
+    return path
+
+
+def write_light_as_exr(folder: Path, name: str, light: EnvironmentMap) -> Path:
+    """Half-float OpenEXR beside the views, Z up."""
+    path = folder / f"{name}.exr"
+    _exr(path, light.radiance)
+    return path
+
+
+WRITERS: Mapping[str, Layout] = {
+    "tensoir": Layout(
+        lambda split, number: f"./{split}_{number:03}/rgba", write_tensoir_view, write_light_as_hdr, "training"
+    ),
+    "synthetic4relight": Layout(
+        lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, write_light_as_exr, "envmap3"
+    ),
+    "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None),
+}
