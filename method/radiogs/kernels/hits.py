@@ -18,6 +18,9 @@ from .runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, laun
 RAYS_AT_ONCE = {"cpu": 1 << 14, "cuda": 1 << 20}
 """Rays gathered together at most: bounds the buffers (BUFFER times 12 bytes a ray in float32)."""
 
+FEWEST_RAYS = 2048
+"""Rays below which a chunk is not cut further on the CPU: its launches cost as much as a few hundred rays."""
+
 
 @dataclass(frozen=True)
 class HitLists:
@@ -63,8 +66,10 @@ def find_hits(
     rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
     tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
     start = t_min.index_select(0, order)
-    share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
-    at_once = max(1, min(RAYS_AT_ONCE[origin.device.type], share if origin.device.type == "cpu" else len(order)))
+    at_once = RAYS_AT_ONCE[origin.device.type]
+    if origin.device.type == "cpu":
+        share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
+        at_once = max(FEWEST_RAYS, min(at_once, share))
     chunks = zip(order.split(at_once), start.split(at_once), strict=True)
     tasks = [partial(_find, kernels, [*rays, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
     found = in_parallel(tasks, origin.device)
