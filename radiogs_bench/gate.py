@@ -122,9 +122,9 @@ def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: 
             yield Moved(name, f"{metric}: {before:.6g} -> n/a")
         elif abs(value - before) > band:
             yield Moved(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
-    before, now = kept["seconds"], _seconds(result)
-    if same and now > SLOWER * before:
-        yield Moved(name, f"{now:.1f} s instead of {before:.1f} s", "warning")
+    earlier, later = float(kept["seconds"]), _seconds(result)
+    if same and later > SLOWER * earlier:
+        yield Moved(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
 
 
 def _kept(result: Result) -> dict[str, Any]:

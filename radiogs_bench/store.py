@@ -74,6 +74,10 @@ class Store:
             return None
         return cast(Result, stored)
 
+    def has_result(self, key: str) -> bool:
+        """Whether there is a file for the cell's result, without a look into it."""
+        return self._cell_path(key).exists()
+
     def results(self) -> Iterator[Result]:
         """All finished results, in the order of their keys."""
         for path in sorted((self.folder / "cells").glob("*.json")):

@@ -24,6 +24,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     logging.getLogger("radiogs_bench").setLevel(logging.DEBUG if verbose else logging.WARNING)
     try:
         options = build_parser().parse_args(given)
+        options.arguments = given
         return int(options.command(options))
     except KeyboardInterrupt:
         error: ExplainedError = Interrupted("stopped at once", "", "Run the same command again: it continues.")

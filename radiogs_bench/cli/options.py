@@ -29,6 +29,14 @@ def positive(text: str) -> int:
     return int(text)
 
 
+def worker_number(text: str) -> tuple[int, int]:
+    """Which worker of how many, such as 0/2."""
+    number, _, count = text.partition("/")
+    if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a worker's number such as 0/2")
+    return int(number), int(count)
+
+
 def add_verbose(parser: argparse.ArgumentParser) -> None:
     """The option that every command has."""
     parser.add_argument("--verbose", action="store_true", help="log what happens, and tracebacks of errors")

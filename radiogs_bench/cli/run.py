@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs.errors import UsageError
 
-from .options import add_verbose, names, positive
+from .options import add_verbose, names, positive, worker_number
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -25,6 +25,8 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+    parser.add_argument("--workers", type=positive, default=1, metavar="N", help="cells at a time, sharing the threads")
+    parser.add_argument("--worker", type=worker_number, help=argparse.SUPPRESS)
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
     add_verbose(parser)
 
@@ -43,12 +45,18 @@ def run(options: argparse.Namespace) -> int:
     chosen = suite(options.suite)
     folder = options.out or Path("out") / chosen.name
 
+    from radiogs.kernels.runtime import workers
+
+    from ..pool import worker_commands
     from ..store import Store
-    from .sweeping import bring_to_end, plan, show_plan
+    from .sweeping import CPU, bring_to_end, plan, show_plan, work_along
 
     request, device = plan(options, chosen)
     store = Store(folder)
     if options.dry_run:
         show_plan(request, store)
         return 0
-    return bring_to_end(request, store, device)
+    if options.worker is not None:
+        return work_along(request, store, device, *options.worker)
+    commands = worker_commands(options.arguments, options.workers, workers(CPU)) if options.workers > 1 else []
+    return bring_to_end(request, store, device, commands)

@@ -17,21 +17,24 @@ from radiogs_datasets import load_scene
 
 from ..cell import Cell
 from ..engine import Task, run_cells
-from ..errors import explain, worst_exit_code
+from ..errors import DONE, EXIT_CODES, explain, worst_exit_code
 from ..evaluate import evaluate
 from ..interruption import Interruption
 from ..method import Method
 from ..metrics import protocol
+from ..pool import run_pool
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
 from ..run_cell import run_cell
 from ..schema import Result
 from ..store import Store
 from ..suites import Suite
-from ..sweep import Request, label, state_of, steps_to_take, write_sweep
+from ..sweep import Place, Request, label, state_of, steps_to_take, write_sweep
 from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
 from .reporter import complain, say, show
+
+CPU = torch.device("cpu")
 
 RADIOGS = Method(Initialisation, InverseRendering)
 
@@ -92,24 +95,66 @@ def estimate(times: Sequence[float], missing: int) -> str:
     return f", about {minutes:.1f} minutes if they take what the finished ones took"
 
 
-def bring_to_end(request: Request, store: Store, device: torch.device) -> int:
-    """Run what is missing, write the reports, show the table; returns the exit code."""
+def bring_to_end(request: Request, store: Store, device: torch.device, commands: Sequence[Sequence[str]] = ()) -> int:
+    """Run what is missing, in this process or by the workers that ``commands`` start; write and show the reports.
+
+    Returns the exit code.
+    """
     cells = request.cells()
     write_sweep(store, request.manifest([place for place, _ in cells]))
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
     bars = SweepProgress(progress_for_stderr(), (INITIALISE, INVERT), steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
         make_ready(request, unfinished, device, progress)
-        bench = Bench(store, RADIOGS, device, progress, interruption)
-        failures = run_cells(
-            [Task(cell, label(place)) for place, cell in cells],
-            lambda cell: run_cell(bench, cell, request.scenes[cell.scene], evaluate),
-            store, progress, interruption,
-        )  # fmt: skip
+        if commands and unfinished:
+            look = partial(count_finished, store, cells, progress)
+            codes = run_pool(commands, progress.say, look, interruption)
+            interruption.check()
+            # A worker that was killed costs time only, if the others have taken up its cells.
+            whole = all(store.has_result(cell.key) for _, cell in cells)
+            code = DONE if whole else worst_of(codes)
+        else:
+            tasks = [Task(cell, label(place)) for place, cell in cells]
+            code = report_failures(run_tasks(request, store, device, tasks, progress, interruption))
     from .showing import write_and_show  # its tables take a second to import, which an error need not wait for
 
     write_and_show(store)
-    return report_failures(failures)
+    return code
+
+
+def work_along(request: Request, store: Store, device: torch.device, number: int, count: int) -> int:
+    """What one of several workers does: the same cells, beginning elsewhere; returns its exit code.
+
+    Cells that share stage 1 stay together, so that workers meet in the middle and not at once.
+    """
+    groups: dict[str, list[Task]] = {}
+    for place, cell in request.cells():
+        groups.setdefault(cell.initialisation_key, []).append(Task(cell, label(place)))
+    ordered = list(groups.values())
+    first = number * len(ordered) // count
+    tasks = [task for group in (*ordered[first:], *ordered[:first]) for task in group]
+    with progress_for_stderr() as progress, Interruption() as interruption:
+        return report_failures(run_tasks(request, store, device, tasks, progress, interruption))
+
+
+def run_tasks(
+    request: Request,
+    store: Store,
+    device: torch.device,
+    tasks: Sequence[Task],
+    progress: Progress,
+    interruption: Interruption,
+) -> list[ExplainedError]:
+    """Run cells in this process; returns the errors of those that failed."""
+    bench = Bench(store, RADIOGS, device, progress, interruption)
+    return run_cells(
+        tasks, lambda cell: run_cell(bench, cell, request.scenes[cell.scene], evaluate), store, progress, interruption
+    )
+
+
+def count_finished(store: Store, cells: Sequence[tuple[Place, Cell]], progress: Progress) -> None:
+    """How far workers have come, as the store shows it."""
+    progress.advance("cells", sum(store.has_result(cell.key) for _, cell in cells), len(cells))
 
 
 def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.device, progress: Progress) -> None:
@@ -120,6 +165,12 @@ def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.devic
     if scenes:
         progress.say("compiling kernels (kept for the next run)")
         compile_kernels(RADIOGS, scenes[0], device)
+
+
+def worst_of(codes: Sequence[int]) -> int:
+    """The exit code of a run with unfinished cells whose workers ended with these."""
+    known = [code for _, code in EXIT_CODES]
+    return min((code for code in codes if code in known), key=known.index, default=1)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:

@@ -1,0 +1,95 @@
+"""Workers side by side on one store: what they say, how they end, and that the table does not depend on them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.pool import run_pool, worker_commands
+
+WAIT = """
+import signal, sys, time
+signal.signal(signal.SIGTERM, lambda *_: (print("asked", file=sys.stderr), sys.exit(130)))
+print("ready", file=sys.stderr, flush=True)
+time.sleep(60)
+"""
+
+
+def python(code: str) -> list[str]:
+    return [sys.executable, "-c", code]
+
+
+def test_lines_are_passed_on_and_exit_codes_returned() -> None:
+    said: list[str] = []
+    commands = [python("import sys; print('one', file=sys.stderr); sys.exit(3)"), python("print('not this')")]
+    assert run_pool(commands, said.append, lambda: None, Interruption()) == [3, 0]
+    assert said == ["one"]
+
+
+def test_a_stop_is_passed_on_once_and_waited_for() -> None:
+    said: list[str] = []
+    interruption = Interruption()
+
+    def say(line: str) -> None:
+        said.append(line)
+        if said.count("ready") == 2:
+            interruption.requested = True
+
+    assert run_pool([python(WAIT)] * 2, say, lambda: None, interruption) == [130, 130]
+    assert said.count("asked") == 2
+
+
+def test_a_worker_that_is_killed_has_its_signal_for_a_code() -> None:
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    assert run_pool([python(code)], lambda line: None, lambda: None, Interruption()) == [-signal.SIGKILL]
+
+
+def test_workers_share_the_threads_and_know_their_number() -> None:
+    first, second = worker_commands(["run", "ablations", "--threads", "8"], 2, 5)
+    assert first[-4:] == ["--threads", "2", "--worker", "0/2"]
+    assert second[-1] == "1/2"
+    assert first[3:-4] == ["run", "ablations", "--threads", "8"]
+
+
+def run(folder: Path, *more: str) -> "subprocess.Popen[str]":
+    command = [sys.executable, "-m", "radiogs_bench", "run", "ablations", "--preset", "smoke", "--seeds", "2"]
+    return subprocess.Popen(
+        [*command, "--out", str(folder), *more], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True
+    )
+
+
+def results(folder: Path) -> dict[str, tuple[object, object]]:
+    stored = (json.loads(path.read_text()) for path in (folder / "cells").glob("*.json"))
+    return {each["key"]: (each["metrics"], each["work"]) for each in stored}
+
+
+def worker_processes(parent: int) -> list[int]:
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdecimal():
+            try:
+                fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
+            except OSError:
+                continue
+            if int(fields[1]) == parent and fields[0] != "Z":
+                found.append(int(entry.name))
+    return found
+
+
+@pytest.mark.slow
+def test_a_killed_worker_costs_time_and_nothing_else(tmp_path: Path) -> None:
+    alone = run(tmp_path / "alone", "--threads", "1")
+    assert alone.wait() == 0
+    pool = run(tmp_path / "pool", "--threads", "2", "--workers", "2")
+    while len(results(tmp_path / "pool")) < 2:
+        assert pool.poll() is None
+        time.sleep(0.1)
+    os.kill(worker_processes(pool.pid)[0], signal.SIGKILL)
+    assert pool.wait() == 0
+    assert results(tmp_path / "pool") == results(tmp_path / "alone")
