@@ -52,7 +52,7 @@ class Sweep(TypedDict):
 
 @dataclass(frozen=True)
 class Request:
-    """How a suite is to be run."""
+    """How a suite is to be run; ``shard`` (i, n) is which part of it, of how many, is run here."""
 
     suite: Suite
     scenes: Mapping[str, Scene]
@@ -60,11 +60,19 @@ class Request:
     budget: Budget
     protocol: str
     device: str
+    shard: tuple[int, int] = (0, 1)
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place: scene by scene and seed by seed, so that whole comparisons finish early."""
         seeds = range(self.seeds)
         return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in self.suite.rows]
+
+    def own_cells(self) -> list[tuple[Place, Cell]]:
+        """The cells of this shard. Cells that share stage 1 are in one shard, so that it is computed once."""
+        cells = self.cells()
+        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.initialisation_key for _, cell in cells))}
+        number, count = self.shard
+        return [(place, cell) for place, cell in cells if groups[cell.initialisation_key] % count == number]
 
     def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
         cell = Cell(

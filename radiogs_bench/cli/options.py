@@ -29,11 +29,11 @@ def positive(text: str) -> int:
     return int(text)
 
 
-def worker_number(text: str) -> tuple[int, int]:
-    """Which worker of how many, such as 0/2."""
+def part_of(text: str) -> tuple[int, int]:
+    """Which part of how many, such as 0/2."""
     number, _, count = text.partition("/")
     if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
-        raise argparse.ArgumentTypeError(f"'{text}' is not a worker's number such as 0/2")
+        raise argparse.ArgumentTypeError(f"'{text}' is not a part such as 0/2")
     return int(number), int(count)
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs.errors import UsageError
 
-from .options import add_verbose, names, positive, worker_number
+from .options import add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -26,7 +26,10 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
     parser.add_argument("--workers", type=positive, default=1, metavar="N", help="cells at a time, sharing the threads")
-    parser.add_argument("--worker", type=worker_number, help=argparse.SUPPRESS)
+    parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
+    parser.add_argument(
+        "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
+    )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
     add_verbose(parser)
 

@@ -1,4 +1,4 @@
-"""``radiogs-bench status`` and ``report``: what is in a folder, and its tables and figures anew."""
+"""``radiogs-bench status``, ``report`` and ``export``: what is in a folder, its tables, all figures as one table."""
 
 import argparse
 from collections.abc import Callable
@@ -15,13 +15,19 @@ def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "status", "what a folder of results holds", status)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
+    exporting = _declare(commands, "export", "all figures of all finished cells as one table", export)
+    exporting.add_argument("--to", choices=["csv", "json", "parquet"], default="csv", help="(default: csv)")
+    exporting.add_argument("--file", type=Path, help="(default: OUT/export.csv and so on)")
 
 
-def _declare(commands: "Commands", name: str, purpose: str, command: Callable[[argparse.Namespace], int]) -> None:
+def _declare(
+    commands: "Commands", name: str, purpose: str, command: Callable[[argparse.Namespace], int]
+) -> argparse.ArgumentParser:
     parser = commands.add_parser(name, help=purpose, allow_abbrev=False)
     parser.set_defaults(command=command)
     parser.add_argument("out", type=Path, metavar="OUT")
     add_verbose(parser)
+    return parser
 
 
 def status(options: argparse.Namespace) -> int:
@@ -52,4 +58,17 @@ def report(options: argparse.Namespace) -> int:
     from .showing import write_and_show
 
     write_and_show(Store(options.out))
+    return 0
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write one table of every figure in the store."""
+    from ..export import export as write
+    from ..store import Store
+    from ..sweep import read_sweep
+    from .reporter import say
+
+    read_sweep(options.out)  # says what to do where there is no run
+    path = options.file or options.out / f"export.{options.to}"
+    say(f"{path}: {write(Store(options.out), path, options.to)} figures")
     return 0

@@ -50,7 +50,7 @@ def plan(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.devi
     protocol(options.protocol)
     preset = budget(options.preset)
     scenes = load_scenes(options.scenes or suite.scenes)
-    return Request(suite, scenes, options.seeds, preset, options.protocol, options.device), device
+    return Request(suite, scenes, options.seeds, preset, options.protocol, options.device, options.shard), device
 
 
 def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
@@ -71,7 +71,7 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
 def show_plan(request: Request, store: Store) -> None:
     """The dry run: every cell, whether it is there, and what the others of its row took."""
     table = Table("cell", "key", "state", title=f"{request.suite.title}, preset {request.budget.name}")
-    cells = request.cells()
+    cells = request.own_cells()
     finished = {place["key"]: store.result(place["key"]) for place, _ in cells}
     for place, _ in cells:
         table.add_row(label(place), place["key"], state_of(store, place))
@@ -100,8 +100,8 @@ def bring_to_end(request: Request, store: Store, device: torch.device, commands:
 
     Returns the exit code.
     """
-    cells = request.cells()
-    write_sweep(store, request.manifest([place for place, _ in cells]))
+    write_sweep(store, request.manifest([place for place, _ in request.cells()]))
+    cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
     bars = SweepProgress(progress_for_stderr(), (INITIALISE, INVERT), steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
@@ -128,7 +128,7 @@ def work_along(request: Request, store: Store, device: torch.device, number: int
     Cells that share stage 1 stay together, so that workers meet in the middle and not at once.
     """
     groups: dict[str, list[Task]] = {}
-    for place, cell in request.cells():
+    for place, cell in request.own_cells():
         groups.setdefault(cell.initialisation_key, []).append(Task(cell, label(place)))
     ordered = list(groups.values())
     first = number * len(ordered) // count

@@ -1,6 +1,7 @@
 """The manifest holds enough to rebuild a table, and says what state each cell is in."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -75,3 +76,12 @@ def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_p
     store.put_tensors(f"trained/{cells[0].training_key}", {})
     assert steps_to_take(store, cells) == whole - cost.initialise_iterations - cost.inverse_iterations
     assert steps_to_take(store, []) == 0
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 50])
+def test_shards_are_every_cell_once_and_share_no_first_stage(count: int) -> None:
+    whole = Request(ABLATIONS, {"fake": SCENE}, 4, budget("smoke"), "default", "cpu")
+    shards = [[cell for _, cell in replace(whole, shard=(number, count)).own_cells()] for number in range(count)]
+    assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for _, cell in whole.cells())
+    firsts = [{cell.initialisation_key for cell in shard} for shard in shards]
+    assert sum(map(len, firsts)) == len(set().union(*firsts))

@@ -1,0 +1,55 @@
+"""The exported table holds what the store holds, line for line."""
+
+import json
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from bench.fake_method import SCENE, FakeSweep
+from radiogs.budget import budget
+from radiogs_bench.cli import main
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request, write_sweep
+
+REQUEST = Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> FakeSweep:
+    sweep = FakeSweep(tmp_path)
+    cells = REQUEST.cells()
+    write_sweep(sweep.store, REQUEST.manifest([place for place, _ in cells]))
+    sweep.run([cell for _, cell in cells])
+    return sweep
+
+
+@pytest.mark.parametrize("form", ["csv", "json"])
+def test_every_figure_of_every_cell_is_a_line(store: FakeSweep, form: str) -> None:
+    folder = store.store.folder
+    assert main(["export", str(folder), "--to", form]) == 0
+    file = folder / f"export.{form}"
+    table = pd.read_csv(file) if form == "csv" else pd.DataFrame(json.loads(file.read_text()))
+    stored = {result["key"]: result for result in store.store.results()}
+    assert len(table) == len(stored) == 10
+    for line in table.to_dict("records"):
+        result = stored[line["key"]]
+        assert line["value"] == pytest.approx(result["metrics"]["nvs/psnr"]["value"])
+        assert line["seed"] == result["cell"]["seed"]
+        assert line["variant.detach"] == result["cell"]["variant"]["detach"]
+        assert line["work.steps"] == sum(counters.get("steps", 0) for counters in result["work"].values())
+
+
+def test_parquet_without_its_library_says_what_to_install(store: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:
+    try:
+        import pyarrow  # noqa: F401
+    except ImportError:
+        assert main(["export", str(store.store.folder), "--to", "parquet"]) == 2
+        assert "pip install pyarrow" in capsys.readouterr().err
+    else:
+        assert main(["export", str(store.store.folder), "--to", "parquet"]) == 0
+        assert len(pd.read_parquet(store.store.folder / "export.parquet")) == 10
+
+
+def test_a_folder_without_a_run_is_an_error(tmp_path: Path) -> None:
+    assert main(["export", str(tmp_path)]) == 3
