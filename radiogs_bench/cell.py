@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
-from radiogs.budget import Budget
+from radiogs.budget import INVERSE_ONLY, Budget
 from radiogs.variant import Variant
 
 KEY_LENGTH = 20
@@ -43,10 +43,10 @@ class Cell:
 
     @cached_property
     def initialisation_key(self) -> str:
-        """Names the result of stage 1, which reads of the variant only how to initialise and from which views."""
-        return content_key(
-            self._common() | {"initialise": self.variant.initialise, "view_share": self.variant.view_share}
-        )
+        """Names the result of stage 1, which reads only a part of the variant and of the budget."""
+        read = {name: value for name, value in asdict(self.budget).items() if name not in ("name", *INVERSE_ONLY)}
+        variant = {"initialise": self.variant.initialise, "view_share": self.variant.view_share}
+        return content_key(self._common() | variant | {"budget": read})
 
     @cached_property
     def training_key(self) -> str:

@@ -1,7 +1,7 @@
 """Suites as data: which variants of the method are run, what is measured, what stands beside it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from typing import Literal
 
@@ -63,12 +63,16 @@ class Metric:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs."""
+    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs.
+
+    ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
+    """
 
     key: str
     latex: str
     text: str
     variant: Variant
+    budget: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -98,6 +102,10 @@ class Suite:
             )
 
 
+def _times(factor: float) -> str:
+    return {0.25: r"$\frac{1}{4}$", 0.5: r"$\frac{1}{2}$"}.get(factor, f"{factor:g}")
+
+
 ABLATIONS = Suite(
     name="ablations",
     title="Ablation of radiometric consistency",
@@ -122,7 +130,97 @@ ABLATIONS = Suite(
     ),
 )
 
-SUITES: Mapping[str, Suite] = {suite.name: suite for suite in (ABLATIONS,)}
+VIEWS = Suite(
+    name="views",
+    title="Scarcity of training views",
+    published="views",
+    reference="ours-100",
+    rows=tuple(
+        Row(
+            f"{key}-{share}", rf"{latex}, {share}\,\%", f"{text}, {share} % of the views",
+            replace(variant, view_share=share / 100),
+        )
+        for share in (100, 50, 25)
+        for key, latex, text, variant in (
+            ("ours", "Ours", "Ours", Variant()),
+            ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        )
+    ),
+    columns=(Metric("nvs", "psnr"), Metric("indirect", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
+)  # fmt: skip
+
+INIT = Suite(
+    name="init",
+    title="Initialisation strategies",
+    published="init",
+    reference="ours",
+    rows=(
+        Row(
+            "nvs-init-no-rad", r"NVS init., $\lambda_{rad}=0$", "NVS init., λ_rad = 0",
+            Variant(radiometric_weight=0.0, initialise="nvs"),
+        ),
+        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr"), Metric("indirect", "psnr")),
+)  # fmt: skip
+
+INDIRECT = Suite(
+    name="indirect",
+    title="Indirect illumination",
+    published="indirect",
+    reference="ours",
+    rows=(
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(
+        *(Metric(task, measure) for task in ("nvs", "indirect") for measure in ("psnr", "ssim", "lpips")),
+        Metric("normal", "mae"),
+        *(Metric("albedo", measure) for measure in ("psnr", "ssim", "lpips")),
+    ),
+)
+
+QUALITY = (
+    Metric("nvs", "psnr"),
+    Metric("normal", "mae"),
+    Metric("albedo", "psnr"),
+    Metric("relight", "psnr"),
+    Metric("indirect", "psnr"),
+)
+
+NG = Suite(
+    name="ng",
+    title="Surfels that radiometric consistency samples, N_g",
+    published="ng",
+    reference="ng-2048",
+    rows=tuple(
+        Row(
+            f"ng-{paper}", rf"{_times(factor)} $N_g$", f"N_g x {factor:g} (paper: {paper})", Variant(),
+            {"consistency_surfels": factor},
+        )
+        for paper, factor in ((1024, 0.5), (2048, 1.0), (4096, 2.0), (8192, 4.0))
+    ),
+    columns=QUALITY,
+)  # fmt: skip
+
+NS = Suite(
+    name="ns",
+    title="Incident rays a surfel, N_s",
+    published="ns",
+    reference="ns-64",
+    rows=tuple(
+        Row(
+            f"ns-{paper}", rf"{_times(factor)} $N_s$", f"N_s x {factor:g} (paper: {paper})", Variant(),
+            {"incident_samples": factor},
+        )
+        for paper, factor in ((16, 0.25), (32, 0.5), (64, 1.0), (128, 2.0))
+    ),
+    columns=QUALITY,
+)  # fmt: skip
+
+SUITES: Mapping[str, Suite] = {suite.name: suite for suite in (ABLATIONS, VIEWS, INIT, INDIRECT, NG, NS)}
 
 
 def suite(name: str) -> Suite:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict, cast
 
-from radiogs.budget import Budget
+from radiogs.budget import Budget, scaled
 from radiogs.errors import DataError
 from radiogs.scene import Scene
 
@@ -79,7 +79,7 @@ class Request:
             scene=scene,
             checksum=self.scenes[scene].checksum,
             variant=row.variant,
-            budget=self.budget,
+            budget=scaled(self.budget, row.budget),
             seed=seed,
             device=self.device,
             protocol=self.protocol,

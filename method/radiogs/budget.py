@@ -1,6 +1,7 @@
 """The knobs of cost, as presets from seconds on a laptop to the paper's hour on a GPU."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 from .errors import UsageError
@@ -34,6 +35,13 @@ class Budget:
     relight_light_samples: int
 
 
+INVERSE_ONLY = (
+    "inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval",
+    "relight_hemisphere_samples", "relight_light_samples",
+)  # fmt: skip
+"""Fields that stage 1 does not read: runs that differ in these alone share it."""
+
+
 PRESETS = {
     preset.name: preset
     for preset in (
@@ -43,6 +51,18 @@ PRESETS = {
         Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 4096, 64, 100, 64, 256, 128),
     )
 }
+
+
+def scaled(budget: Budget, factors: Mapping[str, float]) -> Budget:
+    """The budget with some of its whole numbers multiplied; its name says which. Raises UsageError below one."""
+    if not factors:
+        return budget
+    changes = {name: round(getattr(budget, name) * factor) for name, factor in factors.items()}
+    for name, value in changes.items():
+        if value < 1:
+            raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
+    marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
+    return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)
 
 
 def budget(name: str) -> Budget:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.budget import budget
+from radiogs.budget import INVERSE_ONLY, Budget, budget
 from radiogs.errors import NumericalFailure
 from radiogs.kernels.counters import work
 from radiogs.stages import Initialisation, InverseRendering
@@ -42,6 +42,22 @@ def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> Inve
 def same(first: Initialisation | InverseRendering, second: Initialisation | InverseRendering) -> bool:
     mine, yours = first.optimiser.tensors, second.optimiser.tensors
     return mine.keys() == yours.keys() and all(torch.equal(mine[name], yours[name]) for name in mine)
+
+
+class WithoutStageTwo(Budget):
+    def __getattribute__(self, name: str) -> Any:
+        assert name not in INVERSE_ONLY, f"stage 1 reads {name}"
+        return super().__getattribute__(name)
+
+
+def test_stage_one_reads_nothing_that_belongs_to_stage_two(initialised: dict[str, Any]) -> None:
+    """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
+    stage = Initialisation(SCENE, Variant(), WithoutStageTwo(**dataclasses.asdict(BUDGET)), 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    found = through_a_file(stage.state())
+    for name, value in initialised["optimiser"]["tensors"].items():
+        assert torch.equal(found["optimiser"]["tensors"][name], value), name
 
 
 @pytest.mark.parametrize("kind", ["radiometric", "nvs"])
