@@ -44,11 +44,12 @@ RADIANCE_RUN = 127
 
 @dataclass(frozen=True)
 class PngLayout:
-    """Size in pixels, bits a sample, the compressed stream, and the bytes that it must expand to."""
+    """Size in pixels, bits a sample, samples a pixel, the compressed stream, and the bytes that it must expand to."""
 
     height: int
     width: int
     bits: int
+    samples: int
     stream: bytes
     expanded: int
 
@@ -95,7 +96,7 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
     stream = b"".join(body for name, body in chunks if name == b"IDAT")
     if expanded > DEFLATE_LIMIT * len(stream):
         raise damaged(path, f"it claims {width} x {height} pixels, more than its {len(stream)} bytes can hold")
-    return PngLayout(height, width, bits, stream, expanded)
+    return PngLayout(height, width, bits, PNG_SAMPLES[colour], stream, expanded)
 
 
 def check_png_pixels(path: Path, layout: PngLayout) -> None:

@@ -1,14 +1,35 @@
-"""Scenes by name: the committed miniatures, or a folder on disk."""
+"""Scenes by name: the committed miniatures, or a folder on disk in any known layout."""
 
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs.errors import DataError
+from radiogs.errors import DataError, UsageError
 from radiogs.scene import Scene
 
-from .tensoir import load_tensoir
+from .layouts import blender, synthetic4relight, tensoir
 
 TINY = Path(__file__).parent / "tiny"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A layout: what its folders are told by, in words and as a test, and how they are read."""
+
+    marks: str
+    looks_like: Callable[[Path], bool]
+    load: Callable[[Path], Scene]
+
+
+LAYOUTS: Mapping[str, Layout] = {
+    "tensoir": Layout("a folder a view with rgba.png", tensoir.looks_like, tensoir.load_tensoir),
+    "synthetic4relight": Layout(
+        "train/<id>_rgb.exr", synthetic4relight.looks_like, synthetic4relight.load_synthetic4relight
+    ),
+    "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender),
+}
+"""In the order in which they are tried: the more particular marks first."""
 
 
 def scene_names() -> tuple[str, ...]:
@@ -16,13 +37,10 @@ def scene_names() -> tuple[str, ...]:
     return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
 
 
-def load_scene(name_or_path: str) -> Scene:
-    """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
-
-    Raises DataError for what is neither, and for a scene that is incomplete or damaged.
-    """
+def scene_folder(name_or_path: str) -> Path:
+    """Where a scene is. Raises DataError for what is neither a miniature nor a folder."""
     if name_or_path in scene_names():
-        return load_tensoir(TINY / name_or_path)
+        return TINY / name_or_path
     folder = Path(name_or_path)
     if not folder.is_dir():
         near = get_close_matches(name_or_path, scene_names(), 1)
@@ -31,4 +49,30 @@ def load_scene(name_or_path: str) -> Scene:
             f"It is neither a folder nor one of the scenes that come with the package ({', '.join(scene_names())}).",
             f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
         )
-    return load_tensoir(folder)
+    return folder
+
+
+def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
+    """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
+
+    The layout is told by the folder's files unless it is named. Raises UsageError for an unknown layout, DataError for
+    what is no scene, and for a scene that is incomplete or damaged.
+    """
+    folder = scene_folder(name_or_path)
+    chosen = _recognised(folder) if layout is None else layout
+    if chosen not in LAYOUTS:
+        near = get_close_matches(chosen, LAYOUTS, 1)
+        hint = f"Did you mean '{near[0]}'?" if near else ""
+        raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
+    return LAYOUTS[chosen].load(folder)
+
+
+def _recognised(folder: Path) -> str:
+    for name, layout in LAYOUTS.items():
+        if layout.looks_like(folder):
+            return name
+    raise DataError(
+        f"{folder} is no scene in a known layout",
+        "Looked for: " + "; ".join(f"{layout.marks} ({name})" for name, layout in LAYOUTS.items()) + ".",
+        "Give the folder of one scene, or name its layout with --layout.",
+    )

@@ -1,8 +1,11 @@
-"""Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants: OpenGL camera-to-world, one angle."""
+"""Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants: OpenGL camera-to-world, and either one
+angle or, as instant-ngp writes them, focal lengths and a principal point in pixels.
+"""
 
 import json
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +15,8 @@ from torch import Tensor
 
 from radiogs.camera import Camera
 from radiogs.errors import DataError
+
+DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
@@ -26,21 +31,53 @@ class Frame:
 
 
 @dataclass(frozen=True)
-class Transforms:
-    """All views of a split, in the file's order; ``field_of_view`` is horizontal, in radians."""
+class Intrinsics:
+    """Focal lengths and principal point in pixels of an image of ``width`` x ``height``."""
 
-    field_of_view: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        sizes = (self.fx, self.fy, self.width, self.height)
+        if not all(math.isfinite(value) and value > 0 for value in sizes) or not math.isfinite(self.cx + self.cy):
+            raise ValueError("focal lengths and sizes must be above zero, and all of them finite")
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """All views of a split, in the file's order; ``intrinsics`` are those of an image of any size."""
+
+    intrinsics: Callable[[int, int], Intrinsics]
     frames: tuple[Frame, ...]
 
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
-        """The pinhole camera of a frame whose image has this size; square pixels, centred principal point."""
-        focal = 0.5 * width / math.tan(0.5 * self.field_of_view)
-        return Camera(frame.camera_to_world, focal, focal, width / 2, height / 2, width, height)
+        """The pinhole camera of a frame whose image has this size. Raises DataError for a size it does not know."""
+        lens = self.intrinsics(height, width)
+        return Camera(frame.camera_to_world, lens.fx, lens.fy, lens.cx, lens.cy, width, height)
+
+    def only(self, frames: Sequence[Frame]) -> "Transforms":
+        """The same lens for some of the frames."""
+        return replace(self, frames=tuple(frames))
 
 
 def read_transforms(path: Path) -> Transforms:
     """Read and check the file. Raises DataError that names the file, the frame and the field."""
     table = _read_object(path)
+    intrinsics = _lens(path, table) if "fl_x" in table else _angle(path, table)
+    frames = table.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise DataError(
+            f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
+        )
+    return Transforms(intrinsics, tuple(_frame(path, place, frame) for place, frame in enumerate(frames)))
+
+
+def _angle(path: Path, table: dict[str, Any]) -> Callable[[int, int], Intrinsics]:
+    """Square pixels and a principal point in the middle, of a horizontal field of view in radians."""
     angle = table.get("camera_angle_x")
     if isinstance(angle, bool) or not isinstance(angle, int | float) or not 0 < angle < math.pi:
         raise DataError(
@@ -48,12 +85,47 @@ def read_transforms(path: Path) -> Transforms:
             "It must be the horizontal field of view in radians, between 0 and pi; the focal length follows from it.",
             "Correct the file.",
         )
-    frames = table.get("frames")
-    if not isinstance(frames, list) or not frames:
+
+    def intrinsics(height: int, width: int) -> Intrinsics:
+        focal = 0.5 * width / math.tan(0.5 * angle)
+        return Intrinsics(focal, focal, width / 2, height / 2, width, height)
+
+    return intrinsics
+
+
+def _lens(path: Path, table: dict[str, Any]) -> Callable[[int, int], Intrinsics]:
+    """instant-ngp's: pixels of an image of one size; images of another size are refused, not guessed at."""
+    names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
+    values = [table.get(name, table.get("fl_x") if name == "fl_y" else None) for name in names]
+    fx, fy, cx, cy, width, height = (
+        float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan for value in values
+    )
+    bent = [name for name in DISTORTION if table.get(name)]
+    if bent:
         raise DataError(
-            f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
+            f"{path}: its lens distorts ({', '.join(bent)})",
+            "Surfels are drawn by pinhole cameras; a distorted image would bend what is learnt from it.",
+            "Undistort the images (COLMAP's image_undistorter does it) and write the pinhole camera's values.",
         )
-    return Transforms(float(angle), tuple(_frame(path, place, frame) for place, frame in enumerate(frames)))
+    try:
+        lens = Intrinsics(fx, fy, cx, cy, int(width), int(height))
+    except ValueError as error:
+        raise DataError(
+            f"{path}: {', '.join(names)} are {values!r}",
+            f"They must be finite numbers: {error}.",
+            "Correct the file.",
+        ) from error
+
+    def intrinsics(height: int, width: int) -> Intrinsics:
+        if (lens.height, lens.width) != (height, width):
+            raise DataError(
+                f"{path} is written for images of {lens.width} x {lens.height} pixels, one is {width} x {height}",
+                "Its focal lengths count those pixels.",
+                "Use the images that the file was made for.",
+            )
+        return lens
+
+    return intrinsics
 
 
 def _read_object(path: Path) -> dict[str, Any]:

@@ -56,7 +56,8 @@ class Scene:
     """A captured or synthetic scene, as every layout's loader returns it.
 
     ``lights`` holds the environment maps for relighting by name; ``training_light`` is the true light of the
-    training views, where it is known. ``checksum`` is a digest of every file that the scene consists of.
+    training views, where it is known. ``checksum`` is a digest of every file that the scene consists of. ``repairs``
+    says, a sentence each, what the loader had to set right or assume.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Scene:
     lights: Mapping[str, EnvironmentMap]
     training_light: EnvironmentMap | None
     checksum: str
+    repairs: tuple[str, ...] = ()
 
     @property
     def centre(self) -> Float[Tensor, "3"]:

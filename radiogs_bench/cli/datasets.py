@@ -1,6 +1,7 @@
 """``radiogs-bench datasets``: list, check and generate scenes, and fetch the weights that scoring needs."""
 
 import argparse
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,15 +12,26 @@ if TYPE_CHECKING:
     from .options import Commands
 
 
+DATA_EXIT = 3
+
+
 def add_to(commands: "Commands") -> None:
     """Declare the command and its actions."""
-    parser = commands.add_parser("datasets", help="list, check and generate scenes", allow_abbrev=False)
+    parser = commands.add_parser("datasets", help="list, check, convert, generate; weights", allow_abbrev=False)
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="scenes that are at hand", allow_abbrev=False)
     listing.set_defaults(command=list_scenes)
-    checking = actions.add_parser("check", help="read every file of a scene", allow_abbrev=False)
+    checking = actions.add_parser("check", help="all that is wrong with a scene, at once", allow_abbrev=False)
     checking.set_defaults(command=check)
     checking.add_argument("scene", metavar="PATH", help="scene name or folder")
+    checking.add_argument("--layout", help="(default: told by the files)")
+    checking.add_argument("--json", action="store_true", help="print the findings as JSON")
+    converting = actions.add_parser("convert", help="write a scene in another layout", allow_abbrev=False)
+    converting.set_defaults(command=convert)
+    converting.add_argument("scene", metavar="PATH", help="scene name or folder")
+    converting.add_argument("--to", required=True, metavar="LAYOUT", help="tensoir, synthetic4relight or blender")
+    converting.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
+    converting.add_argument("--layout", help="of the scene (default: told by the files)")
     generating = actions.add_parser("generate", help="path-trace miniature scenes ([generate])", allow_abbrev=False)
     generating.set_defaults(command=generate)
     generating.add_argument("names", nargs="+", metavar="NAME")
@@ -29,7 +41,7 @@ def add_to(commands: "Commands") -> None:
     fetching.set_defaults(command=weights)
     fetching.add_argument("--to", type=Path, metavar="DIR", help="(default: where they are looked for)")
     fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
-    for action in (listing, checking, generating, fetching):
+    for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
 
 
@@ -45,21 +57,47 @@ def list_scenes(options: argparse.Namespace) -> int:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Read every file of a scene and print what it holds; raises DataError for the first damaged one."""
-    from radiogs_datasets import load_scene
+    """Print all that is wrong with a scene and what it holds; the exit code is 3 if it cannot be used."""
+    import json
 
-    from ..preflight import read_everything
+    from radiogs_datasets.check import check_scene
+
     from ..progress import progress_for_stderr
     from .reporter import say
 
-    scene = load_scene(options.scene)
     with progress_for_stderr() as progress:
-        read_everything(scene, partial(progress.advance, "reading"))
-    maps = sorted({name for view in scene.test for name in view.sources})
-    say(f"{scene.name}: layout {scene.layout}, {len(scene.train)} training and {len(scene.test)} test views")
-    say(f"maps of the test views: {', '.join(maps)}")
-    say(f"lights: {', '.join(sorted(scene.lights)) or 'none'}")
-    say(f"checksum: {scene.checksum}")
+        report = check_scene(options.scene, options.layout, partial(progress.advance, "checking"))
+    scene = report.scene
+    if options.json:
+        found = [asdict(finding) for finding in report.findings]
+        say(json.dumps({"scene": options.scene, "sound": report.sound, "findings": found}, indent=1))
+        return 0 if report.sound else DATA_EXIT
+    for finding in report.findings:
+        say(f"{finding.severity}: {finding.place}: {finding.what}")
+    if scene is not None:
+        maps = sorted({name for view in scene.test for name in view.sources})
+        say(f"{scene.name}: layout {scene.layout}, {len(scene.train)} training and {len(scene.test)} test views")
+        say(f"maps of the test views: {', '.join(maps)}")
+        say(f"lights: {', '.join(sorted(scene.lights)) or 'none'}")
+        say(f"checksum: {scene.checksum}")
+    say("sound" if report.sound else "not usable as it is")
+    return 0 if report.sound else DATA_EXIT
+
+
+def convert(options: argparse.Namespace) -> int:
+    """Write a scene in another layout, and say what that layout cannot carry."""
+    from radiogs_datasets import load_scene
+    from radiogs_datasets.writing import convert as write
+
+    from ..progress import progress_for_stderr
+    from .reporter import say
+
+    scene = load_scene(options.scene, options.layout)
+    with progress_for_stderr() as progress:
+        lost = write(scene, options.out, options.to, partial(progress.advance, "converting"))
+    for line in (*scene.repairs, *lost):
+        say(line)
+    say(f"{options.out}: {len(scene.train)} training and {len(scene.test)} test views, layout {options.to}")
     return 0
 
 

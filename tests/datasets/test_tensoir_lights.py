@@ -10,8 +10,8 @@ import torch
 
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_hdr
+from radiogs_datasets.layouts.tensoir_lights import find_lights, read_light
 from radiogs_datasets.registry import TINY
-from radiogs_datasets.tensoir_lights import find_lights, read_light
 
 
 @pytest.mark.parametrize(("row", "column"), [(0, 0), (5, 3), (8, 16), (11, 27), (15, 31)])

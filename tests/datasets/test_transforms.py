@@ -41,5 +41,5 @@ def test_a_byte_order_mark_and_integers_are_read(tmp_path: Path) -> None:
     table = {"camera_angle_x": 1, "frames": [{"file_path": "a/b", "transform_matrix": matrix, "rotation": 0.1}]}
     (tmp_path / "t.json").write_text(json.dumps(table), encoding="utf-8-sig")
     transforms = read_transforms(tmp_path / "t.json")
-    assert transforms.field_of_view == 1.0
+    assert transforms.camera(transforms.frames[0], 10, 20).fx == pytest.approx(10 / math.tan(0.5))
     torch.testing.assert_close(transforms.frames[0].camera_to_world.diag(), torch.tensor([1.0, -1.0, -1.0, 1.0]))

@@ -1,4 +1,4 @@
-"""Writing a generated scene as a folder in the TensoIR layout (see ``radiogs_datasets.tensoir``)."""
+"""Writing a generated scene as a folder in the TensoIR layout (see ``radiogs_datasets.layouts.tensoir``)."""
 
 # Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 from __future__ import annotations
@@ -18,7 +18,7 @@ from radiogs.colour import srgb_encode
 from radiogs.errors import UsageError
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
-from ..tensoir_lights import TRAINING_LIGHT
+from ..layouts.tensoir_lights import TRAINING_LIGHT
 from . import render
 from .cameras import Pinhole, pinhole
 from .catalogue import Recipe

@@ -14,7 +14,7 @@ import torch
 from radiogs.errors import DataError
 from radiogs.light import EnvironmentMap
 
-from .image_files import read_hdr
+from ..image_files import read_hdr
 
 TRAINING_LIGHT = "training"
 ARCHIVE_TRAINING_LIGHT = "sunset"

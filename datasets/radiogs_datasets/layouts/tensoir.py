@@ -10,11 +10,9 @@ camera-to-world in OpenGL axes; lights are found as ``tensoir_lights`` says. Ten
 straight sRGB, taken here for outgoing radiance, which nothing public confirms; an ``indirect.exr`` goes before it.
 """
 
-import hashlib
 import os
 import re
-from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -23,11 +21,10 @@ from torch import Tensor
 from radiogs.errors import DataError
 from radiogs.scene import Scene, View
 
-from .image_files import read_bytes
-from .image_structure import image_size
+from ..transforms import Transforms, read_transforms
+from ..view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .tensoir_lights import find_lights, read_light
-from .transforms import Transforms, read_transforms
-from .view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
 
 MASKED_MAPS: Mapping[str, tuple[str, Callable[[Path, Path], Tensor]]] = {
     "normal.png": ("normal", read_normal),
@@ -45,11 +42,10 @@ MAPS: Mapping[str, tuple[str, Callable[[Path], Tensor]]] = {
 RELIT_IMAGE = re.compile(r"rgba_(.+)\.png")
 RELIT_INDIRECT = re.compile(r"indirect_(.+)\.exr")
 
-SMALL_SCENE = 50_000_000
-"""Pixels up to which every map is decoded when the scene is opened: damage is found before, not during, a run."""
 
-NAMES_SHOWN = 8
-"""How many of the files that are wrong an error lists."""
+def looks_like(folder: Path) -> bool:
+    """Whether a view's folder holds an ``rgba.png``."""
+    return next(folder.glob("*/rgba.png"), None) is not None
 
 
 def load_tensoir(folder: Path) -> Scene:
@@ -64,7 +60,7 @@ def load_tensoir(folder: Path) -> Scene:
     images = {
         split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
     }
-    _require_distinct(folder, [image for paths in images.values() for image in paths])
+    require_distinct(folder, [image.parent for paths in images.values() for image in paths])
     maps = {split: _common_maps(folder, images[split]) for split in splits}
     lights = find_lights(folder, {found[1] for name in maps["test"] if (found := RELIT_IMAGE.fullmatch(name))})
     maps_of_views = [
@@ -74,10 +70,9 @@ def load_tensoir(folder: Path) -> Scene:
         for path in (image, *(image.parent / name for name in maps[split]))
     ]
     files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *maps_of_views)}
-    sizes, checksum = _inspect({**files, **lights.files()})
+    sizes, checksum = inspect({**files, **lights.files()})
     train, test = (_views(folder, splits[split], images[split], maps[split], sizes) for split in ("train", "test"))
-    if sum(height * width for height, width in sizes.values()) <= SMALL_SCENE:
-        _decode([*train, *test])
+    decode_if_small([*train, *test], sizes)
     return Scene(
         name=folder.name,
         layout="tensoir",
@@ -91,8 +86,8 @@ def load_tensoir(folder: Path) -> Scene:
 
 def _image(folder: Path, table: Path, file_path: str) -> Path:
     """The image of a frame. Links are followed, but a written path may not leave the scene's folder."""
-    image = Path(os.path.normpath(folder / (file_path if file_path.endswith(".png") else f"{file_path}.png")))
-    if not image.is_relative_to(folder) or image.parent == folder:
+    image = inside(folder, table, file_path if file_path.endswith(".png") else f"{file_path}.png")
+    if image.parent == folder:
         raise DataError(
             f"{table} points to '{file_path}'",
             "Each view has a folder of its own inside the scene's folder; nothing outside that is read.",
@@ -101,29 +96,12 @@ def _image(folder: Path, table: Path, file_path: str) -> Path:
     return image
 
 
-def _require_distinct(folder: Path, images: list[Path]) -> None:
-    counts = Counter(image.parent.relative_to(folder).as_posix() for image in images)
-    twice = [place for place, count in counts.items() if count > 1]
-    if twice:
-        raise DataError(
-            f"scene '{folder.name}' lists views twice: {_shown(twice)}",
-            "Such a view would count twice, or be trained on and then scored.",
-            "Take one of them out of transforms_train.json or transforms_test.json.",
-        )
-
-
 def _common_maps(folder: Path, images: list[Path]) -> list[str]:
     """File names of the maps beside the images of a split: what one view has, all must have."""
     found = {image: _maps_beside(image) for image in images}
     names = sorted(set[str]().union(*found.values()))
     wanted = [path for image in images for path in (image, *(image.parent / name for name in names))]
-    missing = [path.relative_to(folder).as_posix() for path in wanted if not path.is_file()]
-    if missing:
-        raise DataError(
-            f"scene '{folder.name}' lacks {len(missing)} {'file' if len(missing) == 1 else 'files'}: {_shown(missing)}",
-            "Every view must have its image, and a map that one view of a split has, all views of it must have.",
-            "Complete the folder, take the views out of the transforms file, or remove the map from all views.",
-        )
+    require_files(folder, wanted)
     return names
 
 
@@ -134,36 +112,16 @@ def _maps_beside(image: Path) -> set[str]:
     return names & (MAPS.keys() | MASKED_MAPS.keys()) | relit
 
 
-def _inspect(files: Mapping[str, Path]) -> tuple[dict[Path, tuple[int, int]], str]:
-    """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order."""
-    sizes, combined = {}, hashlib.sha256()
-    for name, path in sorted(files.items()):
-        data = read_bytes(path)
-        combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
-        if path.suffix != ".json":
-            sizes[path] = image_size(path, data)
-    return sizes, combined.hexdigest()
-
-
 def _views(
     folder: Path, transforms: Transforms, images: list[Path], maps: list[str], sizes: Mapping[Path, tuple[int, int]]
 ) -> tuple[View, ...]:
     views = []
     for frame, image in zip(transforms.frames, images, strict=True):
         for path in (image.parent / name for name in maps):
-            _require_same_size(path, sizes[path], sizes[image])
+            require_same_size(path, sizes[path], sizes[image])
         camera = transforms.camera(frame, *sizes[image])
         views.append(View(image.parent.relative_to(folder).as_posix(), camera, _sources(image, maps)))
     return tuple(views)
-
-
-def _require_same_size(path: Path, size: tuple[int, int], wanted: tuple[int, int]) -> None:
-    if size != wanted:
-        raise DataError(
-            f"{path} is {size[1]} x {size[0]} pixels, its view's image {wanted[1]} x {wanted[0]}",
-            "All maps of a view must have the same size.",
-            "Export the map again, in the image's size.",
-        )
 
 
 def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
@@ -184,14 +142,3 @@ def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
         elif relit := RELIT_INDIRECT.fullmatch(file):
             sources[f"relit/{relit[1]}/indirect"] = partial(read_colour, image.parent / file)
     return sources
-
-
-def _decode(views: Iterable[View]) -> None:
-    for view in views:
-        for name in view.sources:
-            view.read(name)
-
-
-def _shown(names: list[str]) -> str:
-    rest = len(names) - NAMES_SHOWN
-    return ", ".join(names[:NAMES_SHOWN]) + (f" and {rest} more" if rest > 0 else "")

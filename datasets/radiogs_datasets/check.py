@@ -1,0 +1,169 @@
+"""Everything that is wrong with a scene's folder, at once; loading it stops at the first error."""
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import torch
+
+from radiogs.errors import DataError, ExplainedError
+from radiogs.scene import Scene, View
+
+from .image_files import read_bytes, read_image
+from .image_structure import png_layout
+from .registry import load_scene, scene_folder
+from .transforms import read_transforms
+
+IMAGES = (".png", ".exr", ".hdr")
+NORMAL_FILE = re.compile(r"normal\.png")
+
+UNIT_TOLERANCE = 0.05
+"""How far from one the length of a stored normal may be: 8 bits allow 0.007."""
+
+CAMERAS_THAT_AGREE = 3
+"""Training cameras from which on there is a point that they look at."""
+
+BAD_SHARE = 0.01
+"""Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
+
+Severity = Literal["error", "warning"]
+Advance = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong: where (a file or a view), what, and whether the scene can be used all the same."""
+
+    place: str
+    what: str
+    severity: Severity = "error"
+
+
+@dataclass(frozen=True)
+class Report:
+    """What a check found; ``scene`` is None where it cannot be loaded."""
+
+    scene: Scene | None
+    findings: tuple[Finding, ...]
+
+    @property
+    def sound(self) -> bool:
+        """Whether nothing stands in the way of using the scene."""
+        return not any(finding.severity == "error" for finding in self.findings)
+
+
+def check_scene(name_or_path: str, layout: str | None = None, advance: Advance = lambda done, total: None) -> Report:
+    """Decode every image below the scene's folder, load the scene, and look at its views.
+
+    ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such folder.
+    """
+    folder = scene_folder(name_or_path)
+    findings = list(_damaged_files(folder, advance))
+    try:
+        scene: Scene | None = load_scene(name_or_path, layout)
+    except DataError as error:
+        told = {finding.what for finding in findings}
+        scene = None
+        if error.what not in told:
+            findings.append(Finding(folder.name, _sentence(error)))
+    findings += _mixed_bits(folder)
+    if scene is not None:
+        findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
+        findings += _lights_without_maps(scene)
+        findings += _views(scene, advance)
+    return Report(scene, tuple(findings))
+
+
+def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
+    tables = sorted(folder.rglob("transforms_*.json"))
+    images = _images(folder)
+    for done, path in enumerate([*tables, *images], start=1):
+        place = path.relative_to(folder).as_posix()
+        try:
+            if path.suffix == ".json":
+                read_transforms(path)
+            else:
+                image = read_image(path)
+                if NORMAL_FILE.fullmatch(path.name):
+                    yield from _not_unit(place, torch.from_numpy(image))
+        except DataError as error:
+            yield Finding(place, error.what)
+        advance(done, len(tables) + len(images))
+
+
+def _images(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.rglob("*") if path.suffix.lower() in IMAGES and path.is_file())
+
+
+def _not_unit(place: str, image: torch.Tensor) -> Iterator[Finding]:
+    """Normals as TensoIR stores them, n / 2 + 1 / 2, where the file's own alpha is full."""
+    length = (2 * image[..., :3] - 1).norm(dim=-1)
+    inside = image[..., 3] == 1 if image.shape[2] == 4 else length < 1.5
+    bad = ((length - 1).abs() > UNIT_TOLERANCE) & inside
+    if inside.any() and float(bad.sum()) > BAD_SHARE * float(inside.sum()):
+        share = 100 * float(bad.sum()) / float(inside.sum())
+        yield Finding(place, f"{share:.0f} % of its normals are not of unit length: is it encoded as n / 2 + 1 / 2?")
+
+
+def _mixed_bits(folder: Path) -> Iterator[Finding]:
+    """Files of one kind (names alike but for their digits) with 8 bits here and 16 there."""
+    kinds: dict[str, dict[int, list[str]]] = defaultdict(lambda: defaultdict(list))
+    for path in _images(folder):
+        if path.suffix.lower() == ".png":
+            place = path.relative_to(folder).as_posix()
+            try:
+                kinds[re.sub(r"\d+", "#", place)][png_layout(path, read_bytes(path)).bits].append(place)
+            except DataError:
+                continue  # named among the damaged files
+    for depths in kinds.values():
+        if len(depths) > 1:
+            rare = min(depths, key=lambda bits: len(depths[bits]))
+            for place in depths[rare]:
+                yield Finding(place, f"has {rare} bits a channel, unlike the others of its kind", "warning")
+
+
+def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
+    shown = {name.split("/")[1] for view in scene.test for name in view.sources if name.startswith("relit/")}
+    for light in sorted(shown - scene.lights.keys()):
+        yield Finding(light, "has images of the test views, but no environment map: it cannot be relit", "warning")
+
+
+def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
+    views = [*scene.train, *scene.test]
+    centre = scene.centre if len(scene.train) >= CAMERAS_THAT_AGREE else None
+    for done, view in enumerate(views, start=1):
+        try:
+            yield from _view(view, centre)
+        except ExplainedError as error:
+            yield Finding(view.name, _sentence(error))
+        advance(done, len(views))
+
+
+def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
+    if centre is not None:
+        yield from _looks_past(view, centre)
+    if view.has("alpha"):
+        alpha = view.read("alpha")
+        if not bool((alpha > 0).any()):
+            yield Finding(view.name, "its mask is empty: no pixel shows the object")
+    image = view.read("image")
+    if float(image.max()) == float(image.min()):
+        yield Finding(view.name, "its image is one colour throughout", "warning")
+
+
+def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:
+    camera = view.camera.to(dtype=torch.float64)
+    depth = float(camera.depth_of(centre))
+    place = camera.axes.T @ (centre - camera.centre)
+    column, row = camera.fx * place[0] / depth + camera.cx, camera.fy * place[1] / depth + camera.cy
+    if depth <= 0:
+        yield Finding(view.name, "the camera looks away from what the others look at")
+    elif not (0 <= column <= camera.width and 0 <= row <= camera.height):
+        yield Finding(view.name, "what the cameras look at lies outside this image")
+
+
+def _sentence(error: ExplainedError) -> str:
+    return f"{error.what}. {error.why}" if error.why else error.what

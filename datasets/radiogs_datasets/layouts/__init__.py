@@ -1,0 +1,1 @@
+"""One loader a layout; all return the same ``Scene``."""

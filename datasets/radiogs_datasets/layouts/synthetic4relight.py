@@ -1,0 +1,172 @@
+"""The layout of Synthetic4Relight (InvRender).
+
+    <scene>/transforms_train.json  transforms_test.json     file_path: train/<id>, test/<id>
+    <scene>/train/<id>_rgb.exr  <id>_mask.png
+    <scene>/test/<id>_rgba.png  <id>_albedo.png  <id>_rough.png
+    <scene>/test_rli/<light>_<id>.png
+    <light>.exr beside the scene, or in it; envmap3 is the training light
+
+Training images are linear and on black (as Blender writes EXR; inferred): they are divided by their mask and shown as
+display sRGB, clipped. Test images, relit images and albedo are sRGB with straight alpha; albedo becomes linear. Maps of
+lights have Z up; negative radiance is set to zero, and said.
+"""
+
+import os
+import re
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.colour import srgb_decode, srgb_encode
+from radiogs.errors import DataError
+from radiogs.light import EnvironmentMap
+from radiogs.scene import Scene, View
+
+from ..image_files import read_exr
+from ..transforms import Transforms, read_transforms
+from ..view_maps import read_alpha, read_colour, read_value
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
+
+TRAINING_LIGHT = "envmap3"
+
+TEST_MAPS: dict[str, tuple[str, Callable[[Path], Tensor]]] = {
+    "albedo": ("_albedo.png", lambda path: srgb_decode(read_colour(path))),
+    "roughness": ("_rough.png", read_value),
+}
+"""Map: ending of its file, and how it is read."""
+
+
+def looks_like(folder: Path) -> bool:
+    """Whether there are linear training images."""
+    return next(folder.glob("train/*_rgb.exr"), None) is not None
+
+
+def load_synthetic4relight(folder: Path) -> Scene:
+    """Read a scene; its maps are read when asked for. Raises DataError that names what is wrong."""
+    folder = Path(os.path.normpath(folder.absolute()))
+    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
+    splits = {split: read_transforms(table) for split, table in tables.items()}
+    stems = {
+        split: [inside(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
+    }
+    require_distinct(folder, [stem for found in stems.values() for stem in found])
+    lights, light_files = _lights(folder, stems["test"])
+    train_files = [[_with(stem, "_rgb.exr"), _with(stem, "_mask.png")] for stem in stems["train"]]
+    test_files = [
+        [
+            _with(stem, "_rgba.png"),
+            *_maps_beside(stems["test"], stem),
+            *(_relit(folder, light, stem) for light in lights),
+        ]
+        for stem in stems["test"]
+    ]
+    every = [path for paths in (*train_files, *test_files) for path in paths]
+    require_files(folder, every)
+    named = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every)}
+    sizes, checksum = inspect(named | {f"{light}.exr": path for light, path in light_files.items()})
+    for image, *maps in (*train_files, *test_files):
+        for path in maps:
+            require_same_size(path, sizes[path], sizes[image])
+    train = tuple(
+        _training_view(splits["train"], place, image, mask, sizes[image])
+        for place, (image, mask) in enumerate(train_files)
+    )
+    test = tuple(
+        _test_view(folder, splits["test"], place, stem, lights, sizes[_with(stem, "_rgba.png")])
+        for place, stem in enumerate(stems["test"])
+    )
+    decode_if_small([*train, *test], sizes)
+    radiance: dict[str, EnvironmentMap] = {}
+    repairs: list[str] = []
+    for light, path in light_files.items():
+        radiance[light], said = read_light(path)
+        repairs += said
+    return Scene(
+        name=folder.name,
+        layout="synthetic4relight",
+        train=train,
+        test=test,
+        lights={light: radiance[light] for light in lights if light in radiance},
+        training_light=radiance.get(TRAINING_LIGHT),
+        checksum=checksum,
+        repairs=tuple(repairs),
+    )
+
+
+def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
+    """A map of distant light, Z up, RGB or RGBA; negative radiance becomes zero, which the sentence returned says."""
+    image = read_exr(path)[..., :3]
+    if image.shape[2] < 3:
+        raise DataError(f"{path} has {image.shape[2]} channels, 3 are needed", "", "Export it as RGB.")
+    negative = int((image < 0).sum())
+    said = [f"{path.name}: {negative} negative values of radiance were set to zero"] if negative else []
+    return EnvironmentMap(torch.from_numpy(np.ascontiguousarray(image)).clamp(min=0)), said
+
+
+def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]]:
+    """Lights that there are relit images under, and the files of those and of the training light."""
+    names = [path.name for path in (folder / "test_rli").glob("*.png")]
+    found = {
+        match[1]
+        for name in names
+        for stem in stems
+        if (match := re.fullmatch(rf"(.+)_{re.escape(stem.name)}\.png", name))
+    }
+    files = {}
+    for light in sorted(found | {TRAINING_LIGHT}):
+        place = next((place for place in (folder, folder.parent) if (place / f"{light}.exr").is_file()), None)
+        if place is not None:
+            files[light] = place / f"{light}.exr"
+    return sorted(found), files
+
+
+def _maps_beside(stems: list[Path], stem: Path) -> list[Path]:
+    """Files of the maps that any view has: what one has, all must have."""
+    return [
+        _with(stem, ending)
+        for ending, _ in TEST_MAPS.values()
+        if any(_with(other, ending).is_file() for other in stems)
+    ]
+
+
+def _training_view(transforms: Transforms, place: int, image: Path, mask: Path, size: tuple[int, int]) -> View:
+    name = transforms.frames[place].file_path
+    sources = {"image": partial(_display, image, mask), "alpha": partial(read_value, mask)}
+    return View(name.removeprefix("./"), transforms.camera(transforms.frames[place], *size), sources)
+
+
+def _test_view(
+    folder: Path, transforms: Transforms, place: int, stem: Path, lights: list[str], size: tuple[int, int]
+) -> View:
+    image = _with(stem, "_rgba.png")
+    sources: dict[str, Callable[[], Tensor]] = {
+        "image": partial(read_colour, image),
+        "alpha": partial(read_alpha, image),
+    }
+    for name, (ending, read) in TEST_MAPS.items():
+        if _with(stem, ending).is_file():
+            sources[name] = partial(read, _with(stem, ending))
+    for light in lights:
+        sources[f"relit/{light}"] = partial(read_colour, _relit(folder, light, stem))
+    frame = transforms.frames[place]
+    return View(frame.file_path.removeprefix("./"), transforms.camera(frame, *size), sources)
+
+
+def _display(image: Path, mask: Path) -> Float[Tensor, "height width 3"]:
+    alpha = read_value(mask)
+    linear = read_colour(image).clamp(min=0)
+    straight = torch.where(alpha > 0, linear / torch.where(alpha > 0, alpha, 1.0), 0.0)
+    return srgb_encode(straight).clamp(0, 1)
+
+
+def _relit(folder: Path, light: str, stem: Path) -> Path:
+    return folder / "test_rli" / f"{light}_{stem.name}.png"
+
+
+def _with(stem: Path, ending: str) -> Path:
+    return stem.with_name(stem.name + ending)

@@ -1,0 +1,115 @@
+"""A scene written in another layout is the same scene, as far as the layout can carry it."""
+
+from pathlib import Path
+
+import pytest
+import torch
+
+from radiogs.camera import Camera
+from radiogs.errors import DataError, UsageError
+from radiogs.scene import Scene
+from radiogs_datasets import load_scene
+from radiogs_datasets.writing import convert
+
+HALF_LEVEL = 0.5 / 255 + 1e-6
+"""What rounding to 8 bits may move a stored value by."""
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene("corner")
+
+
+@pytest.fixture(scope="module")
+def written(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Scene, tuple[str, ...]]]:
+    found = {}
+    for layout in ("tensoir", "synthetic4relight", "blender"):
+        folder = tmp_path_factory.mktemp("converted") / layout
+        lost = convert(scene, folder, layout)
+        found[layout] = (load_scene(str(folder)), lost)
+    return found
+
+
+@pytest.mark.parametrize("layout", ["tensoir", "synthetic4relight", "blender"])
+def test_the_layout_is_recognised_and_holds_the_same_views(
+    layout: str, scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]
+) -> None:
+    again, _ = written[layout]
+    assert again.layout == layout
+    assert (len(again.train), len(again.test)) == (len(scene.train), len(scene.test))
+    for ours, theirs in zip((*again.train, *again.test), (*scene.train, *scene.test), strict=True):
+        torch.testing.assert_close(ours.camera.camera_to_world, theirs.camera.camera_to_world, rtol=0, atol=1e-6)
+        assert ours.camera.fx == pytest.approx(theirs.camera.fx, rel=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["tensoir", "synthetic4relight", "blender"])
+def test_maps_are_the_same_to_the_files_precision(
+    layout: str, scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]
+) -> None:
+    again, _ = written[layout]
+    for ours, theirs in zip(again.test, scene.test, strict=True):
+        alpha = theirs.read("alpha")
+        torch.testing.assert_close(ours.read("alpha"), alpha, rtol=0, atol=HALF_LEVEL)
+        solid = alpha[..., 0] == 1
+        for name in ours.sources.keys() - {"alpha", "albedo", "normal"}:
+            radiance = name in ("depth", "direct", "indirect") or name.endswith("/indirect")
+            rtol, atol = (1e-3, 1e-6) if radiance else (0, HALF_LEVEL)
+            torch.testing.assert_close(ours.read(name)[solid], theirs.read(name)[solid], rtol=rtol, atol=atol, msg=name)
+        if ours.has("albedo"):
+            # Linear albedo through 8-bit sRGB: half a level times the curve's slope, at most 1 / 0.44 at white.
+            error = (ours.read("albedo") - theirs.read("albedo"))[solid].abs().max()
+            assert float(error) < 2.3 * HALF_LEVEL
+        if ours.has("normal"):
+            cosine = (ours.read("normal") * theirs.read("normal")).sum(-1)[solid]
+            assert float(cosine.min()) > 1 - 1e-4
+
+
+@pytest.mark.parametrize("layout", ["tensoir", "synthetic4relight"])
+def test_lights_come_back_in_the_same_orientation(
+    layout: str, scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]
+) -> None:
+    again, _ = written[layout]
+    assert again.lights.keys() == scene.lights.keys()
+    for name, light in scene.lights.items():
+        torch.testing.assert_close(again.lights[name].radiance, light.radiance, rtol=1e-2, atol=1e-2)
+    assert scene.training_light is not None
+    assert again.training_light is not None
+    torch.testing.assert_close(again.training_light.radiance, scene.training_light.radiance, rtol=1e-2, atol=1e-2)
+
+
+def test_what_a_layout_cannot_carry_is_said(scene: Scene, written: dict[str, tuple[Scene, tuple[str, ...]]]) -> None:
+    assert written["tensoir"][1] == ()
+    lost = " ".join(written["synthetic4relight"][1])
+    for name in ("normal", "depth", "direct", "indirect"):
+        assert f"{name} of {len(scene.test)} test views" in lost
+    lost = " ".join(written["blender"][1])
+    assert "albedo of" in lost
+    assert "light '" in lost
+
+
+def test_nothing_is_overwritten_and_no_half_scene_stays(scene: Scene, tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    (tmp_path / "there/mine.txt").write_text("kept")
+    with pytest.raises(UsageError, match="exists already"):
+        convert(scene, tmp_path / "there", "blender")
+    with pytest.raises(UsageError, match="no writer for layout 'colmab'"):
+        convert(scene, tmp_path / "new", "colmab")
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        convert(scene, tmp_path / "new", "blender", stop)
+    assert [path.name for path in tmp_path.iterdir()] == ["there"]
+
+
+def test_cameras_that_one_angle_cannot_say_are_refused(scene: Scene, tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    view = scene.train[0]
+    camera = view.camera
+    off = Camera(camera.camera_to_world, camera.fx, camera.fy, camera.cx + 3, camera.cy, camera.width, camera.height)
+    odd = replace(scene, train=(replace(view, camera=off), *scene.train[1:]))
+    with pytest.raises(DataError, match="no place in this layout"):
+        convert(odd, tmp_path / "new", "tensoir")
+    assert not (tmp_path / "new").exists()
