@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from radiogs.errors import DataError
 
-from .image_structure import check_png_pixels, damaged, exr_size, png_layout, radiance_size
+from .image_structure import check_png_pixels, damaged, exr_size, jpeg_size, png_layout, radiance_size
 
 HALF_MAX = 65504.0
 
@@ -35,7 +35,7 @@ def read_bytes(path: Path) -> bytes:
 
 def read_image(path: Path) -> NDArray[np.float32]:
     """Read a file by the function for its suffix. Raises DataError."""
-    readers = {".png": read_png, ".exr": read_exr, ".hdr": read_hdr}
+    readers = {".png": read_png, ".exr": read_exr, ".hdr": read_hdr, ".jpg": read_jpeg, ".jpeg": read_jpeg}
     return readers[path.suffix.lower()](path)
 
 
@@ -56,6 +56,20 @@ def write_png(path: Path, image: NDArray[np.floating]) -> None:
     levels = np.rint(np.clip(_finite(path, image), 0, 1) * 255).astype(np.uint8)
     order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
     _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+
+
+def read_jpeg(path: Path) -> NDArray[np.float32]:
+    """Values in [0, 1], RGB, display sRGB. Raises DataError if the file is missing, cut off or no JPEG."""
+    data = read_bytes(path)
+    jpeg_size(path, data)
+    try:
+        with _quiet():
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error as error:
+        raise damaged(path, f"OpenCV says: {error.err}") from error
+    if image is None:
+        raise damaged(path, "its pixels cannot be decoded")
+    return image[..., ::-1].astype(np.float32) / np.float32(255)
 
 
 def read_exr(path: Path) -> NDArray[np.float32]:

@@ -36,6 +36,13 @@ EXR_NOT_PLAIN = 0x200 | 0x800 | 0x1000
 EXR_BLOCK_LINES = {0: 1, 1: 1, 2: 1, 3: 16, 4: 32, 5: 16, 6: 32, 7: 32, 8: 32, 9: 256}
 """Scan lines that one block holds, by compression: none, RLE, ZIPS, ZIP, PIZ, PXR24, B44, B44A, DWAA, DWAB."""
 
+JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
+JPEG_TAIL = 4096
+"""Bytes at the end in which the end marker must lie; cameras append a little of their own."""
+
+JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers that begin a frame, and with it the size; the others of that range define tables."""
+
 RADIANCE_SIGNATURES = (b"#?RADIANCE", b"#?RGBE")
 RADIANCE_SIZE = re.compile(rb"\n\n-Y (\d{1,9}) \+X (\d{1,9})\n")
 RADIANCE_RUN = 127
@@ -73,7 +80,9 @@ def image_size(path: Path, data: bytes) -> tuple[int, int]:
             return exr_size(path, data)
         case ".hdr":
             return radiance_size(path, data)
-    raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr and .hdr.")
+        case ".jpg" | ".jpeg":
+            return jpeg_size(path, data)
+    raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr, .hdr and .jpg.")
 
 
 def png_layout(path: Path, data: bytes) -> PngLayout:
@@ -108,6 +117,26 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
         raise damaged(path, f"its pixels cannot be expanded ({error})") from error
     if expanded != layout.expanded or not inflater.eof:
         raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
+
+
+def jpeg_size(path: Path, data: bytes) -> tuple[int, int]:
+    """Height and width of a JPEG whose last segment is there: decoders grey out what a cut-off file lacks."""
+    if not data.startswith(JPEG_START):
+        raise damaged(path, "it does not begin like a JPEG file")
+    if JPEG_END not in data[-JPEG_TAIL:]:
+        raise damaged(path, "its end is missing")
+    place = 2
+    try:
+        while data[place] == 0xFF:
+            marker, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+            if marker in JPEG_FRAMES:
+                height, width = struct.unpack_from(">HH", data, place + 5)
+                _require_sane_size(path, height, width)
+                return height, width
+            place += 2 + max(length, 2)
+    except (IndexError, struct.error):
+        pass
+    raise damaged(path, "its header is cut off or altered")
 
 
 def exr_size(path: Path, data: bytes) -> tuple[int, int]:

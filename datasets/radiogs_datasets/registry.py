@@ -8,7 +8,7 @@ from pathlib import Path
 from radiogs.errors import DataError, UsageError
 from radiogs.scene import Scene
 
-from .layouts import blender, synthetic4relight, tensoir
+from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 
 TINY = Path(__file__).parent / "tiny"
 
@@ -27,6 +27,8 @@ LAYOUTS: Mapping[str, Layout] = {
     "synthetic4relight": Layout(
         "train/<id>_rgb.exr", synthetic4relight.looks_like, synthetic4relight.load_synthetic4relight
     ),
+    "stanford-orb": Layout("test_mask/", stanford_orb.looks_like, stanford_orb.load_stanford_orb),
+    "colmap": Layout("sparse/0/cameras.bin", colmap.looks_like, colmap.load_colmap),
     "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender),
 }
 """In the order in which they are tried: the more particular marks first."""

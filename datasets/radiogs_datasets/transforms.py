@@ -64,9 +64,9 @@ class Transforms:
         return replace(self, frames=tuple(frames))
 
 
-def read_transforms(path: Path) -> Transforms:
-    """Read and check the file. Raises DataError that names the file, the frame and the field."""
-    table = _read_object(path)
+def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
+    """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
+    table = _read_object(path) if content is None else content
     intrinsics = _lens(path, table) if "fl_x" in table else _angle(path, table)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:

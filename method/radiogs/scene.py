@@ -52,12 +52,21 @@ class View:
 
 
 @dataclass(frozen=True)
+class Points:
+    """Sparse points of a reconstruction: world positions, and display sRGB colours in [0, 1]."""
+
+    positions: Float[Tensor, "points 3"]
+    colours: Float[Tensor, "points 3"]
+
+
+@dataclass(frozen=True)
 class Scene:
     """A captured or synthetic scene, as every layout's loader returns it.
 
     ``lights`` holds the environment maps for relighting by name; ``training_light`` is the true light of the
     training views, where it is known. ``checksum`` is a digest of every file that the scene consists of. ``repairs``
-    says, a sentence each, what the loader had to set right or assume.
+    says, a sentence each, what the loader had to set right or assume. ``relight`` are views of the object elsewhere,
+    each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
     """
 
     name: str
@@ -68,6 +77,8 @@ class Scene:
     training_light: EnvironmentMap | None
     checksum: str
     repairs: tuple[str, ...] = ()
+    relight: tuple[View, ...] = ()
+    points: Points | None = None
 
     @property
     def centre(self) -> Float[Tensor, "3"]:

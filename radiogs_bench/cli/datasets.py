@@ -6,7 +6,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import add_verbose, names
+from radiogs.errors import UsageError
+
+from .options import add_verbose, names, positive
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -32,10 +34,13 @@ def add_to(commands: "Commands") -> None:
     converting.add_argument("--to", required=True, metavar="LAYOUT", help="tensoir, synthetic4relight or blender")
     converting.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
     converting.add_argument("--layout", help="of the scene (default: told by the files)")
+    converting.add_argument("--every", type=positive, default=1, metavar="N", help="keep every Nth view (default: 1)")
+    converting.add_argument("--smaller", type=positive, default=1, metavar="N", help="divide the images' sides by N")
     generating = actions.add_parser("generate", help="path-trace miniature scenes ([generate])", allow_abbrev=False)
     generating.set_defaults(command=generate)
     generating.add_argument("names", nargs="+", metavar="NAME")
     generating.add_argument("--out", type=Path, default=Path("out/scenes"), metavar="DIR", help="(default: out/scenes)")
+    generating.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
     generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
     fetching = actions.add_parser("weights", help="fetch the published weights of LPIPS", allow_abbrev=False)
     fetching.set_defaults(command=weights)
@@ -87,12 +92,13 @@ def check(options: argparse.Namespace) -> int:
 def convert(options: argparse.Namespace) -> int:
     """Write a scene in another layout, and say what that layout cannot carry."""
     from radiogs_datasets import load_scene
+    from radiogs_datasets.reduction import every, smaller
     from radiogs_datasets.writing import convert as write
 
     from ..progress import progress_for_stderr
     from .reporter import say
 
-    scene = load_scene(options.scene, options.layout)
+    scene = smaller(every(load_scene(options.scene, options.layout), options.every), options.smaller)
     with progress_for_stderr() as progress:
         lost = write(scene, options.out, options.to, partial(progress.advance, "converting"))
     for line in (*scene.repairs, *lost):
@@ -103,15 +109,24 @@ def convert(options: argparse.Namespace) -> int:
 
 def generate(options: argparse.Namespace) -> int:
     """Path-trace scenes into folders below ``--out``."""
+    from radiogs_datasets import load_scene
     from radiogs_datasets.generate import generate_scene
+    from radiogs_datasets.writing import LAYOUTS
+    from radiogs_datasets.writing import convert as write
 
     from ..progress import progress_for_stderr
     from .reporter import say
 
+    if options.layout not in LAYOUTS:
+        raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
     for name in options.names:
         folder = options.out / name
+        made = folder if options.layout == "tensoir" else options.out / f"{name}.tensoir"
         with progress_for_stderr() as progress:
-            generate_scene(name, folder, options.seed, progress.advance)
+            generate_scene(name, made, options.seed, progress.advance)
+        if made != folder:
+            for line in write(load_scene(str(made)), folder, options.layout):
+                say(line)
         say(f"{name}: {folder}")
     return 0
 

@@ -6,20 +6,27 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
 import mitsuba as mi
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from radiogs.colour import srgb_encode
 
+from ..image_files import read_hdr
 from . import render
 from .cameras import Pinhole
 from .catalogue import Recipe
 
 NOISE_SEEDS = (1_000_000, 1_000_001)
 """Seeds that no view uses."""
+
+SHARE_SAMPLES = 256
+"""Samples a pixel for shares of energy, which are sums over a whole image."""
 
 
 def describe(
@@ -31,7 +38,12 @@ def describe(
     indirect_share: float,
     folder: Path,
 ) -> dict[str, object]:
-    """The metadata of a scene whose lights lie in ``folder``; its noise is measured on the view of ``camera``."""
+    """The metadata of a scene whose lights lie in ``folder``.
+
+    Noise, and the shares of specular and shadowed light, are measured on the view of ``camera``; ``indirect_share`` is
+    given, of all views.
+    """
+    light = read_hdr(folder / "envmaps" / "training.hdr")
     return {
         "scene": recipe.name,
         "purpose": recipe.purpose,
@@ -41,6 +53,7 @@ def describe(
         "depth": render.GLOBAL_DEPTH,
         "noise_floor_db": round(noise_floor(scene, camera, samples["test"]), 2),
         "indirect_share": round(indirect_share, 4),
+        **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, camera).items()},
         "lights": {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").iterdir())
         },
@@ -57,3 +70,33 @@ def noise_floor(scene: mi.Scene, camera: Pinhole, samples: int) -> float:
         for seed in NOISE_SEEDS
     )
     return -10 * math.log10(float((first - second).double().square().mean()))
+
+
+def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole) -> dict[str, float]:
+    """Parts of the energy that a view sees under a light.
+
+    specular: what one surface scatters in its specular lobe (all albedos set to zero), of all light. shadowed: what
+    solids take away from one another's direct light, of the direct light that there would be without; exact because
+    each solid is convex and so does not shadow itself.
+    """
+    whole = render.build(recipe, light)
+    full, direct = (_energy(whole, camera, depth) for depth in (render.GLOBAL_DEPTH, render.DIRECT_DEPTH))
+    black = tuple(replace(solid, material=replace(solid.material, albedo=(0, 0, 0))) for solid in recipe.solids)
+    specular = _energy(render.build(replace(recipe, solids=black), light), camera, render.DIRECT_DEPTH)
+    seen = render.surface(whole, camera)
+    unshadowed = shadowed = 0.0
+    for solid in recipe.solids:
+        alone = render.build(replace(recipe, solids=(solid,)), light)
+        own = render.surface(alone, camera)
+        # Pixels that see this solid and nothing else.
+        mine = (own.coverage == 1) & (seen.coverage == 1) & (np.abs(own.depth - seen.depth) < 1e-6)
+        unshadowed += float((_energy(alone, camera, render.DIRECT_DEPTH) * mine).sum())
+        shadowed += float((direct * mine).sum())
+    return {
+        "specular": float(specular.sum() / full.sum()),
+        "shadowed": max(0.0, 1 - shadowed / unshadowed),
+    }
+
+
+def _energy(scene: mi.Scene, camera: Pinhole, depth: int) -> NDArray[np.float32]:
+    return render.radiance(scene, camera, SHARE_SAMPLES, depth, 0)[..., :3].sum(-1, keepdims=True)

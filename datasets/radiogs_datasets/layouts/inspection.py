@@ -54,9 +54,14 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
         )
 
 
-def inspect(files: Mapping[str, Path]) -> tuple[dict[Path, tuple[int, int]], str]:
-    """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order."""
+def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dict[Path, tuple[int, int]], str]:
+    """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order.
+
+    ``tables`` come first in the digest, by their bare names; they and ``.json`` files are no images.
+    """
     sizes, combined = {}, hashlib.sha256()
+    for path in tables:
+        combined.update(path.name.encode() + b"\0" + hashlib.sha256(read_bytes(path)).digest())
     for name, path in sorted(files.items()):
         data = read_bytes(path)
         combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())

@@ -1,0 +1,205 @@
+"""The layout of Stanford-ORB's captures for Blender-style readers.
+
+    blender_LDR|blender_HDR/<capture>/transforms_{train,test,novel}.json
+                                      {train,test}/<k>.png|exr  {train,test}_mask/<k>.png
+    ground_truth/<capture>/env_map/<k>.exr  surface_normal/<k>.npy  z_depth/<k>.npy  pseudo_gt_albedo/<k>.png
+
+``ground_truth`` lies beside ``blender_LDR``, or beside the capture. Maps of 2048 pixels become 512 by area means, as in
+the benchmark's evaluator. PNG and albedo are sRGB (albedo becomes linear), EXR is linear and shown as display sRGB,
+clipped. Normals and environment maps are stored in each view's camera, and are turned into the world. A view of
+``transforms_novel.json`` shows the object in another capture, under a light of its own: ``Scene.relight``.
+"""
+
+import json
+import os
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.camera import Camera
+from radiogs.colour import srgb_decode, srgb_encode
+from radiogs.errors import DataError
+from radiogs.light import EnvironmentMap, texel_directions
+from radiogs.scene import Scene, View
+
+from ..image_files import read_exr, read_image
+from ..transforms import Transforms, read_transforms
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files
+
+SIDE = 512
+"""Pixels that maps are brought to, where they have a whole multiple of it."""
+
+
+def looks_like(folder: Path) -> bool:
+    """Whether images lie beside masks in folders of their own."""
+    return (folder / "test_mask").is_dir() and (folder / "transforms_train.json").is_file()
+
+
+def load_stanford_orb(folder: Path) -> Scene:
+    """Read a capture; its maps are read when asked for. Raises DataError that names what is wrong."""
+    folder = Path(os.path.normpath(folder.absolute()))
+    truth = _ground_truth(folder)
+    tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
+    splits = {split: read_transforms(table) for split, table in tables.items()}
+    images = {
+        split: [_image(folder, tables[split], frame.file_path) for frame in splits[split].frames] for split in splits
+    }
+    every = [path for paths in images.values() for path in paths]
+    require_distinct(folder, every)
+    masks = [_mask(path) for path in every]
+    require_files(folder, [*every, *masks])
+    files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every, *masks)}
+    sizes, checksum = inspect(files)
+    train, test = (
+        tuple(
+            _view(folder, splits[split], place, path, truth if split == "test" else None, sizes[path])
+            for place, path in enumerate(images[split])
+        )
+        for split in ("train", "test")
+    )
+    decode_if_small([*train, *test], sizes)
+    relight, lights = _novel(folder)
+    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, (), relight)
+
+
+def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4 4"]) -> EnvironmentMap:
+    """A map stored in a view's camera axes, as Z-up map of the world.
+
+    Stored: OpenGL axes of the camera (x right, y up, z towards the viewer), v = acos(y) / pi, u = 1/2 + atan2(x, -z) /
+    2 pi. ``camera_to_world`` has OpenCV axes.
+    """
+    height, width = stored.radiance.shape[:2]
+    world = texel_directions(height, width)
+    right, down, forward = (world @ camera_to_world[:3, :3].double()).unbind(-1)
+    # With (x', y', z') = (-z, -x, y) of the OpenGL axes the Z-up lookup is the stored one.
+    return EnvironmentMap(stored.lookup(torch.stack([forward, -right, -down], -1).float()))
+
+
+def reduced(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "rows columns channels"]:
+    """Area means of SIDE pixels a side, for images that have a multiple of it."""
+    factor = image.shape[0] // SIDE
+    if factor < 2 or image.shape[0] % SIDE or image.shape[1] % factor:
+        return image
+    return image.unflatten(0, (-1, factor)).unflatten(2, (-1, factor)).mean((1, 3))
+
+
+def _ground_truth(folder: Path) -> Path | None:
+    places = (folder.parent.parent / "ground_truth" / folder.name, folder.parent / "ground_truth" / folder.name)
+    return next((place for place in places if place.is_dir()), None)
+
+
+def _image(folder: Path, table: Path, file_path: str) -> Path:
+    stem = inside(folder, table, file_path)
+    return next((stem.with_name(stem.name + end) for end in (".exr", ".png") if _has(stem, end)), _png(stem))
+
+
+def _has(stem: Path, ending: str) -> bool:
+    return stem.with_name(stem.name + ending).is_file()
+
+
+def _png(stem: Path) -> Path:
+    return stem.with_name(f"{stem.name}.png")
+
+
+def _mask(image: Path) -> Path:
+    return image.parent.with_name(f"{image.parent.name}_mask") / f"{image.stem}.png"
+
+
+def _view(
+    folder: Path, transforms: Transforms, place: int, image: Path, truth: Path | None, size: tuple[int, int]
+) -> View:
+    height, width = reduced(torch.empty(*size, 1)).shape[:2]
+    camera = transforms.camera(transforms.frames[place], height, width)
+    sources: dict[str, Callable[[], Tensor]] = {
+        "image": partial(_shown, image),
+        "alpha": partial(_coverage, _mask(image)),
+    }
+    if truth is not None:
+        found: dict[str, tuple[Path, Callable[[Path], Tensor]]] = {
+            "albedo": (truth / "pseudo_gt_albedo" / f"{image.stem}.png", _albedo),
+            "normal": (truth / "surface_normal" / f"{image.stem}.npy", partial(_normal, camera, _mask(image))),
+            "depth": (truth / "z_depth" / f"{image.stem}.npy", partial(_depth, _mask(image))),
+        }
+        sources |= {name: partial(read, path) for name, (path, read) in found.items() if path.is_file()}
+    return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sources)
+
+
+def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap]]:
+    """The object in other captures: views in this capture's frame, and a light for each."""
+    table = folder / "transforms_novel.json"
+    if not table.is_file():
+        return (), {}
+    views, lights = [], {}
+    for place, frame in enumerate(_frames(table)):
+        capture, angle = frame.get("scene_name"), frame.get("camera_angle_x")
+        if not isinstance(capture, str) or "/" in capture or capture in ("", ".", ".."):
+            raise DataError(f"{table}: frame {place} has no 'scene_name'", "It says which capture shows it.")
+        single = read_transforms(table, {"camera_angle_x": angle, "frames": [frame]})
+        other = folder.parent / capture
+        image = _image(other, table, single.frames[0].file_path)
+        truth = _ground_truth(other)
+        light = None if truth is None else truth / "env_map" / f"{image.stem}.exr"
+        if not image.is_file() or light is None or not light.is_file():
+            continue  # a capture that was not downloaded
+        pixels = _colours(image).shape
+        camera = single.camera(single.frames[0], pixels[0], pixels[1])
+        name = f"{capture}/{image.stem}"
+        radiance = torch.from_numpy(read_exr(light)[..., :3].copy()).clamp(min=0)
+        lights[name] = light_in_the_world(EnvironmentMap(radiance), camera.camera_to_world)
+        shown = {f"relit/{name}": partial(_shown, image), "alpha": partial(_coverage, _mask(image))}
+        views.append(View(name, camera, shown))
+    return tuple(views), lights
+
+
+def _frames(table: Path) -> list[dict[str, object]]:
+    try:
+        frames = json.loads(table.read_text(encoding="utf-8")).get("frames")
+    except (OSError, ValueError, AttributeError) as error:
+        raise DataError(f"cannot read {table}", f"{error}.", "Copy the file again, or remove it.") from error
+    if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
+        raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
+    return frames
+
+
+def _colours(path: Path) -> Float[Tensor, "height width channels"]:
+    return reduced(torch.from_numpy(read_image(path)))
+
+
+def _shown(path: Path) -> Float[Tensor, "height width 3"]:
+    image = _colours(path)[..., :3]
+    return srgb_encode(image.clamp(min=0)).clamp(0, 1) if path.suffix == ".exr" else image
+
+
+def _coverage(path: Path) -> Float[Tensor, "height width 1"]:
+    return _colours(path)[..., :1]
+
+
+def _albedo(path: Path) -> Float[Tensor, "height width 3"]:
+    return srgb_decode(_colours(path)[..., :3])
+
+
+def _normal(camera: Camera, mask: Path, path: Path) -> Float[Tensor, "height width 3"]:
+    right, up, back = _numbers(path, 3).unbind(-1)
+    world = torch.stack([right, -up, -back], -1) @ camera.axes.T
+    return torch.where(_coverage(mask) > 0, torch.nn.functional.normalize(world, dim=-1), 0.0)
+
+
+def _depth(mask: Path, path: Path) -> Float[Tensor, "height width 1"]:
+    return torch.where(_coverage(mask) > 0, _numbers(path, 1), 0.0)
+
+
+def _numbers(path: Path, channels: int) -> Float[Tensor, "height width channels"]:
+    try:
+        values = np.atleast_3d(np.load(path, allow_pickle=False))
+    except (OSError, EOFError, ValueError) as error:
+        raise DataError(f"cannot read {path}", f"NumPy says: {error}.", "Copy the file again.") from error
+    if values.shape[2] < channels or not np.issubdtype(values.dtype, np.floating) or not np.isfinite(values).all():
+        raise DataError(
+            f"{path} is no map of {channels} channels", f"It holds {values.dtype} of shape {values.shape}, or a NaN."
+        )
+    return reduced(torch.from_numpy(values[..., :channels].astype(np.float32)))

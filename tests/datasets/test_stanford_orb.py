@@ -1,0 +1,188 @@
+"""Stanford-ORB's captures: points on their pixels, lights and normals turned from the camera into the world."""
+
+import json
+import math
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from radiogs.colour import srgb_decode
+from radiogs.errors import DataError
+from radiogs_datasets import load_scene
+from radiogs_datasets.image_files import read_png, write_exr, write_png
+from radiogs_datasets.layouts.stanford_orb import reduced
+
+ANGLE = 0.6
+SIDE = 32
+
+
+def pose(azimuth: float) -> np.ndarray:
+    """OpenGL camera-to-world at distance 3, 30 degrees up, looking at the origin."""
+    elevation = math.radians(30)
+    back = np.array(
+        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    )
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.stack([right, np.cross(back, right), back], -1)
+    matrix[:3, 3] = 3 * back
+    return matrix
+
+
+def frames(split: str, count: int) -> list[dict[str, object]]:
+    return [{"file_path": f"./{split}/{k:04}", "transform_matrix": pose(0.7 * k).tolist()} for k in range(count)]
+
+
+@pytest.fixture
+def capture(tmp_path: Path) -> Path:
+    """Two captures of one object as LDR, with ground truth; the first names the second as novel."""
+    generator = np.random.default_rng(0)
+    for name in ("teapot_scene001", "teapot_scene002"):
+        folder, truth = tmp_path / "data ü/blender_LDR" / name, tmp_path / "data ü/ground_truth" / name
+        for split, count in (("train", 3), ("test", 2)):
+            for kind in (split, f"{split}_mask"):
+                (folder / kind).mkdir(parents=True)
+            for k in range(count):
+                write_png(folder / f"{split}/{k:04}.png", generator.random((SIDE, SIDE, 3)).astype(np.float32))
+                mask = np.zeros((SIDE, SIDE, 1), np.float32)
+                mask[8:24, 8:24] = 1
+                write_png(folder / f"{split}_mask/{k:04}.png", mask)
+            table = {"camera_angle_x": ANGLE, "frames": frames(split, count)}
+            (folder / f"transforms_{split}.json").write_text(json.dumps(table))
+        for kind in ("env_map", "surface_normal", "z_depth", "pseudo_gt_albedo"):
+            (truth / kind).mkdir(parents=True)
+        for k in range(2):
+            light = np.full((16, 32, 3), 0.01, np.float32)
+            light[4, 24] = (8, 4, 2)
+            write_exr(truth / f"env_map/{k:04}.exr", light)
+            normal = np.tile(np.array([0.0, 0.6, 0.8], np.float32), (SIDE, SIDE, 1))
+            np.save(truth / f"surface_normal/{k:04}.npy", normal)
+            np.save(truth / f"z_depth/{k:04}.npy", np.full((SIDE, SIDE), 2.5, np.float32))
+            write_png(truth / f"pseudo_gt_albedo/{k:04}.png", np.full((SIDE, SIDE, 3), 0.5, np.float32))
+    first = tmp_path / "data ü/blender_LDR/teapot_scene001"
+    novel = [{"scene_name": "teapot_scene002", "camera_angle_x": ANGLE, **frame} for frame in frames("test", 2)]
+    novel.append(novel[0] | {"scene_name": "teapot_scene009"})
+    (first / "transforms_novel.json").write_text(json.dumps({"frames": novel}))
+    return first
+
+
+def test_known_points_land_on_their_pixels(capture: Path) -> None:
+    scene = load_scene(str(capture))
+    assert scene.layout == "stanford-orb"
+    points = np.random.default_rng(1).uniform(-0.4, 0.4, (20, 3))
+    for k, view in enumerate(scene.test):
+        x, y, z = (np.c_[points, np.ones(20)] @ np.linalg.inv(pose(0.7 * k)).T)[:, :3].T
+        focal = SIDE / 2 / math.tan(ANGLE / 2)
+        camera = view.camera.to(dtype=torch.float64)
+        seen = (torch.from_numpy(points) - camera.centre) @ camera.axes
+        column = camera.fx * seen[:, 0] / seen[:, 2] + camera.cx
+        row = camera.fy * seen[:, 1] / seen[:, 2] + camera.cy
+        np.testing.assert_allclose(column.numpy(), SIDE / 2 + focal * x / -z, atol=1e-4)
+        np.testing.assert_allclose(row.numpy(), SIDE / 2 - focal * y / -z, atol=1e-4)
+
+
+def test_normals_are_turned_into_the_world_and_end_at_the_mask(capture: Path) -> None:
+    for k, view in enumerate(load_scene(str(capture)).test):
+        normal = view.read("normal")
+        expected = torch.from_numpy(pose(0.7 * k)[:3, :3] @ np.array([0.0, 0.6, 0.8])).float()
+        torch.testing.assert_close(normal[16, 16], expected, rtol=0, atol=1e-6)
+        assert (normal[0, 0] == 0).all()
+        assert view.read("depth")[16, 16, 0] == 2.5
+        torch.testing.assert_close(
+            view.read("albedo")[16, 16], srgb_decode(torch.full((3,), 128 / 255)), rtol=0, atol=1e-6
+        )
+
+
+def test_a_bright_texel_of_a_cameras_map_lights_the_right_direction_of_the_world(capture: Path) -> None:
+    """u = 24.5 / 32, v = 4.5 / 16 in the camera: 1/2 + atan2(x, -z) / 2 pi and acos(y) / pi."""
+    scene = load_scene(str(capture))
+    assert [view.name for view in scene.relight] == ["teapot_scene002/0000", "teapot_scene002/0001"]
+    azimuth, polar = (24.5 / 32 - 0.5) * 2 * math.pi, 4.5 / 16 * math.pi
+    towards = np.array([math.sin(polar) * math.sin(azimuth), math.cos(polar), -math.sin(polar) * math.cos(azimuth)])
+    for k, view in enumerate(scene.relight):
+        world = torch.from_numpy(pose(0.7 * k)[:3, :3] @ towards).float()
+        light = scene.lights[view.name]
+        assert view.has(f"relit/{view.name}")
+        assert float(light.lookup(world[None])[0, 0]) > 2
+        assert float(light.lookup(-world[None])[0, 0]) < 0.1
+
+
+def test_large_maps_become_512_by_area() -> None:
+    image = torch.rand(2048, 2048, 1)
+    torch.testing.assert_close(reduced(image)[3, 5], image[12:16, 20:24].mean((0, 1)))
+    assert reduced(image[:600, :600]).shape == (600, 600, 1)
+
+
+def halve(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+TRUTH = Path("../../ground_truth/teapot_scene001")
+MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
+    "cut image": (lambda f: halve(f / "train/0001.png"), "0001.png"),
+    "cut mask": (lambda f: halve(f / "test_mask/0000.png"), "0000.png"),
+    "no mask": (lambda f: (f / "train_mask/0002.png").unlink(), "lacks 1 file: train_mask/0002.png"),
+    "no image": (lambda f: (f / "test/0001.png").unlink(), "lacks 1 file: test/0001.png"),
+    "no test table": (lambda f: (f / "transforms_test.json").unlink(), "transforms_test.json"),
+    "normals that are text": (lambda f: (f / TRUTH / "surface_normal/0000.npy").write_text("no"), "0000.npy"),
+    "a NaN in the depth": (
+        lambda f: np.save(f / TRUTH / "z_depth/0000.npy", np.full((SIDE, SIDE), np.nan, np.float32)), "z_depth/0000.npy"
+    ),
+    "pickled depth": (
+        lambda f: np.save(f / TRUTH / "z_depth/0001.npy", np.array([{}], object), allow_pickle=True), "z_depth/0001.npy"
+    ),
+    "a novel frame without its capture": (
+        lambda f: (f / "transforms_novel.json").write_text('{"frames": [{"file_path": "a"}]}'), "no 'scene_name'"
+    ),
+    "a novel frame that leads out": (
+        lambda f: (f / "transforms_novel.json").write_text('{"frames": [{"scene_name": "../x"}]}'), "no 'scene_name'"
+    ),
+    "a novel table that is a list": (lambda f: (f / "transforms_novel.json").write_text("[]"), "transforms_novel.json"),
+    "a path that leads out": (
+        lambda f: (f / "transforms_train.json").write_text(
+            (f / "transforms_train.json").read_text().replace("./train/0000", "../../../x")
+        ),
+        "nothing outside that is read",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mistake", list(MISTAKES))
+def test_a_mistake_is_one_clear_error(mistake: str, capture: Path) -> None:
+    make, words = MISTAKES[mistake]
+    make(capture)
+    with pytest.raises(DataError) as caught:
+        load_scene(str(capture), "stanford-orb")
+    assert words in str(caught.value)
+    assert len(str(caught.value).splitlines()) <= 3
+
+
+def test_the_published_example_decodes(shared_data: Path, tmp_path: Path) -> None:
+    """Its masks, albedo, normals and depth are real files; images, cameras and lights it lacks, so no scene loads."""
+    place = shared_data / "stanford_orb_example"
+    mask = reduced(torch.from_numpy(read_png(place / "data/teapot_scene001/test_mask/0000.png")))
+    assert mask.shape == (512, 512, 1)
+    assert 0.05 < float(mask.mean()) < 0.3
+    albedo = reduced(torch.from_numpy(read_png(place / "data/teapot_scene001/albedo_maps/0000.png")))
+    assert 0.1 < float((albedo * mask).sum() / mask.sum() / 3) < 0.6
+    results = place / "test/mymethod/teapot_scene001"
+    capture = tmp_path / "blender_LDR/teapot_scene001"
+    truth = tmp_path / "ground_truth/teapot_scene001"
+    for kind in ("train", "train_mask", "test", "test_mask"):
+        (capture / kind).mkdir(parents=True)
+        mask_file = place / "data/teapot_scene001/test_mask/0000.png"
+        shutil.copy(mask_file if "mask" in kind else results / "val_000000_ref.png", capture / kind / "0000.png")
+    for split in ("train", "test"):
+        table = {"camera_angle_x": ANGLE, "frames": frames(split, 1)}
+        (capture / f"transforms_{split}.json").write_text(json.dumps(table))
+    for kind, file in (("surface_normal", "normal_000000.npy"), ("z_depth", "depth_000000.npy")):
+        (truth / kind).mkdir(parents=True)
+        shutil.copy(results / file, truth / kind / "0000.npy")
+    view = load_scene(str(capture)).test[0]
+    solid = view.read("alpha")[..., 0] > 0.999
+    assert float((view.read("normal")[solid].norm(dim=-1) - 1).abs().median()) < 1e-3
+    assert 3 < float(view.read("depth")[solid].median()) < 4.5
