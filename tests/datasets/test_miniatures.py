@@ -25,7 +25,7 @@ HALF_FLOAT = 2.0**-11
 """Largest relative rounding error of a half float."""
 
 
-@pytest.fixture(scope="module", params=["corner", "convex"])
+@pytest.fixture(scope="module", params=scene_names())
 def scene(request: pytest.FixtureRequest) -> Scene:
     return load_scene(request.param)
 
@@ -46,14 +46,14 @@ def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
 
 
 def test_the_miniatures_come_with_the_package_and_are_small() -> None:
-    assert set(scene_names()) == {"corner", "convex"}
+    assert {"corner", "convex", "occluder", "red_white"} <= set(scene_names()) <= set(RECIPES)
     for name in scene_names():
         assert sum(path.stat().st_size for path in (TINY / name).rglob("*")) < 3_000_000
 
 
 def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
     assert (len(scene.train), len(scene.test)) == (32, 8)
-    assert set(scene.lights) == {"sunset", "overcast"}
+    assert set(scene.lights) == set(RECIPES[scene.name].relight)
     assert scene.training_light is not None
     wanted = {"image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"}
     wanted |= {f"relit/{light}{part}" for light in scene.lights for part in ("", "/indirect")}
@@ -72,8 +72,13 @@ def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> N
     for view in scene.test:
         solid, depth, normal, whole = interior(scene, view)
         assert whole.sum() > 400
-        assert np.abs(view.read("albedo").numpy() - albedo[solid])[whole].max() <= HALF_LEVEL + 1e-6
-        assert np.abs(view.read("roughness").numpy() - roughness[solid])[whole].max() <= HALF_LEVEL + 1e-6
+        # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each.
+        off = np.abs(view.read("albedo").numpy() - albedo[solid])[whole].max(-1)
+        assert np.quantile(off, 0.995) <= HALF_LEVEL + 1e-6
+        assert off.max() < 0.05
+        off = np.abs(view.read("roughness").numpy() - roughness[solid])[whole].max(-1)
+        assert np.quantile(off, 0.995) <= HALF_LEVEL + 1e-6
+        assert off.max() < 0.05
         cosine = (view.read("normal").numpy() * normal).sum(-1)[whole]
         # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
@@ -137,6 +142,51 @@ def test_corner_has_coloured_indirect_light_and_no_clipped_image() -> None:
         assert float(view.read("image").max()) < 1
 
 
+PURPOSES = {
+    "occluder": {"shadowed_share": (0.1, 1.0), "indirect_share": (0.0, 0.01)},
+    "red_white": {"indirect_share": (0.08, 1.0)},
+    "bowl": {"indirect_share": (0.2, 1.0), "shadowed_share": (0.15, 1.0)},
+    "glossy": {"specular_share": (0.045, 1.0)},
+    "mirror": {"specular_share": (0.055, 1.0)},
+    "wire": {"shadowed_share": (0.1, 1.0), "indirect_share": (0.0, 0.06)},
+    "patchwork": {"indirect_share": (0.0, 0.003), "shadowed_share": (0.0, 0.001)},
+}
+
+
+@pytest.mark.parametrize("name", [name for name in PURPOSES if name in scene_names()])
+def test_each_scene_shows_the_effect_that_it_is_for(name: str) -> None:
+    metadata = json.loads((TINY / name / "metadata.json").read_text())
+    for share, (low, high) in PURPOSES[name].items():
+        assert low <= metadata[share] <= high, share
+
+
+def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) -> None:
+    sums = [sum(float(view.read(kind).sum()) for view in scene.test) for kind in ("indirect", "direct")]
+    metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
+    # Stated over all views, of which these are a fifth.
+    assert sums[0] / sum(sums) == pytest.approx(metadata["indirect_share"], rel=0.25, abs=1e-3)
+
+
+def test_red_light_falls_on_the_white_box() -> None:
+    """The white box's top, beside the red wall, is lit by it; its own albedo is grey."""
+    scene = load_scene("red_white")
+    for view in scene.test:
+        solid, _, normal, whole = interior(scene, view)
+        top = torch.from_numpy(whole & (solid == 2) & (normal[..., 2] == 1))
+        red, _, blue = view.read("indirect")[top].sum(0).tolist()
+        assert red > 2 * blue
+        albedo = view.read("albedo")[top]
+        assert float((albedo.max(-1).values - albedo.min(-1).values).max()) < 0.01
+
+
+@pytest.mark.parametrize("name", [name for name in scene_names() if name not in ("corner", "convex")])
+def test_the_object_is_wholly_in_every_picture(name: str) -> None:
+    scene = load_scene(name)
+    for view in (*scene.train, *scene.test):
+        alpha = view.read("alpha")[..., 0]
+        assert not torch.cat([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]]).any(), view.name
+
+
 @pytest.mark.parametrize("light", ["training", "sunset", "overcast"])
 def test_convex_images_are_the_quadrature_of_the_brdf_under_the_stored_light(light: str) -> None:
     """Camera, normals, light's orientation, BRDF and transfer curve at once, in float64, without sampling."""
@@ -191,5 +241,5 @@ def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
     assert metadata["scene"] == scene.name
     assert metadata["samples"] == {"train": 1024, "test": 4096}
     assert metadata["noise_floor_db"] > 45
-    assert (metadata["indirect_share"] > 0) == (scene.name == "corner")
-    assert set(metadata["lights"]) == {"training", "sunset", "overcast"}
+    assert (metadata["indirect_share"] > 0) == (scene.name != "convex")
+    assert set(metadata["lights"]) == {"training", *RECIPES[scene.name].relight}
