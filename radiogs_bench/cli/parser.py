@@ -8,8 +8,8 @@ from importlib.metadata import version
 from . import bench, datasets, gate, run, score, stored
 from .options import ExplainingParser
 
-EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed; 2 the command is wrong; 3 data is missing or malformed;
-4 a non-finite value was caught; 130 stopped by Ctrl-C"""
+EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
+3 data is missing or malformed; 4 a non-finite value was caught; 130 stopped by Ctrl-C"""
 
 COMMANDS = (run, stored, gate, score, datasets, bench)
 

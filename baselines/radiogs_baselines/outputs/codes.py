@@ -6,7 +6,13 @@ otherwise.
 
 from collections.abc import Mapping
 
-from .rules import Code, Rule
+from .rules import Code, Rule, Unread
+
+YUP = "Its relighting looks the environment map up without turning it from Y up to Z up."
+ONE_NAME = (
+    "it names files by the last part of the image's path, which is 'rgba' for every view of the TensoIR layout: "
+    "each view overwrote the one before"
+)
 
 RADIOGS = Code(
     title="RadioGS (released code): the stage-2 folder",
@@ -19,8 +25,17 @@ RADIOGS = Code(
         Rule("incident", "test/ours_*/light_indirect/{index:05d}.png", "radiance"),
         Rule("indirect", "test/ours_*/render_indirect/{index:05d}.png", "radiance"),
     ),
-    relit=(Rule("relit", "test_rli_light/envmap_{light}/render/{index}.png", "display"),),
+    relit=(
+        Rule("relit", "test_rli_light/envmap_{light}/render/{index}.png", "display"),
+        Rule("relit", "test_rli/{light}/render/{index}.png", "display"),
+    ),
     marks=("test/ours_*/light_indirect", "test/ours_*/render_radiosity"),
+    remarks=("Relit under test_rli (Synthetic4Relight), its lights are called env6 and env12: envmap6 and envmap12.",),
+    unread=(
+        Unread("test/ours_*/render_sh/*", "the radiance that surfels carry, not the physically based image"),
+        Unread("test/ours_*/base_color/*", "albedo as sRGB; base_color_linear holds the same"),
+        Unread("test/ours_*/render_radiosity/*", "twice the radiance, clipped"),
+    ),
     over=("irgs",),
 )
 
@@ -30,6 +45,7 @@ IRGS = Code(
     relit=RADIOGS.relit,
     marks=("test/ours_*/base_color_linear",),
     remarks=("The shipped scripts pass --no_save: render without it, or only the relit images exist.",),
+    unread=(Unread("test/ours_*/base_color/*", "albedo as sRGB; base_color_linear holds the same"),),
 )
 
 GS_IR = Code(
@@ -43,8 +59,13 @@ GS_IR = Code(
     relit=(Rule("relit", "test/ours_*/relight/{index:05d}_{light}.png", "display"),),
     marks=("test/ours_*/pbr/00000_brdf.png",),
     remarks=(
-        "Images are sRGB only if trained and rendered with --gamma.",
-        "Its relighting looks the environment map up without turning it from Y up to Z up.",
+        "Relit images are taken for sRGB: they are only if relight.py ran with --gamma.",
+        "Roughness is as rendered: training maps it to 0.04 + 0.96 r, rendering does not.",
+        YUP,
+    ),
+    unread=(
+        Unread("test/ours_*/pbr/*_albedo.png", "albedo that --brdf_eval has scaled to the truth"),
+        Unread("test/envmap*.png", "the light clipped to [0, 1]"),
     ),
 )
 
@@ -57,12 +78,13 @@ GI_GS = Code(
         Rule("normal", "test/ours_*/normal/{index:05d}_from_depth.png", "normal"),
     ),
     relit=GS_IR.relit,
-    marks=("test/ours_*/pbr/00000_DIR.png", "test/ours_*/pbr/00000_albedo.png"),
-    over=("gs-ir",),
-    remarks=(
-        "Normals are read from *_from_depth.png: *_normal.png is clamped before it is encoded and has lost its signs.",
-        "Its relighting looks the environment map up without turning it from Y up to Z up.",
+    marks=("test/ours_*/pbr/00000_DIR.png", "test/ours_*/pbr/00000_roughness.png"),
+    remarks=(GS_IR.remarks[0], YUP),
+    unread=(
+        Unread("test/ours_*/normal/*_normal.png", "normals clamped before they are encoded: their signs are lost"),
+        Unread("test/envmap*.png", "the light clipped to [0, 1]"),
     ),
+    over=("gs-ir",),
 )
 
 R3DG = Code(
@@ -72,56 +94,89 @@ R3DG = Code(
         Rule("albedo", "eval/base_color/{name}.png", "srgb"),
         Rule("roughness", "eval/roughness/{name}.png", "value"),
         Rule("normal", "eval/normal/{name}.png", "normal"),
+        Rule("albedo", "test/ours_*/base_color/{index:05d}.png", "srgb"),
+        Rule("roughness", "test/ours_*/roughness/{index:05d}.png", "value"),
+        Rule("normal", "test/ours_*/normal/{index:05d}.png", "normal"),
     ),
     relit=(Rule("relit", "test_rli/{light}/pbr/{index}.png", "display"),),
-    marks=("eval/base_color", "test_rli/env6"),
+    marks=("eval/base_color", "test_rli/*/pbr", "test/ours_*/global_lights"),
     remarks=(
-        "New views are read from eval/render: test/ours_*/renders holds the SH image.",
-        "Its lights are called env6 and env12; they are matched with envmap6 and envmap12.",
+        "Its lights are called env6 and env12: envmap6 and envmap12.",
+        "Relit images use factors for the albedo that its script has for four scenes of the authors' own runs.",
+    ),
+    unread=(
+        Unread("eval/*/rgba.png", ONE_NAME),
+        Unread("test/ours_*/renders/*", "the SH image, not the physically based one"),
+        Unread("test_rli/*/base_color/*", "albedo scaled by its script's factors"),
     ),
 )
+
+QUARTER = "eval_nvs.py renders at a quarter of the resolution unless its two 4 are made 1"
 
 SVG_IR = Code(
     title="SVG-IR",
-    rules=R3DG.rules,
+    rules=(
+        *(rule for rule in R3DG.rules if rule.path.startswith("eval")),
+        Rule("image", "test/ours_*/renders/{index:05d}.png", "display", other_size=QUARTER),
+        Rule("albedo", "test/ours_*/base_color/{index:05d}.png", "srgb", other_size=QUARTER),
+        Rule("roughness", "test/ours_*/roughness/{index:05d}.png", "value", other_size=QUARTER),
+        Rule("normal", "test/ours_*/normal/{index:05d}.png", "normal", other_size=QUARTER),
+    ),
     relit=R3DG.relit,
     marks=("test/ours_*/indirect", "test_rli/*/local_lights"),
+    remarks=("Its relighting script runs three of five lights unless its list is made whole.",),
+    unread=(
+        Unread("eval/*/rgba.png", ONE_NAME),
+        Unread("test_rli/*/base_color/*", "albedo that is neither masked nor of the training light's run"),
+    ),
     over=("r3dg",),
-    remarks=("New views are read from eval/render: test/ours_* has a quarter of the resolution.",),
 )
 
 TENSOIR = Code(
-    title="TensoIR: the experiment's folder",
+    title="TensoIR: the experiment's folder, or a scene's folder under relighting",
     rules=(
         Rule("image", "imgs_test_all/nvs_with_brdf/{index:03d}.png", "display", "white", (0, 2)),
         Rule("albedo", "imgs_test_all/brdf/{index:03d}.png", "linear", "white", (0, 3)),
         Rule("roughness", "imgs_test_all/brdf/{index:03d}.png", "value", "white", (1, 3)),
         Rule("normal", "imgs_test_all/normal/{index:03d}.png", "normal", part=(0, 4)),
     ),
-    relit=(Rule("relit", "relighting/test_{index:03d}/relighting_without_bg/{light}.png", "display", "white"),),
-    marks=("imgs_test_all/nvs_with_brdf", "imgs_test_all/brdf"),
-    remarks=(
-        "New views are the physically based ones (nvs_with_brdf), not those of the radiance field.",
-        "Relit images use an albedo that was scaled per view; put relighting/<scene> here as relighting.",
+    relit=(
+        Rule("relit", "relighting/test_{index:03d}/relighting_without_bg/{light}.png", "display", "white"),
+        Rule("relit", "test_{index:03d}/relighting_without_bg/{light}.png", "display", "white"),
+    ),
+    marks=("imgs_test_all/nvs_with_brdf", "imgs_test_all/brdf", "test_000/relighting_without_bg"),
+    remarks=("To score all at once, put relighting/<scene> into the experiment's folder as relighting.",),
+    unread=(
+        Unread("imgs_test_all/nvs_with_radiance_field/*", "views of the radiance field, not physically based ones"),
+        Unread("imgs_test_all/brdf/*_albedo.png", "albedo that was scaled to the truth"),
+        Unread("imgs_test_all/envir_map/*", "the light clipped to [0, 1]"),
+        Unread("imgs_vis/**/*", "snapshots of five views"),
+        Unread("**/test_*/albedo*.png", "albedo that was scaled view by view"),
     ),
 )
 
 PLAIN = Code(
     title="the plain layout for everyone else",
-    rules=(
-        Rule("image", "image/{name}", "display"),
-        Rule("alpha", "alpha/{name}", "value"),
-        Rule("albedo", "albedo/{name}", "linear"),
-        Rule("roughness", "roughness/{name}", "value"),
-        Rule("normal", "normal/{name}", "normal"),
-        Rule("depth", "depth/{name}", "value"),
-        Rule("indirect", "indirect/{name}", "radiance"),
-        Rule("incident", "incident/{name}", "radiance"),
+    rules=tuple(
+        Rule(name, f"{name}/{{name}}", encoding, "own coverage")
+        for name, encoding in (
+            ("image", "display"),
+            ("alpha", "value"),
+            ("albedo", "linear"),
+            ("roughness", "value"),
+            ("normal", "normal"),
+            ("depth", "value"),
+            ("indirect", "radiance"),
+            ("incident", "radiance"),
+        )
     ),
-    relit=(Rule("relit", "relit/{light}/{name}", "display"),),
+    relit=(Rule("relit", "relit/{light}/{name}", "display", "own coverage"),),
     marks=("image",),
-    remarks=("Without a suffix in the rule, .exr, .npy and .png are looked for, in this order.",),
 )
+
+ENVIRONMENTS: Mapping[str, tuple[str, ...]] = {"plain": ("environment.exr", "environment.hdr", "environment.npy")}
+"""Files of the recovered light: linear radiance, latitude-longitude, Z up, centre column towards +X. No public code
+writes one: their pictures of it are clipped, and their checkpoints are not opened."""
 
 CODES: Mapping[str, Code] = {
     "radiogs": RADIOGS,

@@ -3,20 +3,20 @@
 from dataclasses import dataclass
 from typing import Literal
 
-Encoding = Literal["display", "linear", "srgb", "gamma 2.2", "normal", "value", "radiance"]
+Encoding = Literal["display", "linear", "srgb", "normal", "value", "radiance"]
 """What the numbers of a file mean:
 
-display    sRGB colour that is compared as it is (a rendered image)
-linear     linear colour, as stored (albedo)
-srgb       linear colour stored as sRGB (albedo)
-gamma 2.2  linear colour stored to the power of 1 / 2.2 (albedo)
-normal     world normals n / 2 + 1 / 2; from .exr and .npy as they are
-value      one number a pixel (roughness, coverage, depth)
-radiance   linear radiance stored as display sRGB; from .exr and .npy as it is
+display   sRGB colour that is compared as it is (a rendered image)
+linear    linear colour, as stored (albedo)
+srgb      linear colour stored as sRGB (albedo)
+normal    world normals n / 2 + 1 / 2; from .exr and .npy as they are
+value     one number a pixel (roughness, coverage, depth)
+radiance  linear radiance stored as display sRGB; from .exr and .npy as it is
 """
 
-Ground = Literal["black", "white", "straight"]
-"""What a file shows where nothing is covered; "straight" colours are not multiplied by coverage at all."""
+Ground = Literal["black", "white", "own coverage"]
+"""What a file shows where nothing is covered. A fourth channel says nothing about "black" and "white" (some codes put
+the true mask there); with "own coverage" colours are straight if there is a fourth channel, and on black if not."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +24,11 @@ class Rule:
     """Files of one map.
 
     ``path`` is relative to the folder, with ``{index}`` (place in the scene's list of test views, ``{index:05d}`` for
-    leading zeros), ``{name}`` (a view's name, or the last part of it) and ``{light}``. A part of it may hold ``*`` (an
-    iteration): the last in numerical order is read. ``part`` (k, n) takes the k-th of n images side by side.
+    leading zeros), ``{name}`` (a view's name, its last part, or that with ``_rgba``) and ``{light}``. A part of it may
+    hold ``*`` (an iteration): the last in numerical order is read. ``part`` (k, n) takes the k-th of n images side by
+    side. Of several rules for one map the first that any file is found for is used. ``other_size`` says why the code
+    may have written this map at another size than the scene's: such files are left out with that reason, where
+    otherwise a wrong size is an error.
     """
 
     map: str
@@ -33,6 +36,15 @@ class Rule:
     encoding: Encoding
     ground: Ground = "black"
     part: tuple[int, int] = (0, 1)
+    other_size: str = ""
+
+
+@dataclass(frozen=True)
+class Unread:
+    """Files that look like predictions and are not read; ``pattern`` is relative to the folder, as of ``glob``."""
+
+    pattern: str
+    reason: str
 
 
 @dataclass(frozen=True)
@@ -47,4 +59,5 @@ class Code:
     relit: tuple[Rule, ...]
     marks: tuple[str, ...]
     remarks: tuple[str, ...] = ()
+    unread: tuple[Unread, ...] = ()
     over: tuple[str, ...] = ()
