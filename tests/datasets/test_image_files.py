@@ -201,3 +201,14 @@ def test_opencv_still_logs_afterwards(file: Path) -> None:
     level = cv2.utils.logging.getLogLevel()
     read_image(file)
     assert cv2.utils.logging.getLogLevel() == level
+
+
+def test_real_light_maps_are_read(shared_data: Path) -> None:
+    """Poly Haven's repeat the magic line of their header; Blender's are DWAB with tiny negative values."""
+    files = sorted(path for end in ("hdr", "exr") for path in (shared_data / "envmaps").rglob(f"*.{end}"))
+    assert len(files) >= 14
+    for path in files:
+        image = read_image(path)
+        assert image.shape[1] == 2 * image.shape[0], path
+        assert image.shape[2] in (3, 4)
+        assert float(image.max()) > 1

@@ -127,7 +127,7 @@ SVG_IR = Code(
     remarks=("Its relighting script runs three of five lights unless its list is made whole.",),
     unread=(
         Unread("eval/*/rgba.png", ONE_NAME),
-        Unread("test_rli/*/base_color/*", "albedo that is neither masked nor of the training light's run"),
+        Unread("test_rli/*/base_color/*", "albedo that is not masked"),
     ),
     over=("r3dg",),
 )
@@ -172,11 +172,8 @@ PLAIN = Code(
     ),
     relit=(Rule("relit", "relit/{light}/{name}", "display", "own coverage"),),
     marks=("image",),
+    environment=("environment.exr", "environment.hdr", "environment.npy"),
 )
-
-ENVIRONMENTS: Mapping[str, tuple[str, ...]] = {"plain": ("environment.exr", "environment.hdr", "environment.npy")}
-"""Files of the recovered light: linear radiance, latitude-longitude, Z up, centre column towards +X. No public code
-writes one: their pictures of it are clipped, and their checkpoints are not opened."""
 
 CODES: Mapping[str, Code] = {
     "radiogs": RADIOGS,

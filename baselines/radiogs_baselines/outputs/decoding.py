@@ -10,6 +10,7 @@ from torch import Tensor
 
 from radiogs.colour import srgb_decode
 from radiogs.errors import DataError
+from radiogs.light import EnvironmentMap
 from radiogs.scene import View
 from radiogs_datasets.image_files import read_image
 
@@ -18,36 +19,60 @@ from .files import Found
 AS_NUMBERS = (".exr", ".npy")
 """Files whose normals and radiance are stored as they are, not encoded for display."""
 
+NO_DIRECTION = 3**0.5 / 255
+"""A zero normal is stored as grey, which 8 bits hold half a level too low or high: a length of sqrt(3) / 255."""
 
-def read_map(found: Found, view: View, coverage: Float[Tensor, "height width 1"]) -> Float[Tensor, "height width _"]:
+
+def read_map(
+    found: Found,
+    view: View,
+    coverage: Float[Tensor, "height width 1"],
+    alpha: Float[Tensor, "height width 1"] | None = None,
+) -> Float[Tensor, "height width _"]:
     """The map as it appears on black, in the units of ``radiogs.scene.MapName`` (normals in the world).
 
-    ``coverage`` is the true one: it takes the white of the ground away and multiplies straight colours; a file with
-    an alpha of its own is multiplied by that instead. Raises DataError for a damaged file, one of another size than
-    the view, or one with too few channels.
+    ``coverage`` is the true one: it takes the white of the ground away, which leaves differences from a truth on white
+    as they were. ``alpha`` is the predicted one, where there is a file of it: normals are zero outside. Raises
+    DataError for a damaged file, one of another size than the view, or one with too few channels.
     """
-    rule, size = found.rule, (view.camera.height, view.camera.width)
-    stored = _part(found, _read(found.path), size)
+    rule = found.rule
+    stored = _part(found, _read(found.path), (view.camera.height, view.camera.width))
     channels = 1 if rule.encoding == "value" else 3
     if stored.shape[2] < channels and stored.shape[2] != 1:
         raise DataError(f"{found.path} has {stored.shape[2]} channels, {channels} are needed")
-    alpha = stored[..., 3:] if stored.shape[2] == 4 else coverage
     values = stored[..., :channels].expand(-1, -1, channels)
-    if rule.ground == "white":
-        values = (values - (1 - alpha)).clamp(min=0)
+    own = stored[..., 3:] if stored.shape[2] == 4 and rule.ground == "own coverage" else None
     numbers = found.path.suffix in AS_NUMBERS
     if rule.encoding == "normal":
-        return _normals(values if numbers else 2 * values - 1, coverage)
-    if rule.ground == "straight" or (stored.shape[2] == 4 and rule.ground == "black"):
-        values = values * alpha
+        covered = own if own is not None else coverage if alpha is None else alpha
+        return _directions(values, numbers) * (covered > 0)
+    if rule.ground == "white":
+        values = values - (1 - coverage)
+        # An image keeps what is darker than its ground, so that a white ground can be put back as it was.
+        values = values if rule.encoding == "display" else values.clamp(min=0)
+    if own is not None:
+        values = values * own
     if rule.encoding == "srgb" or (rule.encoding == "radiance" and not numbers):
         return srgb_decode(values)
-    return values.clamp(min=0) ** 2.2 if rule.encoding == "gamma 2.2" else values
+    return values
 
 
-def _normals(directions: Tensor, coverage: Tensor) -> Tensor:
-    """Unit directions times the true coverage; zero where the file has none."""
-    return torch.nn.functional.normalize(directions, dim=-1) * coverage
+def read_environment(path: Path) -> EnvironmentMap:
+    """Recovered light, linear RGB, Z up, centre column towards +X. Raises DataError for a damaged or negative map."""
+    radiance = torch.from_numpy(_read(path)[..., :3].copy())
+    if radiance.shape[2] != 3 or bool((radiance < 0).any()):
+        raise DataError(
+            f"{path} is no map of light", "Three channels of radiance, none of it negative, are needed.", "Export it anew."
+        )
+    return EnvironmentMap(radiance)
+
+
+def _directions(stored: Tensor, numbers: bool) -> Tensor:
+    """Unit directions; zero where the file holds none: grey, or black in a file of encoded normals."""
+    directions = stored if numbers else 2 * stored - 1
+    length = directions.norm(dim=-1, keepdim=True)
+    none = (length == 0) if numbers else (length <= NO_DIRECTION * (1 + 1e-4)) | (stored == 0).all(-1, keepdim=True)
+    return torch.where(none, 0.0, torch.nn.functional.normalize(directions, dim=-1))
 
 
 def _part(found: Found, image: NDArray[np.float32], size: tuple[int, int]) -> Tensor:

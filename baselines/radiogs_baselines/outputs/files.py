@@ -1,5 +1,6 @@
 """Finding the files of a rule."""
 
+import glob
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,10 +45,35 @@ def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Fo
 
 def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
     """Paths that the rule's file may have, relative to the folder."""
-    names = (name, name.rsplit("/", 1)[-1], f"{index:05d}") if "{name}" in rule.path else (name,)
-    lights = (light, light.replace("envmap", "env")) if "{light}" in rule.path else (light,)
-    written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in lights]
+    last = name.rsplit("/", 1)[-1]
+    names = (name, last, f"{last}_rgba") if "{name}" in rule.path else (name,)
+    written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in _lights(rule, light)]
     return list(dict.fromkeys(written))
+
+
+def last_index(folder: Path, rule: Rule, light: str = "") -> int:
+    """The largest ``{index}`` that the rule has a file for; -1 where it has none or does not count views."""
+    largest = -1
+    for lit in _lights(rule, light) if "{index" in rule.path else ():
+        written = rule.path.format(index=_AnyIndex(), name="", light=lit)
+        pattern = re.compile(re.escape(written).replace(re.escape(_AnyIndex.MARK), r"(\d+)"))
+        for file in folder.glob(glob.escape(written).replace(_AnyIndex.MARK, "*")):
+            if match := pattern.fullmatch(file.relative_to(folder).as_posix()):
+                largest = max(largest, int(match[1]))
+    return largest
+
+
+class _AnyIndex:
+    """Stands in a path for an index with however many digits."""
+
+    MARK = "\0"
+
+    def __format__(self, digits: str) -> str:
+        return self.MARK
+
+
+def _lights(rule: Rule, light: str) -> tuple[str, ...]:
+    return (light, light.replace("envmap", "env")) if "{light}" in rule.path else (light,)
 
 
 def _inside(folder: Path, path: str) -> Path:

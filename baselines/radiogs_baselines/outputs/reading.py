@@ -1,17 +1,20 @@
 """Which files of a folder are a prediction of which map of which view."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
 from radiogs.errors import DataError, UsageError
 from radiogs.scene import Scene, View
+from radiogs_datasets.image_files import read_bytes
+from radiogs_datasets.image_structure import image_size
 
 from .codes import CODES
-from .files import Found, find, resolved, spellings
+from .files import Found, find, last_index, resolved, spellings
 from .predictions import Predictions, relightable
 from .rules import Rule
+from .unread import unread_files
 
 
 def likely_codes(folder: Path) -> list[str]:
@@ -24,7 +27,8 @@ def likely_codes(folder: Path) -> list[str]:
 def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Predictions:
     """What the folder predicts of the scene's test views, in the layout of ``code`` or of the one that it bears.
 
-    Raises UsageError for an unknown code, DataError for a folder that cannot be told or holds nothing for this scene.
+    Raises UsageError for an unknown code, DataError for a folder that cannot be told, that holds nothing for this
+    scene, or that counts more views than it has.
     """
     if not folder.is_dir():
         raise DataError(f"there is no folder {folder}", "", "Give the folder that the code wrote its results into.")
@@ -34,59 +38,102 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"no reader for '{name}'", hint, f"Readers: {', '.join(CODES)}.")
     layout = CODES[name]
-    missing: list[str] = []
-    absent: list[str] = []
+    search = _Search(folder, scene)
     maps: dict[str, dict[str, Found]] = {view.name: {} for view in scene.test}
-    for rule in (replace(rule, path=resolved(folder, rule.path)) for rule in layout.rules):
-        for view, found in _search(folder, rule, scene, scene.test, "", missing, absent).items():
-            maps[view][rule.map] = found
-    relit = {}
-    for light, views in relightable(scene).items():
-        for rule in (replace(rule, path=resolved(folder, rule.path)) for rule in layout.relit):
-            found_views = _search(folder, rule, scene, views, light, missing, absent)
-            if found_views:
-                relit[light] = found_views
-    predictions = Predictions(name, maps, relit, tuple(missing), tuple(absent), layout.remarks)
-    if predictions.files == 0:
+    for kind in dict.fromkeys(rule.map for rule in layout.rules):
+        rules = [rule for rule in layout.rules if rule.map == kind]
+        for view, found in search.first(kind, rules, scene.test).items():
+            maps[view][kind] = found
+    lit = {
+        light: search.first(f"relit under {light}", layout.relit, views, light)
+        for light, views in relightable(scene).items()
+    }
+    relit = {light: views for light, views in lit.items() if views}
+    light = next((folder / file for file in layout.environment if (folder / file).is_file()), None)
+    read = {found.path for views in (*maps.values(), *relit.values()) for found in views.values()} | {light}
+    if read == {None}:
         raise DataError(
             f"{folder} holds no prediction of scene '{scene.name}' as {layout.title} writes it",
-            "Looked for: " + "; ".join(absent) + ".",
+            "Looked for: " + "; ".join(search.absent) + "." + "".join(f" {reason}." for reason in search.left_out),
             "Name the code with --from, and the scene that was trained on with --scene.",
         )
-    return predictions
+    return Predictions(
+        folder=folder,
+        code=name,
+        maps=maps,
+        relit=relit,
+        light=light,
+        missing=tuple(search.missing),
+        absent=tuple(search.absent),
+        ignored=(*search.left_out, *unread_files(folder, {*read, *search.wrong_size}, layout.unread)),
+        remarks=layout.remarks,
+    )
 
 
-def _search(
-    folder: Path,
-    rule: Rule,
-    scene: Scene,
-    views: Iterable[View],
-    light: str,
-    missing: list[str],
-    absent: list[str],
-) -> dict[str, Found]:
-    """The rule's files by view; names those that lack, or the whole map if no view has it."""
-    what = f"{rule.map} under {light}" if light else rule.map
-    found, lacking = {}, []
-    for view in views:
-        index = scene.test.index(view)
-        file = find(folder, rule, index, view.name, light)
-        if file is None:
-            lacking.append(spellings(rule, index, view.name, light)[0])
-        else:
-            found[view.name] = file
-    if found:
-        missing += [f"{what}: {path}" for path in lacking]
-    elif lacking:
-        absent.append(f"{what} ({lacking[0]})")
-    return found
+class _Search:
+    """Looks for files of a scene's views, and keeps account of what is not there."""
+
+    def __init__(self, folder: Path, scene: Scene) -> None:
+        self.folder, self.scene = folder, scene
+        self.missing: list[str] = []
+        self.absent: list[str] = []
+        self.left_out: list[str] = []
+        self.wrong_size: set[Path] = set()
+        self._place = {view.name: place for place, view in enumerate(scene.test)}
+
+    def first(self, what: str, rules: Sequence[Rule], views: Sequence[View], light: str = "") -> dict[str, Found]:
+        """Files by view of the first rule that has any; names the views that lack theirs, or all rules' example."""
+        examples = []
+        for rule in (replace(rule, path=resolved(self.folder, rule.path)) for rule in rules):
+            self._require_no_more_views(rule, light)
+            found = {view.name: self._find(rule, view, light) for view in views}
+            there = {name: file for name, file in found.items() if file is not None}
+            if there and self._has_the_views_size(what, rule, there, views):
+                self.missing += [f"{what}: {self._example(rule, v, light)}" for v in views if found[v.name] is None]
+                return there
+            examples.append(self._example(rule, views[0], light))
+        self.absent.append(f"{what} ({', '.join(examples)})")
+        return {}
+
+    def _find(self, rule: Rule, view: View, light: str) -> Found | None:
+        return find(self.folder, rule, self._place[view.name], view.name, light)
+
+    def _example(self, rule: Rule, view: View, light: str) -> str:
+        return spellings(rule, self._place[view.name], view.name, light)[0]
+
+    def _require_no_more_views(self, rule: Rule, light: str) -> None:
+        count, last = len(self.scene.test), last_index(self.folder, rule, light)
+        if last >= count:
+            raise DataError(
+                f"{self.folder} counts views up to {last}, scene '{self.scene.name}' has {count} test views",
+                f"Files of {rule.path} are named by place in the list of test views; with another list each would be "
+                "compared with another view.",
+                "Give the scene that the code was evaluated on, with all its test views.",
+            )
+
+    def _has_the_views_size(self, what: str, rule: Rule, files: dict[str, Found], views: Sequence[View]) -> bool:
+        if not rule.other_size:
+            return True
+        name, first = next(iter(files.items()))
+        camera = next(view.camera for view in views if view.name == name)
+        height, width = image_size(first.path, read_bytes(first.path))
+        if (height, width) == (camera.height, camera.width):
+            return True
+        self.wrong_size |= {file.path for file in files.values()}
+        self.left_out.append(
+            f"{what} ({rule.path}): {width} x {height} pixels, the view has {camera.width} x {camera.height}; "
+            + rule.other_size
+        )
+        return False
 
 
 def _recognised(folder: Path) -> str:
     candidates = likely_codes(folder)
     if len(candidates) != 1:
         seen = f"It bears marks of {', '.join(candidates)}." if candidates else "It bears the marks of none."
-        raise DataError(f"cannot tell which code wrote {folder}", seen, f"Say it with --from: {', '.join(CODES)}.")
+        raise DataError(
+            f"cannot tell which code wrote {folder}", seen, f"Say it with --from: {', '.join((*CODES, 'stanford-orb'))}."
+        )
     return candidates[0]
 
 

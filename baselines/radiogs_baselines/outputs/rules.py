@@ -51,7 +51,9 @@ class Unread:
 class Code:
     """A public code: its layout, what marks a folder as its own, and what one must know before reading a score.
 
-    ``over`` names codes whose marks its folders bear as well.
+    ``environment`` are files of the recovered light: linear radiance, latitude-longitude, Z up, centre column towards
+    +X. Public codes write none: their pictures of it are clipped, and their checkpoints are not opened. ``over`` names
+    codes whose marks its folders bear as well.
     """
 
     title: str
@@ -60,4 +62,5 @@ class Code:
     marks: tuple[str, ...]
     remarks: tuple[str, ...] = ()
     unread: tuple[Unread, ...] = ()
+    environment: tuple[str, ...] = ()
     over: tuple[str, ...] = ()
