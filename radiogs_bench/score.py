@@ -1,15 +1,15 @@
 """Scoring somebody else's results: a folder of predictions of a scene, under one protocol or several."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from radiogs.scene import Scene
+from radiogs.scene import Scene, View
 from radiogs_baselines.outputs import Predictions
 
 from .figures import Figures
-from .metrics import Protocol
+from .metrics import Protocol, Value
 from .schema import MetricValue
-from .scoring import Maps, coverage, score_albedo, score_depth, score_view, truth
+from .scoring import Maps, coverage, lit_views, score_albedo, score_depth, score_light, score_view, truth
 
 Advance = Callable[[int, int], None]
 
@@ -28,10 +28,13 @@ def score_predictions(
 ) -> list[Score]:
     """Compare all that a folder predicts with the scene's ground truth; every file is read once.
 
-    ``advance`` is told (done, total) views. Raises DataError for a damaged file or one of the wrong size.
+    Under several lights there are figures of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
+    which do not exist unless every light does. ``advance`` is told (done, total) views. Raises DataError for a damaged
+    file or one of the wrong size.
     """
     figures = [Figures(rules, [view.name for view in scene.test]) for rules in protocols]
-    total = len(scene.test) + sum(map(len, predictions.relit.values()))
+    lit = lit_views(scene) if predictions.relit else {}
+    total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
         maps = predictions.read(view, coverage(view))
@@ -39,19 +42,42 @@ def score_predictions(
             score_view(each, view, maps)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
-    done = len(scene.test)
-    views = {view.name: view for view in scene.test}
-    for light, images in predictions.relit.items():
-        for name in images:
-            view, mask = views[name], coverage(views[name])
-            image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
-            for each in figures:
-                each.add("relight", name, each.rules.score_image(image, target, mask, task="relight"))
-            done += 1
-            advance(done, total)
+    for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
+        if view.name in predictions.relit.get(light, {}):
+            _score_relit(figures, predictions, light, view, several=len(lit) > 1)
+        advance(done, total)
+    for light, view in _lit_pairs(lit):
+        if view.name not in predictions.relit.get(light, {}):
+            _withhold_relit(figures, light, view)
+    found = predictions.read_light()
     scores = []
     for each in figures:
         score_depth(each, scene, kept)
+        if found is not None:
+            score_light(each, scene, found)
         scale = score_albedo(each, scene, kept)
         scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))
     return scores
+
+
+def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
+    return [(light, view) for light, views in lit.items() for view in views]
+
+
+def _score_relit(
+    figures: Sequence[Figures], predictions: Predictions, light: str, view: View, *, several: bool
+) -> None:
+    mask = coverage(view)
+    image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
+    for each in figures:
+        scores = each.rules.score_image(image, target, mask, task="relight")
+        each.add("relight", view.name, scores)
+        if several:
+            each.add(f"relight/{light}", view.name, scores)
+
+
+def _withhold_relit(figures: Sequence[Figures], light: str, view: View) -> None:
+    """A view that is not there under one light has no figure over all lights: fewer lights are another figure."""
+    for each in figures:
+        reason = Value(None, f"not every view is there under '{light}'")
+        each.add("relight", view.name, dict.fromkeys(each.measures("relight"), reason))

@@ -47,6 +47,16 @@ def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue
     return metrics
 
 
+def files_of(pairs: Sequence[Pair]) -> dict[str, dict[str, str]]:
+    """Outputs by ``capture/task`` and the target that each is compared with, as far as both exist."""
+    found: dict[str, dict[str, str]] = defaultdict(dict)
+    for pair in pairs:
+        if not pair.lacking:
+            output, target = pair.wanted
+            found[f"{pair.capture}/{pair.task}"][target] = output
+    return found
+
+
 def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value]]:
     """Scale-invariant depth errors, all views of a capture together."""
     captures: dict[str, list[tuple[Tensor, Tensor, Tensor]]] = defaultdict(list)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "radiogs-bench/score/1"
 ORB = "stanford-orb"
+NOTES = ("remarks", "absent", "missing", "ignored")
 
 
 def add_to(commands: "Commands") -> None:
@@ -42,7 +43,7 @@ def score(options: argparse.Namespace) -> int:
     from ..atomic import write_atomically
     from .reporter import say, show
 
-    record = _pairs(options) if options.code == ORB else _folder(options)
+    record = _pairs(options) if _are_pairs(options) else _folder(options)
     text = json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if options.out is not None:
         write_atomically(options.out, text.encode())
@@ -50,10 +51,20 @@ def score(options: argparse.Namespace) -> int:
         say(text.rstrip())
         return 0
     show(_table(record))
-    for heading in ("remarks", "absent", "missing"):
+    for heading in NOTES:
         for line in record[heading]:
             say(f"{heading.removesuffix('s')}: {line}")
     return 0
+
+
+def _are_pairs(options: argparse.Namespace) -> bool:
+    """Whether outputs lie beside their targets: as said, or with no scene and no code named, as the folder shows."""
+    from radiogs_baselines.outputs import likely_codes
+    from radiogs_baselines.outputs.stanford_orb import holds_pairs
+
+    if options.code is not None or options.scene is not None:
+        return bool(options.code == ORB)
+    return holds_pairs(options.predictions) and not likely_codes(options.predictions)
 
 
 def _protocols(name: str) -> list[Any]:
@@ -80,11 +91,12 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
         scores = score_predictions(
             predictions, scene, protocols, lambda done, total: progress.advance("scoring", done, total)
         )
-    return _record(
-        options,
-        predictions.code,
-        {"name": scene.name, "layout": scene.layout, "checksum": scene.checksum},
-        {
+    return {
+        **_head(options, predictions.code),
+        "scene": {"name": scene.name, "layout": scene.layout, "checksum": scene.checksum},
+        "views": [view.name for view in scene.test],
+        "files": predictions.files,
+        "protocols": {
             each.protocol.name: {
                 "conventions": each.protocol.describe(),
                 "metrics": each.metrics,
@@ -92,61 +104,46 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
             }
             for each in scores
         },
-        [view.name for view in scene.test],
-        {"remarks": predictions.remarks, "absent": predictions.absent, "missing": predictions.missing},
-    )
+        "remarks": list(predictions.remarks),
+        "absent": list(predictions.absent),
+        "missing": list(predictions.missing),
+        "ignored": list(predictions.ignored),
+    }
 
 
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
-    from radiogs.errors import DataError
     from radiogs_baselines.outputs.stanford_orb import read_pairs
 
-    from ..score_orb import score_pairs
+    from ..score_orb import files_of, score_pairs
 
-    if not options.predictions.exists():
-        raise DataError(f"there is no {options.predictions}", "", "Give a JSON of pairs, or an output folder.")
+    if options.scene is not None:
+        raise UsageError(
+            "--scene does not go with --from stanford-orb",
+            "Its pairs of files name their own targets.",
+            "Leave --scene out; or name the code that wrote the folder to score it against a scene.",
+        )
     pairs = read_pairs(options.predictions)
-    missing = [f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking]
-    unmasked = sorted(
-        {pair.capture for pair in pairs if not pair.lacking and pair.task != "shape" and pair.mask is None}
-    )
-    return _record(
-        options,
-        ORB,
-        None,
-        {
+    unmasked = {pair.capture for pair in pairs if not pair.lacking and pair.task != "shape" and pair.mask is None}
+    return {
+        **_head(options, ORB),
+        "scene": None,
+        "views": [],
+        "files": files_of(pairs),
+        "protocols": {
             rules.name: {"conventions": rules.describe(), "metrics": score_pairs(pairs, rules), "albedo_scale": None}
             for rules in _protocols(options.protocol)
         },
-        [],
-        {
-            "remarks": [f"{capture}: no mask, the whole image counts" for capture in unmasked],
-            "absent": [],
-            "missing": missing,
-        },
-    )
+        "remarks": [f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)],
+        "absent": [],
+        "missing": [f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking],
+        "ignored": [],
+    }
 
 
-def _record(
-    options: argparse.Namespace,
-    code: str,
-    scene: dict[str, Any] | None,
-    protocols: dict[str, Any],
-    views: list[str],
-    notes: dict[str, Any],
-) -> dict[str, Any]:
+def _head(options: argparse.Namespace, code: str) -> dict[str, Any]:
     from ..provenance import versions
 
-    return {
-        "schema": SCHEMA,
-        "predictions": str(options.predictions),
-        "from": code,
-        "scene": scene,
-        "views": views,
-        "protocols": protocols,
-        "versions": versions(),
-        **{name: list(lines) for name, lines in notes.items()},
-    }
+    return {"schema": SCHEMA, "predictions": str(options.predictions), "from": code, "versions": versions()}
 
 
 def _table(record: dict[str, Any]) -> "Table":

@@ -6,7 +6,7 @@ otherwise.
 
 from collections.abc import Mapping
 
-from .rules import Code, Rule, Unread
+from .rules import Code, Encoding, Rule, Unread
 
 YUP = "Its relighting looks the environment map up without turning it from Y up to Z up."
 ONE_NAME = (
@@ -155,21 +155,20 @@ TENSOIR = Code(
     ),
 )
 
+PLAIN_MAPS: Mapping[str, Encoding] = {
+    "image": "display",
+    "alpha": "value",
+    "albedo": "linear",
+    "roughness": "value",
+    "normal": "normal",
+    "depth": "value",
+    "indirect": "radiance",
+    "incident": "radiance",
+}
+
 PLAIN = Code(
     title="the plain layout for everyone else",
-    rules=tuple(
-        Rule(name, f"{name}/{{name}}", encoding, "own coverage")
-        for name, encoding in (
-            ("image", "display"),
-            ("alpha", "value"),
-            ("albedo", "linear"),
-            ("roughness", "value"),
-            ("normal", "normal"),
-            ("depth", "value"),
-            ("indirect", "radiance"),
-            ("incident", "radiance"),
-        )
-    ),
+    rules=tuple(Rule(name, f"{name}/{{name}}", held, "own coverage") for name, held in PLAIN_MAPS.items()),
     relit=(Rule("relit", "relit/{light}/{name}", "display", "own coverage"),),
     marks=("image",),
     environment=("environment.exr", "environment.hdr", "environment.npy"),

@@ -62,7 +62,9 @@ def read_environment(path: Path) -> EnvironmentMap:
     radiance = torch.from_numpy(_read(path)[..., :3].copy())
     if radiance.shape[2] != 3 or bool((radiance < 0).any()):
         raise DataError(
-            f"{path} is no map of light", "Three channels of radiance, none of it negative, are needed.", "Export it anew."
+            f"{path} is no map of light",
+            "Three channels of radiance, none of it negative, are needed.",
+            "Export it anew.",
         )
     return EnvironmentMap(radiance)
 

@@ -50,8 +50,10 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
     }
     relit = {light: views for light, views in lit.items() if views}
     light = next((folder / file for file in layout.environment if (folder / file).is_file()), None)
-    read = {found.path for views in (*maps.values(), *relit.values()) for found in views.values()} | {light}
-    if read == {None}:
+    read = {found.path for views in (*maps.values(), *relit.values()) for found in views.values()}
+    if light is not None:
+        read.add(light)
+    if not read:
         raise DataError(
             f"{folder} holds no prediction of scene '{scene.name}' as {layout.title} writes it",
             "Looked for: " + "; ".join(search.absent) + "." + "".join(f" {reason}." for reason in search.left_out),
@@ -65,7 +67,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
         light=light,
         missing=tuple(search.missing),
         absent=tuple(search.absent),
-        ignored=(*search.left_out, *unread_files(folder, {*read, *search.wrong_size}, layout.unread)),
+        ignored=(*search.left_out, *unread_files(folder, read | search.wrong_size, layout.unread)),
         remarks=layout.remarks,
     )
 
@@ -132,7 +134,9 @@ def _recognised(folder: Path) -> str:
     if len(candidates) != 1:
         seen = f"It bears marks of {', '.join(candidates)}." if candidates else "It bears the marks of none."
         raise DataError(
-            f"cannot tell which code wrote {folder}", seen, f"Say it with --from: {', '.join((*CODES, 'stanford-orb'))}."
+            f"cannot tell which code wrote {folder}",
+            seen,
+            f"Say it with --from: {', '.join((*CODES, 'stanford-orb'))}.",
         )
     return candidates[0]
 

@@ -41,6 +41,8 @@ def read_pairs(place: Path) -> list[Pair]:
 
     Raises DataError for a file that is no such JSON, and for a folder without either.
     """
+    if not place.exists():
+        raise DataError(f"there is no {place}", "", "Give a JSON of pairs, or an output folder.")
     if place.is_file():
         return list(_pairs_of(place))
     files = [file for file in sorted(place.rglob("*.json")) if _is_handed_in(file)]
@@ -53,6 +55,12 @@ def read_pairs(place: Path) -> list[Pair]:
             "Give the JSON that the benchmark's script takes, or nvdiffrec's output folder.",
         )
     return pairs
+
+
+def holds_pairs(place: Path) -> bool:
+    """Whether it is, or holds at any depth, a JSON of pairs or validation images beside their references."""
+    files = [place] if place.is_file() else place.rglob("*.json")
+    return any(map(_is_handed_in, files)) or next(_validation_pairs(place), None) is not None
 
 
 def _validation_pairs(folder: Path) -> Iterator[Pair]:
