@@ -25,10 +25,6 @@ class Figures:
         """Put in figures of the scene as a whole, which no view has."""
         self._whole |= {f"{task}/{measure}": value for measure, value in scores.items()}
 
-    def measures(self, task: str) -> list[str]:
-        """What any view has a figure, or a reason for none, of in this task."""
-        return [measure for name in self._found for found, _, measure in [name.rpartition("/")] if found == task]
-
     def metrics(self) -> dict[str, MetricValue]:
         """The mean over views of every metric that any view has a figure for, and the figures of the whole."""
         found = {name: self._metric(name, by_view) for name, by_view in self._found.items()}

@@ -42,13 +42,14 @@ def score_predictions(
             score_view(each, view, maps)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
+    measures: dict[str, tuple[str, ...]] = {}
     for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
         if view.name in predictions.relit.get(light, {}):
-            _score_relit(figures, predictions, light, view, several=len(lit) > 1)
+            measures |= _score_relit(figures, predictions, light, view, several=len(lit) > 1)
         advance(done, total)
     for light, view in _lit_pairs(lit):
         if view.name not in predictions.relit.get(light, {}):
-            _withhold_relit(figures, light, view)
+            _withhold_relit(figures, measures, light, view)
     found = predictions.read_light()
     scores = []
     for each in figures:
@@ -66,18 +67,22 @@ def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
 
 def _score_relit(
     figures: Sequence[Figures], predictions: Predictions, light: str, view: View, *, several: bool
-) -> None:
+) -> dict[str, tuple[str, ...]]:
+    """Score one relit image; returns what each protocol measures of it."""
     mask = coverage(view)
     image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
+    measures = {}
     for each in figures:
         scores = each.rules.score_image(image, target, mask, task="relight")
         each.add("relight", view.name, scores)
         if several:
             each.add(f"relight/{light}", view.name, scores)
+        measures[each.rules.name] = tuple(scores)
+    return measures
 
 
-def _withhold_relit(figures: Sequence[Figures], light: str, view: View) -> None:
+def _withhold_relit(figures: Sequence[Figures], measures: Mapping[str, Sequence[str]], light: str, view: View) -> None:
     """A view that is not there under one light has no figure over all lights: fewer lights are another figure."""
+    reason = Value(None, f"not every view is there under '{light}'")
     for each in figures:
-        reason = Value(None, f"not every view is there under '{light}'")
-        each.add("relight", view.name, dict.fromkeys(each.measures("relight"), reason))
+        each.add("relight", view.name, dict.fromkeys(measures[each.rules.name], reason))

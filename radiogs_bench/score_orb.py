@@ -83,13 +83,21 @@ def _scores(pair: Pair, output: Path, target: Path, rules: Protocol) -> dict[str
         linear, aimed = srgb_decode(ours) * mask, srgb_decode(_resized(theirs, ours)) * mask
         scale = rules.albedo_scale([linear], [aimed], [mask])
         return rules.score_albedo(linear, aimed, scale, mask)
-    ours = _linear(output)
-    theirs, mask = _resized(_linear(target), ours), _mask(pair, ours)
     task: Task = "nvs" if pair.task == "nvs" else "relight"
+    ours = _linear(output)
+    mask = _mask(pair, ours)
     if isinstance(rules, StanfordOrb):
-        return rules.score_linear(ours, theirs, mask, task)
-    shown = [srgb_encode(image.clamp(min=0)).clamp(0, 1) * mask for image in (ours, theirs)]
+        return rules.score_linear(ours, _resized(_linear(target), ours), mask, task)
+    shown = [_displayed(path, ours) * mask for path in (output, target)]
     return rules.score_image(shown[0], shown[1], mask, task=task)
+
+
+def _displayed(path: Path, like: Float[Tensor, "height width 3"]) -> Float[Tensor, "height width 3"]:
+    """Display sRGB. A PNG keeps its levels: a way there and back through linear would put some below their own."""
+    stored = _numbers(path)[..., :3]
+    if path.suffix == ".png" and stored.shape == like.shape:
+        return stored
+    return srgb_encode(_resized(_linear(path), like).clamp(min=0)).clamp(0, 1)
 
 
 def _linear(path: Path) -> Float[Tensor, "height width 3"]:

@@ -58,6 +58,11 @@ def relit(maps: Maps) -> dict[str, Tensor]:
     return {name.removeprefix("relit/"): image for name, image in maps.items() if name.startswith("relit/")}
 
 
+def image_stem(view: str) -> str:
+    """What R3DG and SVG-IR call a view: the last part of its image's path, without the suffix."""
+    return "rgba" if view.startswith("test_") else view.rsplit("/", 1)[-1] + "_rgba"
+
+
 def write_radiogs(folder: Path, predicted: dict[str, Maps]) -> None:
     write_irgs(folder, predicted)
     for index, maps in enumerate(predicted.values()):
@@ -101,21 +106,34 @@ def write_gi_gs(folder: Path, predicted: dict[str, Maps]) -> None:
 
 def write_r3dg(folder: Path, predicted: dict[str, Maps]) -> None:
     for index, (name, maps) in enumerate(predicted.items()):
-        stem = name.rsplit("/", 1)[-1]
-        png(folder / f"eval/render/{stem}.png", maps["image"])
-        png(folder / f"eval/base_color/{stem}.png", srgb_encode(maps["albedo"]))
-        png(folder / f"eval/roughness/{stem}.png", maps["roughness"])
-        png(folder / f"eval/normal/{stem}.png", maps["normal"])
+        kinds = {
+            "render": maps["image"],
+            "base_color": srgb_encode(maps["albedo"]),
+            "roughness": maps["roughness"],
+            "normal": maps["normal"],
+        }
+        for kind, image in kinds.items():
+            png(folder / f"eval/{kind}/{image_stem(name)}.png", image)
+        for kind, image in kinds.items():
+            shown, place = ("renders", 0 * image) if kind == "render" else (kind, image)
+            png(folder / f"test/ours_50000/{shown}/{index:05d}.png", place)
         for light, image in relit(maps).items():
             png(folder / f"test_rli/{light}/pbr/{index}.png", image)
 
 
-def write_svg_ir(folder: Path, predicted: dict[str, Maps]) -> None:
-    write_r3dg(folder, predicted)
-    for index, maps in enumerate(predicted.values()):
-        quarter = maps["image"][::4, ::4]
-        for kind in ("renders", "indirect"):
-            png(folder / f"test/ours_50000/{kind}/{index:05d}.png", quarter)
+def write_svg_ir(folder: Path, predicted: dict[str, Maps], step: int = 1) -> None:
+    """Pictures of eval_nvs.py have the true mask beside their colours; ``step`` is what their size is divided by."""
+    for index, (name, maps) in enumerate(predicted.items()):
+        rough = maps["roughness"].expand(-1, -1, 3)
+        kinds = {"base_color": srgb_encode(maps["albedo"]), "roughness": rough, "normal": maps["normal"]}
+        png(folder / f"eval/render/{image_stem(name)}.png", maps["image"])
+        for kind, image in kinds.items():
+            png(folder / f"eval/{kind}/{image_stem(name)}.png", image)
+        for kind, image in (kinds | {"renders": maps["image"], "indirect": maps["indirect"]}).items():
+            masked = torch.cat([image, maps["alpha"]], -1)[::step, ::step]
+            png(folder / f"test/ours_50000/{kind}/{index:05d}.png", masked)
+        for light, image in relit(maps).items():
+            png(folder / f"test_rli/{light}/pbr/{index}.png", image)
 
 
 def write_tensoir(folder: Path, predicted: dict[str, Maps]) -> None:

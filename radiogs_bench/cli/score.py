@@ -112,7 +112,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
-    from radiogs_baselines.outputs.stanford_orb import read_pairs
+    from radiogs_baselines.outputs.stanford_orb import read_pairs, unread
 
     from ..score_orb import files_of, score_pairs
 
@@ -136,7 +136,7 @@ def _pairs(options: argparse.Namespace) -> dict[str, Any]:
         "remarks": [f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)],
         "absent": [],
         "missing": [f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking],
-        "ignored": [],
+        "ignored": unread(options.predictions, pairs),
     }
 
 

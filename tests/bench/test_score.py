@@ -54,8 +54,9 @@ def test_a_folder_is_told_by_what_it_holds(code: str, folders: dict[str, Path]) 
 @pytest.mark.parametrize("code", list(WRITERS))
 def test_the_same_prediction_scores_the_same_in_every_layout(code: str, folders: dict[str, Path], scene: Scene) -> None:
     ours, reference = figures(folders[code], scene), figures(folders["plain"], scene)
-    expected = {"nvs/psnr", "albedo/psnr", "relight/psnr", "normal/mae", "roughness/mse"}
-    assert expected <= ours.keys()
+    expected = {"albedo/psnr", "relight/psnr", "relight/sunset/psnr", "normal/mae", "roughness/mse"}
+    # R3DG gives all views of this layout one name, and its indexed images are not the physically based ones.
+    assert expected | ({"nvs/psnr"} if code != "r3dg" else set()) <= ours.keys()
     assert ours.keys() <= reference.keys()
     for name, value in ours.items():
         measure = name.rsplit("/", 1)[1]
@@ -64,7 +65,7 @@ def test_the_same_prediction_scores_the_same_in_every_layout(code: str, folders:
         assert value is not None
         assert reference[name] is not None
         assert value == pytest.approx(reference[name], abs=TOLERANCE[measure]), name
-    assert 20 < ours["nvs/psnr"] < 35, "the noise is there"
+    assert 20 < ours["relight/psnr"] < 35, "the noise is there"
 
 
 def test_indirect_light_is_read_as_outgoing_or_incident_as_the_protocol_compares(
@@ -158,8 +159,11 @@ def test_the_command_writes_its_record(
     assert content["from"] == "gi-gs"
     assert set(content["protocols"]) == set(PROTOCOLS)
     assert len(content["protocols"]["default"]["metrics"]["nvs/psnr"]["views"]) == len(content["views"])
+    assert content["files"]["image"]["test_000"] == "test/ours_None/pbr/00000.png"
+    assert len(content["scene"]["checksum"]) == 64
+    assert {type(content[name]) for name in ("remarks", "absent", "missing", "ignored")} == {list}
     shown = capsys.readouterr().out
-    assert "from_depth" in shown
+    assert "ignored: test/ours_None/normal/*_normal.png (8 files): normals clamped" in shown
     assert "nvs/psnr" in shown
     assert main([*given[:-4], "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["scene"]["name"] == "corner"

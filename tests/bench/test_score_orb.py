@@ -9,7 +9,7 @@ import pytest
 from radiogs.errors import DataError
 from radiogs_baselines.outputs.stanford_orb import read_pairs
 from radiogs_bench.cli import main
-from radiogs_bench.metrics import protocol
+from radiogs_bench.metrics import PROTOCOLS, protocol
 from radiogs_bench.score_orb import score_pairs
 from radiogs_datasets.image_files import write_exr, write_png
 
@@ -81,6 +81,31 @@ def test_what_lacks_its_target_is_named_and_the_rest_is_scored(handed_in: Path) 
     assert "cube/normal/mae" in metrics
 
 
+def test_every_protocol_stands_in_one_record(handed_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", str(handed_in), "--protocol", "all", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert set(record["protocols"]) == set(PROTOCOLS)
+    assert record["files"]["cube/depth"] == {"elsewhere/truth/z.npy": "elsewhere/mine/z.exr"}
+    assert record["protocols"]["tensoir"]["metrics"]["cube/nvs/psnr"]["value"] > 60
+
+
+def test_validation_images_without_reference_are_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    grey = np.full((SIZE, SIZE, 3), 0.5, np.float32)
+    for name in ("val_000000_opt", "val_000000_ref", "val_000001_opt", "val_000000_ks"):
+        write_png(tmp_path / f"{name}.png", grey)
+    assert main(["score", str(tmp_path), "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["missing"] == [f"{tmp_path.name} (own reference), nvs: val_000001_ref.png"]
+    assert record["ignored"] == ["val_000000_ks.png"]
+    views = record["protocols"]["default"]["metrics"][f"{tmp_path.name} (own reference)/nvs/psnr"]["views"]
+    assert views == [100.0]
+
+
+def test_pairs_take_no_scene(handed_in: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["score", str(handed_in), "--from", "stanford-orb", "--scene", "corner"]) == 2
+    assert "name their own targets" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     "content", ["", "[]", '{"info": {"a": {"view": [{}]}}}', '{"info": 3}', '{"info": {"a": {"view": 3}}}']
 )
@@ -103,13 +128,19 @@ def test_no_path_leads_up_and_out(tmp_path: Path) -> None:
 
 
 def test_the_published_example_scores_what_its_own_log_says(
-    shared_data: Path, capsys: pytest.CaptureFixture[str]
+    shared_data: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    place = shared_data / "stanford_orb_example"
-    assert main(["score", str(place), "--from", "stanford-orb", "--json"]) == 0
+    monkeypatch.chdir(shared_data)
+    assert main(["score", "stanford_orb_example", "--json", "--protocol", "all"]) == 0
     record = json.loads(capsys.readouterr().out)
+    assert record["from"] == "stanford-orb", "told by what it holds"
     metrics = record["protocols"]["default"]["metrics"]
     assert metrics["teapot_scene001 (own reference)/nvs/psnr"]["value"] == pytest.approx(31.93, abs=0.01)
     assert metrics["teapot_scene001/albedo/psnr"]["value"] > 30
+    own = {name: each["metrics"] for name, each in record["protocols"].items()}
+    # Both average one PSNR a channel; RadioGS cuts the truth to 8 bits, which it has already.
+    for name in ("gs-ir", "radiogs"):
+        assert own[name]["teapot_scene001 (own reference)/nvs/psnr"]["value"] == pytest.approx(31.952, abs=0.001)
+    assert own["stanford-orb"]["teapot_scene001/albedo/psnr"]["value"] == pytest.approx(39.62, abs=0.01)
     assert len(record["missing"]) == 5
     assert any("z_maps/0000.npy" in line for line in record["missing"])

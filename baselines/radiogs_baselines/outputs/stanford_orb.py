@@ -7,12 +7,14 @@ as many of their parts as lead to a file. nvdiffrec writes ``val_<k>_opt.png`` b
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from radiogs.errors import DataError
+
+from .unread import unread_files
 
 Task = Literal["nvs", "relight", "albedo", "depth", "normal", "shape"]
 IMAGES: Mapping[str, Task] = {"view": "nvs", "light": "relight", "material": "albedo"}
@@ -43,11 +45,13 @@ def read_pairs(place: Path) -> list[Pair]:
     """
     if not place.exists():
         raise DataError(f"there is no {place}", "", "Give a JSON of pairs, or an output folder.")
+    place = place.absolute()
     if place.is_file():
         return list(_pairs_of(place))
     files = [file for file in sorted(place.rglob("*.json")) if _is_handed_in(file)]
     pairs = [pair for file in files for pair in _pairs_of(file)]
-    pairs += list(_validation_pairs(place))
+    named = {pair.output for pair in pairs}
+    pairs += [pair for pair in _validation_pairs(place) if pair.target is not None or pair.output not in named]
     if not pairs:
         raise DataError(
             f"{place} holds no Stanford-ORB results",
@@ -57,18 +61,26 @@ def read_pairs(place: Path) -> list[Pair]:
     return pairs
 
 
+def unread(place: Path, pairs: Iterable[Pair]) -> list[str]:
+    """What lies in the folder and is neither output, target nor mask of a pair (see ``unread_files``)."""
+    if place.is_file():
+        return []
+    read = {file.absolute() for pair in pairs for file in (pair.output, pair.target, pair.mask) if file is not None}
+    return unread_files(place.absolute(), read, ())
+
+
 def holds_pairs(place: Path) -> bool:
     """Whether it is, or holds at any depth, a JSON of pairs or validation images beside their references."""
     files = [place] if place.is_file() else place.rglob("*.json")
-    return any(map(_is_handed_in, files)) or next(_validation_pairs(place), None) is not None
+    return any(map(_is_handed_in, files)) or any(pair.target is not None for pair in _validation_pairs(place))
 
 
 def _validation_pairs(folder: Path) -> Iterator[Pair]:
     for output in sorted(folder.rglob("val_*_opt.png")):
         target = output.with_name(output.name.replace("_opt.png", "_ref.png"))
-        if target.is_file():
-            named = (output.relative_to(folder).as_posix(), target.relative_to(folder).as_posix())
-            yield Pair(f"{output.parent.name} (own reference)", "nvs", output, target, None, named)
+        named = (output.relative_to(folder).as_posix(), target.relative_to(folder).as_posix())
+        there = target if target.is_file() else None
+        yield Pair(f"{output.parent.name} (own reference)", "nvs", output, there, None, named)
 
 
 def _pairs_of(file: Path) -> Iterator[Pair]:
