@@ -179,21 +179,21 @@ def test_a_scene_folder_of_tensoirs_relighting_is_scored_by_itself(scene: Scene,
 
 
 def test_normals_end_where_the_predicted_coverage_does(scene: Scene, tmp_path: Path) -> None:
-    """A floater outside the object counts where the protocol counts the whole image; a grey hole counts 90 degrees."""
+    """A floater beside the object counts where the protocol counts the whole image."""
     WRITERS["irgs"](tmp_path, noisy(scene))
     before = values(tmp_path, scene, under="irgs")["normal/mae"]
     view, base = scene.test[0], tmp_path / "test/ours_20000"
     alpha, normal = (torch.from_numpy(read_png(base / f"{kind}/00000.png")) for kind in ("rend_alpha", "rend_normal"))
     outside = coverage(view)[..., 0] == 0
     assert outside.any()
-    alpha[outside], normal[outside] = 1.0, torch.tensor([1.0, 0.5, 0.5])
+    alpha[outside], normal[outside] = 1.0, torch.tensor([0.5, 0.5, 0.0])
     png(base / "rend_alpha/00000.png", alpha)
     png(base / "rend_normal/00000.png", normal)
     after = values(tmp_path, scene, under="irgs")["normal/mae"]
     assert before is not None
     assert after is not None
-    wrong = 90 * float(outside.float().mean()) / len(scene.test)
-    assert after - before == pytest.approx(wrong, rel=0.01)
+    opposite = 180 * float(outside.float().mean()) / len(scene.test)
+    assert after - before == pytest.approx(opposite, rel=0.01)
 
 
 @pytest.mark.parametrize("empty", [0.5, 0.0])
