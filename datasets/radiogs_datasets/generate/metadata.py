@@ -81,7 +81,7 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole) -> dict[
     """
     whole = render.build(recipe, light)
     full, direct = (_energy(whole, camera, depth) for depth in (render.GLOBAL_DEPTH, render.DIRECT_DEPTH))
-    black = tuple(replace(solid, material=replace(solid.material, albedo=(0, 0, 0))) for solid in recipe.solids)
+    black = tuple(replace(solid, material=replace(solid.material, albedo=(0.0, 0.0, 0.0))) for solid in recipe.solids)
     specular = _energy(render.build(replace(recipe, solids=black), light), camera, render.DIRECT_DEPTH)
     seen = render.surface(whole, camera)
     unshadowed = shadowed = 0.0
