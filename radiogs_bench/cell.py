@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +12,10 @@ from radiogs.variant import Variant
 
 KEY_LENGTH = 20
 """Hexadecimal digits of a key: 80 bits, so that a million cells collide with probability 4e-13."""
+
+
+TRAINING = "training"
+"""The experiment that trains a model and scores it."""
 
 
 def content_key(content: dict[str, Any]) -> str:
@@ -25,7 +30,8 @@ class Cell:
 
     ``checksum`` digests the scene's files, ``method_code`` and ``evaluation_code`` the sources (see ``code_version``).
     ``device`` is the kind of machine ("cpu" or "cuda"), because their seconds and last digits differ. The suite is
-    not part of a cell: two suites that share a row share its result.
+    not part of a cell: two suites that share a row share its result. ``experiment`` is what is done with all this (see
+    ``experiments``), ``settings`` what only that experiment knows.
 
     Three keys, each of what its product depends on and nothing else, so that cells share what they can:
     ``initialisation_key`` for stage 1, ``training_key`` for the trained model, ``key`` for the scored result.
@@ -40,6 +46,8 @@ class Cell:
     protocol: str
     method_code: str
     evaluation_code: str
+    experiment: str = TRAINING
+    settings: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def initialisation_key(self) -> str:
@@ -51,7 +59,7 @@ class Cell:
     @cached_property
     def training_key(self) -> str:
         """Names the trained model, whatever it is scored by."""
-        return content_key(self._common() | {"variant": asdict(self.variant)})
+        return content_key(self._common() | {"variant": self.variant.of_training()})
 
     @cached_property
     def key(self) -> str:
@@ -61,7 +69,8 @@ class Cell:
     def content(self) -> dict[str, Any]:
         """Everything that the result depends on, as plain values."""
         scored = {"protocol": self.protocol, "evaluation_code": self.evaluation_code}
-        return self._common() | {"variant": asdict(self.variant)} | scored
+        done = {"experiment": self.experiment, "settings": dict(self.settings)}
+        return self._common() | {"variant": asdict(self.variant)} | scored | done
 
     def _common(self) -> dict[str, Any]:
         # The checksum stands for the scene: the same files under another name or path are the same scene.

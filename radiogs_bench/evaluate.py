@@ -1,6 +1,6 @@
 """Scoring a trained model: its maps of the test views, the views under other lights, and the light it found."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import torch
@@ -8,15 +8,17 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.camera import Camera
+from radiogs.incident import Incident
 from radiogs.light import EnvironmentMap
 from radiogs.model import Model
-from radiogs.relighting import Relit
+from radiogs.relighting import Relit, relight
 from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene, View
 
 from .cell import Cell
 from .figures import Figures
-from .metrics import protocol
+from .frame_time import frame_milliseconds
+from .metrics import Value, protocol
 from .run_cell import Evaluation
 from .scoring import (
     Image,
@@ -53,35 +55,42 @@ def evaluate(
     total = len(scene.test) + sum(map(len, lit.values()))
     arrays = {f"truth/{name}": truth(shown, name) for name in SHOWN if shown.has(name)}
 
-    renderer = Renderer(model, cell.budget.incident_samples)
+    renderer = Renderer(model, cell.budget.incident_samples, cell.variant.shading)
     kept_maps = ("albedo", "alpha") if rules.depth is None else ("albedo", "alpha", "depth")
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
         camera = view.camera.to(device, torch.float32)
         maps = on_cpu(renderer.render(camera))
-        if compared_indirect(rules) == "incident":
-            maps["incident"] = incident_map(renderer, camera).cpu()
+        if compared_indirect(rules) == "incident" and renderer.incident is not None:
+            maps["incident"] = incident_map(model, renderer.incident, camera).cpu()
         score_view(figures, view, maps)
         kept[view.name] = {name: maps[name] for name in kept_maps}
         if view is shown:
             arrays |= {f"render/{name}": maps[name] for name in SHOWN}
         advance(done, total)
 
+    timings = Figures(rules, figures.views)
+    _time(timings, "nvs", renderer.render, scene.test, device)
     score_light(figures, scene, EnvironmentMap(model.environment.detach().cpu()))
     score_depth(figures, scene, kept)
     scale = score_albedo(figures, scene, kept)
     arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)
     applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
-    relit = relit_views(model, lit, scene, applied, cell, device)
-    for done, (light, view, maps) in enumerate(relit, start=len(scene.test) + 1):
-        image, target = maps["image"], truth(view, f"relit/{light}")
-        figures.add("relight", view.name, rules.score_image(image, target, coverage(view), maps["alpha"], "relight"))
-        if view is shown and light == shown_light:
-            arrays |= {"render/relit": image, "truth/relit": target}
-        advance(done, total)
+    done = len(scene.test)
+    for light, relit in relit_models(model, scene, list(lit), applied, cell, device):
+        _time(timings, "render", relit.render, lit[light], device)
+        for view in lit[light]:
+            done += 1
+            maps = on_cpu(relit.render(view.camera.to(device, torch.float32)))
+            image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
+            figures.add("relight", view.name, rules.score_image(image, target, mask, maps["alpha"], "relight"))
+            if view is shown and light == shown_light:
+                arrays |= {"render/relit": image, "truth/relit": target}
+            advance(done, total)
 
     return Evaluation(
         metrics=figures.metrics(),
+        timings=timings.metrics(),
         views=list(figures.views),
         shown_view=shown.name,
         shown_light=shown_light,
@@ -91,30 +100,42 @@ def evaluate(
     )
 
 
-def relit_views(
+def relit_models(
     model: Model,
-    lit: Mapping[str, Sequence[View]],
     scene: Scene,
+    lights: Sequence[str],
     albedo_scale: Float[Tensor, "3"],
     cell: Cell,
     device: torch.device,
-) -> Iterator[tuple[str, View, dict[str, Image]]]:
-    """Light, view and maps of the model under every light, light by light."""
-    for light, views in lit.items():
-        relit = Relit(model, scene.lights[light], albedo_scale, cell.budget, cell.seed)
-        for view in views:
-            yield light, view, on_cpu(relit.render(view.camera.to(device, torch.float32)))
+) -> Iterator[tuple[str, Relit]]:
+    """The model under each light, in the mode of the cell's variant."""
+    cameras = [view.camera.to(device, torch.float32) for view in scene.train]
+    for light in lights:
+        environment, mode = scene.lights[light], cell.variant.relighting
+        yield light, relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode)
+
+
+def _time(
+    timings: Figures,
+    task: str,
+    render: Callable[[Camera], object],
+    views: Sequence[View],
+    device: torch.device,
+) -> None:
+    cameras = [view.camera.to(device, torch.float32) for view in views]
+    for view, milliseconds in zip(views, frame_milliseconds(render, cameras, device), strict=True):
+        timings.add(task, view.name, {"ms": Value(milliseconds)})
 
 
 @torch.no_grad()
-def incident_map(renderer: Renderer, camera: Camera) -> Float[Tensor, "height width 3"]:
+def incident_map(model: Model, incident: Incident, camera: Camera) -> Float[Tensor, "height width 3"]:
     """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
 
     What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
     """
-    weight = renderer.incident.weight[..., None]
-    arriving = (weight * renderer.incident.radiance).sum(1) / weight.sum(1)
-    return splat(camera, renderer.model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
+    weight = incident.weight[..., None]
+    arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
+    return splat(camera, model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
 
 
 def on_cpu(maps: Maps) -> dict[str, Image]:

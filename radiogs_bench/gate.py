@@ -15,7 +15,7 @@ from typing import Any, Literal
 
 from radiogs.errors import DataError
 
-from .schema import Result
+from .schema import Result, training_seconds
 from .store import Store
 from .sweep import Sweep, label
 
@@ -122,7 +122,7 @@ def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: 
             yield Moved(name, f"{metric}: {before:.6g} -> n/a")
         elif abs(value - before) > band:
             yield Moved(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
-    earlier, later = float(kept["seconds"]), _seconds(result)
+    earlier, later = float(kept["seconds"]), training_seconds(result)
     if same and later > SLOWER * earlier:
         yield Moved(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
 
@@ -131,7 +131,7 @@ def _kept(result: Result) -> dict[str, Any]:
     return {
         "metrics": {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None},
         "work": result["work"],
-        "seconds": _seconds(result),
+        "seconds": training_seconds(result),
     }
 
 
@@ -173,8 +173,3 @@ def _machine(result: Result) -> dict[str, Any]:
         for session in sessions
     }
     return json.loads(cards.pop()) if len(cards) == 1 else {"mixed": sorted(cards)}
-
-
-def _seconds(result: Result) -> float:
-    seconds = result["seconds"]
-    return seconds["initialise"] + seconds["invert"]

@@ -22,13 +22,15 @@ from .train import Bench, trained
 class Evaluation:
     """A trained model's figures, and the maps of one view.
 
-    ``metrics`` by ``task/measure``; ``views`` are the test views' names in the order of every metric's figures;
-    ``albedo_scale`` aligns the recovered albedo with the true one, None where that is not known; ``arrays`` are
-    float32 maps [height, width, channels] of ``shown_view`` (relit: under ``shown_light``); ``protocol`` are the
+    ``metrics`` by ``task/measure``; ``timings`` likewise (milliseconds a frame, which no two runs share); ``views`` are
+    the test views' names in the order of every metric's figures; ``albedo_scale`` aligns the recovered albedo with the
+    true one, None where that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view``
+    (relit: under ``shown_light``); ``protocol`` are the
     conventions in words.
     """
 
     metrics: dict[str, MetricValue]
+    timings: dict[str, MetricValue]
     views: list[str]
     shown_view: str
     shown_light: str | None
@@ -60,6 +62,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
         cell=cell.content(),
         protocol=evaluation.protocol,
         metrics=evaluation.metrics,
+        timings=evaluation.timings,
         views=evaluation.views,
         shown_view=evaluation.shown_view,
         shown_light=evaluation.shown_light,

@@ -19,17 +19,6 @@ class MetricValue(TypedDict):
     """The figure of each test view, in the order of the result's ``views``; None where there is none."""
 
 
-class Seconds(TypedDict):
-    """Wall-clock seconds of the work that made the result; work lost to a crash is not in them."""
-
-    initialise: float
-    """Stage 1. Counted in every cell that uses it, also where it was computed once for several cells."""
-    invert: float
-    """Stage 2."""
-    evaluate: float
-    """Rendering and scoring the test views, and relighting; no part of training time."""
-
-
 class Session(TypedDict):
     """One process's share in a result; more than one where a run was interrupted and continued."""
 
@@ -57,6 +46,8 @@ class Result(TypedDict):
     """The conventions of the metric protocol, spelled out."""
     metrics: dict[str, MetricValue]
     """By ``task/measure``."""
+    timings: dict[str, MetricValue]
+    """By ``task/ms``: milliseconds a frame; apart from the metrics, because no two runs share them."""
     views: list[str]
     """Names of the test views."""
     shown_view: str
@@ -70,7 +61,9 @@ class Result(TypedDict):
     """How many the trained model has."""
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
-    seconds: Seconds
+    seconds: dict[str, float]
+    """Wall-clock seconds by stage (``initialise``, ``invert``, ``solve``, ``evaluate``); work lost to a crash is not in
+    them. Stage 1 is counted in every cell that uses it, also where it was computed once for several cells."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
     sessions: dict[str, list[Session]]
@@ -89,3 +82,8 @@ class Failure(TypedDict):
     remedy: str
     exit_code: int
     date: str
+
+
+def training_seconds(result: Result) -> float:
+    """Seconds of all stages but the evaluation."""
+    return sum(seconds for stage, seconds in result["seconds"].items() if stage != "evaluate")

@@ -8,6 +8,8 @@ from typing import Literal
 from radiogs.errors import UsageError
 from radiogs.variant import Variant
 
+from .cell import TRAINING
+
 
 @dataclass(frozen=True)
 class Measure:
@@ -15,7 +17,7 @@ class Measure:
 
     label: str
     unit: str
-    better: Literal["up", "down"]
+    better: Literal["up", "down", "zero"]
     decimals: int
 
 
@@ -25,6 +27,8 @@ MEASURES: Mapping[str, Measure] = {
     "lpips": Measure("LPIPS", "", "down", 3),
     "mae": Measure("MAE", "deg", "down", 2),
     "mse": Measure("MSE", "", "down", 4),
+    "ms": Measure("time", "ms", "down", 2),
+    "bias": Measure("bias", "%", "zero", 2),
 }
 
 TASKS: Mapping[str, str] = {
@@ -34,6 +38,10 @@ TASKS: Mapping[str, str] = {
     "roughness": "Roughness",
     "relight": "Relight",
     "indirect": "Indirect",
+    "render": "Rendering",
+    "total": "Total",
+    "surfels": "Surfels' own",
+    "direct": "Direct",
 }
 
 
@@ -66,6 +74,7 @@ class Row:
     """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs.
 
     ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
+    ``settings`` are for experiments that have some of their own.
     """
 
     key: str
@@ -73,23 +82,26 @@ class Row:
     text: str
     variant: Variant
     budget: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Suite:
     """A table: rows by columns over scenes and seeds.
 
-    ``published`` names the published table that stands beside it; differences and their intervals are paired
-    against the row called ``reference``; ``scenes`` are what runs unless others are asked for.
+    ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
+    paired against the row called ``reference``; ``scenes`` are what runs unless others are asked for; ``experiment`` is
+    what is done for every cell (see ``experiments``).
     """
 
     name: str
     title: str
-    published: str
+    published: str | None
     reference: str
     rows: tuple[Row, ...]
     columns: tuple[Metric, ...]
     scenes: tuple[str, ...] = field(default=("corner",))
+    experiment: str = TRAINING
 
     def __post_init__(self) -> None:
         keys = [row.key for row in self.rows]
@@ -220,7 +232,58 @@ NS = Suite(
     columns=QUALITY,
 )  # fmt: skip
 
-SUITES: Mapping[str, Suite] = {suite.name: suite for suite in (ABLATIONS, VIEWS, INIT, INDIRECT, NG, NS)}
+STRATEGIES = Suite(
+    name="strategies",
+    title="How L_PBR and its incident light are computed",
+    published="strategies",
+    reference="ours",
+    rows=(
+        Row("split-sum", "Split-sum", "Split-sum", Variant(shading="split-sum")),
+        Row("precomputed", "RT precompute", "RT precompute", Variant(incident="precomputed")),
+        Row("no-gradient", "RT w/o diff.", "RT w/o diff.", Variant(incident="detached")),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
+)
+
+RELIGHT_COST = Suite(
+    name="relight-cost",
+    title="Relighting: quality and milliseconds a frame",
+    published="relight-cost",
+    reference="split-sum",
+    rows=(
+        Row("split-sum", "PBR split-sum", "PBR split-sum", Variant()),
+        Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", Variant(relighting="finetuned")),
+        Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", Variant(relighting="surfels")),
+    ),
+    columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
+)
+
+_SOLVING = {"finetune_iterations": 1.5, "finetune_surfels": 8.0}
+
+FORWARD_PARITY = Suite(
+    name="forward-parity",
+    title="Light transport through surfels against a path tracer",
+    published=None,
+    reference="fine",
+    rows=(
+        Row("fine", "5 cm", "surfels 0.05 apart", Variant(), _SOLVING, {"spacing": 0.05, "offset": 0.1}),
+        Row("coarse", "8 cm", "surfels 0.08 apart", Variant(), _SOLVING, {"spacing": 0.08, "offset": 0.1}),
+        Row(
+            "offset", "5 cm, offset", "0.05 apart, rays offset as in training", Variant(), _SOLVING,
+            {"spacing": 0.05, "offset": 1.0},
+        ),
+    ),
+    columns=tuple(
+        Metric(part, measure) for measure in ("psnr", "bias") for part in ("total", "surfels", "direct", "indirect")
+    ),
+    scenes=("corner-128", "red_white-128", "bowl-128", "furnace-0.2", "furnace-0.5", "furnace-0.8"),
+    experiment="forward-parity",
+)  # fmt: skip
+
+SUITES: Mapping[str, Suite] = {
+    suite.name: suite for suite in (ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, RELIGHT_COST, FORWARD_PARITY)
+}
 
 
 def suite(name: str) -> Suite:

@@ -11,7 +11,7 @@ from radiogs.errors import DataError
 from radiogs.scene import Scene
 
 from .atomic import write_atomically
-from .cell import Cell
+from .cell import TRAINING, Cell
 from .code_version import evaluation_code, method_code
 from .store import Store, strict_json
 from .suites import Row, Suite
@@ -36,7 +36,7 @@ class Sweep(TypedDict):
     schema: str
     suite: str
     title: str
-    published: str
+    published: str | None
     reference: str
     rows: list[dict[str, str]]
     """``key``, ``latex`` and ``text`` (labels) of each row, in order."""
@@ -85,6 +85,8 @@ class Request:
             protocol=self.protocol,
             method_code=method_code(),
             evaluation_code=evaluation_code(),
+            experiment=self.suite.experiment,
+            settings=row.settings,
         )
         place = Place(
             row=row.key,
@@ -140,8 +142,9 @@ def state_of(store: Store, place: Place) -> str:
 
 def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
     """Optimisation steps of all stages that are not in the store; a stage that several cells share counts once."""
-    stages = {f"init/{cell.initialisation_key}": cell.budget.initialise_iterations for cell in cells}
-    stages |= {f"trained/{cell.training_key}": cell.budget.inverse_iterations for cell in cells}
+    trained = [cell for cell in cells if cell.experiment == TRAINING]
+    stages = {f"init/{cell.initialisation_key}": cell.budget.initialise_iterations for cell in trained}
+    stages |= {f"trained/{cell.training_key}": cell.budget.inverse_iterations for cell in trained}
     return sum(steps for name, steps in stages.items() if not store.has_tensors(name))
 
 

@@ -36,7 +36,13 @@ def shared_data() -> Path:
     return SHARED_DATA
 
 
+@pytest.fixture(autouse=True, scope="session")
+def _two_threads() -> None:
+    """Sums over workers round by their number; fixtures of whole modules come before those of their tests."""
+    use_threads(2)
+
+
 @pytest.fixture(autouse=True)
-def _repeatable() -> None:
+def _repeatable(_two_threads: None) -> None:
     torch.manual_seed(0)
     use_threads(2)

@@ -1,4 +1,4 @@
-"""Scenes by name: the committed miniatures, or a folder on disk in any known layout."""
+"""Scenes by name: those that come with the package, or a folder on disk in any known layout."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,9 +8,12 @@ from pathlib import Path
 from radiogs.errors import DataError, UsageError
 from radiogs.scene import Scene
 
+from .furnace import ALBEDOS, furnace
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 
 TINY = Path(__file__).parent / "tiny"
+FORWARD = Path(__file__).parent / "forward"
+"""A few larger views of some miniatures: for comparing images, too few to learn from."""
 
 
 @dataclass(frozen=True)
@@ -39,16 +42,23 @@ def scene_names() -> tuple[str, ...]:
     return tuple(sorted(path.name for path in TINY.iterdir() if (path / "transforms_train.json").is_file()))
 
 
+def forward_names() -> tuple[str, ...]:
+    """Names of the scenes that light transport is compared on: larger views of miniatures, and furnaces."""
+    return (*sorted(path.name for path in FORWARD.iterdir() if (path / "transforms_test.json").is_file()), *ALBEDOS)
+
+
 def scene_folder(name_or_path: str) -> Path:
     """Where a scene is. Raises DataError for what is neither a miniature nor a folder."""
-    if name_or_path in scene_names():
-        return TINY / name_or_path
+    for room in (TINY, FORWARD):
+        if name_or_path in (*scene_names(), *forward_names()) and (room / name_or_path).is_dir():
+            return room / name_or_path
     folder = Path(name_or_path)
     if not folder.is_dir():
-        near = get_close_matches(name_or_path, scene_names(), 1)
+        known = (*scene_names(), *forward_names())
+        near = get_close_matches(name_or_path, known, 1)
         raise DataError(
             f"there is no scene '{name_or_path}'",
-            f"It is neither a folder nor one of the scenes that come with the package ({', '.join(scene_names())}).",
+            f"It is neither a folder nor one of the scenes that come with the package ({', '.join(known)}).",
             f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
         )
     return folder
@@ -60,6 +70,8 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
     The layout is told by the folder's files unless it is named. Raises UsageError for an unknown layout, DataError for
     what is no scene, and for a scene that is incomplete or damaged.
     """
+    if name_or_path in ALBEDOS:
+        return furnace(name_or_path)
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
     if chosen not in LAYOUTS:

@@ -17,7 +17,7 @@ class Budget:
     Stage 2: ``inverse_iterations`` steps; each traces ``consistency_surfels`` (N_g) surfels by
     ``incident_samples`` (N_s) rays, and every ``refresh_interval`` steps all of them. ``light_height`` is the
     height of the learnt environment map. Relighting: rays per surfel spread over the hemisphere and drawn from
-    the light.
+    the light. Stage 3: ``finetune_iterations`` steps of ``finetune_surfels`` surfels by ``finetune_samples`` rays.
     """
 
     name: str
@@ -33,11 +33,15 @@ class Budget:
     light_height: int
     relight_hemisphere_samples: int
     relight_light_samples: int
+    finetune_iterations: int
+    finetune_surfels: int
+    finetune_samples: int
 
 
 INVERSE_ONLY = (
     "inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval",
     "relight_hemisphere_samples", "relight_light_samples",
+    "finetune_iterations", "finetune_surfels", "finetune_samples",
 )  # fmt: skip
 """Fields that stage 1 does not read: runs that differ in these alone share it."""
 
@@ -45,10 +49,10 @@ INVERSE_ONLY = (
 PRESETS = {
     preset.name: preset
     for preset in (
-        Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 8, 10, 8, 16, 16),
-        Budget("tiny", 1000, 2000, 2500, 100, 6.0, 350, 256, 32, 100, 16, 64, 64),
-        Budget("small", 5000, 20_000, 50_000, 200, 2.0, 3000, 1024, 64, 100, 32, 128, 64),
-        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 4096, 64, 100, 64, 256, 128),
+        Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 8, 10, 8, 16, 16, 10, 128, 16),
+        Budget("tiny", 1000, 2000, 2500, 100, 6.0, 350, 256, 32, 100, 16, 64, 64, 200, 512, 64),
+        Budget("small", 5000, 20_000, 50_000, 200, 2.0, 3000, 1024, 64, 100, 32, 128, 64, 500, 2048, 128),
+        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 4096, 64, 100, 64, 256, 128, 2000, 8192, 256),
     )
 }
 

@@ -16,6 +16,9 @@ SELF_OFFSET = 1.0
 """Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
 are the same surface seen twice, not occluders."""
 
+RAYS_AT_ONCE = 1 << 18
+"""Their hits are in memory together: some hundred bytes a ray."""
+
 
 @dataclass
 class Incident:
@@ -30,6 +33,10 @@ class Incident:
     visibility: Float[Tensor, "surfels samples"]
     radiance: Float[Tensor, "surfels samples 3"]
 
+    def of(self, index: Int[Tensor, " chosen"]) -> "Incident":
+        """The entries of some surfels."""
+        return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
+
     def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
         """Overwrite the entries of some surfels, without gradient."""
         for name in ("direction", "weight", "visibility", "radiance"):
@@ -37,9 +44,13 @@ class Incident:
 
 
 class SurfelTracer:
-    """Traces rays from surfels to surfels; holds the bounding volumes, which ``follow`` refits."""
+    """Traces rays from surfels to surfels; holds the bounding volumes, which ``follow`` refits.
 
-    def __init__(self, surfels: Surfels) -> None:
+    ``offset``: how far from their own surfel rays start, in its standard deviations.
+    """
+
+    def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET) -> None:
+        self.offset = offset
         self.follow(surfels)
         self.bvh = SurfelBVH.build(self.geometry.detach())
 
@@ -59,7 +70,7 @@ class SurfelTracer:
         """Rays from the centres of the surfels ``index``; flattened to [chosen * samples] rays."""
         samples = direction.shape[1]
         origin = self.geometry.centre[index].repeat_interleave(samples, 0)
-        reach = SELF_OFFSET * self.surfels.scale.detach().max(-1).values[index]
+        reach = self.offset * self.surfels.scale.detach().max(-1).values[index]
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
             origin, direction.flatten(0, 1), reach.repeat_interleave(samples),
@@ -91,11 +102,22 @@ def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " r
     return visibility, 1 / torch.where(solid, 1 - hits.transmittance, 1.0)
 
 
+@torch.no_grad()
 def gather_incident(
     tracer: SurfelTracer, surfels: Surfels, samples: int, generator: torch.Generator | None
 ) -> Incident:
     """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off."""
-    with torch.no_grad():
-        index = torch.arange(len(surfels), device=surfels.centre.device)
-        direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
-        return tracer.incident(index, direction, weight)
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
+    return incident_along(tracer, direction, weight)
+
+
+@torch.no_grad()
+def incident_along(
+    tracer: SurfelTracer, direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]
+) -> Incident:
+    """Trace the given directions of every surfel, without gradient, as many rays at a time as memory likes."""
+    together = max(1, RAYS_AT_ONCE // direction.shape[1])
+    index = torch.arange(len(direction), device=direction.device)
+    parts = [tracer.incident(some, direction[some], weight[some]) for some in index.split(together)]
+    visibility, radiance = (torch.cat([getattr(part, name) for part in parts]) for name in ("visibility", "radiance"))
+    return Incident(direction, weight, visibility, radiance)

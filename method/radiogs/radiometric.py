@@ -1,14 +1,14 @@
 """Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9)."""
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from .camera import Camera
-from .incident import Incident, SurfelTracer
+from .incident import Incident
 from .kernels.shade import shade
 from .rendering import towards
-from .sampling import hemisphere_directions, random_hemisphere_direction
+from .sampling import random_hemisphere_direction
 from .spherical_harmonics import surfel_radiance
 from .splitsum import PrefilteredLight, split_sum_radiance
 from .surfels import Surfels
@@ -17,30 +17,27 @@ from .variant import Variant
 
 def consistency_loss(
     surfels: Surfels,
-    tracer: SurfelTracer,
     environment: Float[Tensor, "height width 3"],
     camera: Camera,
-    index: Tensor,
-    samples: int,
+    index: Int[Tensor, " chosen"],
+    incident: Incident,
     variant: Variant,
     generator: torch.Generator,
-) -> tuple[Float[Tensor, ""], Incident]:
-    """L_rad over the surfels ``index``, and the incident light that was traced for it.
+) -> Float[Tensor, ""]:
+    """L_rad over the surfels ``index`` from the light ``incident`` on them.
 
     Per surfel the residual is taken towards the camera (where it faces it) and towards one direction drawn
-    uniformly over its hemisphere, both from the same traced samples; the two l1-norms are added and averaged
+    uniformly over its hemisphere, both from the same incident samples; the two l1-norms are added and averaged
     over surfels and channels. ``variant.detach`` stops the gradient of one side of the residual.
     """
     normal = surfels.frame[index, :, 2]
     with torch.no_grad():
-        direction, weight = hemisphere_directions(normal, samples, generator)
         to_camera = towards(camera, surfels)[index]
         outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)
         facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
-    incident = tracer.incident(index, direction, weight)
     physical = shade(
         normal, surfels.albedo[index], surfels.roughness[index], outgoing,
-        direction, weight, incident.visibility, incident.radiance, environment,
+        incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
     ).sum(2)  # fmt: skip
     own = surfel_radiance(surfels.sh[index], outgoing)
     if variant.detach == "pbr":
@@ -48,7 +45,7 @@ def consistency_loss(
     elif variant.detach == "surfel":
         own = own.detach()
     residual = torch.where(facing, own - physical, 0.0)
-    return residual.abs().sum(1).mean(), incident
+    return residual.abs().sum(1).mean()
 
 
 def split_sum_consistency_loss(

@@ -1,4 +1,7 @@
-"""Relighting by ray tracing: new light, traced visibility, indirect light by split-sum at the traced hits."""
+"""Relighting (paper, section on relighting): by rays with split-sum or learnt indirect light, or by surfels alone."""
+
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -6,63 +9,115 @@ from torch import Tensor
 
 from .budget import Budget
 from .camera import Camera
-from .incident import Incident, SurfelTracer, visibility_of
+from .incident import RAYS_AT_ONCE, Incident, SurfelTracer, incident_along, visibility_of
 from .light import EnvironmentMap
 from .model import Model
-from .rendering import shaded_maps
-from .sampling import relighting_directions
+from .rendering import radiance_maps, shaded_maps
+from .sampling import LightSampler, relighting_directions
 from .splitsum import PrefilteredLight, split_sum_radiance
+from .stages.finetune import FineTuning, Lighting
+from .surfels import Surfels
+from .variant import Relighting
 
-RAYS_AT_ONCE = 1 << 18
+
+@runtime_checkable
+class Relit(Protocol):
+    """A model under another light, ready to be seen from any camera."""
+
+    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+        """Maps of one view, [height, width, channels], on black; at least ``image`` (display sRGB) and ``alpha``."""
 
 
-class Relit:
-    """A model under another light, ready to be seen from any camera (paper, section on relighting).
+def relight(
+    model: Model,
+    light: EnvironmentMap,
+    albedo_scale: Float[Tensor, "3"],
+    cameras: Sequence[Camera],
+    budget: Budget,
+    seed: int,
+    mode: Relighting = "pbr",
+) -> Relit:
+    """The model under ``light``; ``mode`` is explained in ``variant``.
 
-    Directions are spread over each surfel's hemisphere and drawn from the light, joined by the balance
-    heuristic; L_ind is the split-sum radiance of the blended material met by the ray, under unoccluded light
-    (one bounce). ``albedo_scale`` [3] multiplies the recovered albedo (the ambiguity between light and albedo).
+    ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). ``cameras`` are where
+    fine-tuning looks from; the training views do. Raises DataError for a light that is not finite.
     """
+    surfels = model.surfels
+    device = surfels.centre.device
+    light = EnvironmentMap(light.radiance.to(device))
+    albedo = surfels.albedo.detach() * albedo_scale.to(device)
+    if mode != "pbr":
+        stage = FineTuning(surfels, Lighting(light, albedo), cameras, budget, seed)
+        while stage.iteration < stage.iterations:
+            stage.step()
+        surfels = stage.surfels
+    if mode == "surfels":
+        return RelitBySurfels(surfels)
+    generator = torch.Generator(device).manual_seed(seed)
+    with torch.no_grad():
+        direction, weight = relighting_directions(
+            surfels.frame[..., 2], LightSampler(light),
+            budget.relight_hemisphere_samples, budget.relight_light_samples, generator,
+        )  # fmt: skip
+        tracer = SurfelTracer(surfels)
+        if mode == "pbr":
+            incident = split_sum_incident(tracer, surfels, albedo, light, direction, weight)
+        else:
+            incident = incident_along(tracer, direction, weight)
+    return RelitByRays(surfels, albedo, light, incident)
+
+
+class RelitByRays:
+    """Shaded at every surfel from what its rays met: V once, L_ind once, the BRDF anew for every camera."""
 
     def __init__(
-        self, model: Model, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], budget: Budget, seed: int
+        self, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], light: EnvironmentMap, incident: Incident
     ) -> None:
-        device = model.surfels.centre.device
-        generator = torch.Generator(device).manual_seed(seed)
-        self.environment = light.radiance.to(device)
-        with torch.no_grad():
-            self.surfels = model.surfels
-            self.albedo = model.surfels.albedo * albedo_scale.to(device)
-            direction, weight = relighting_directions(
-                model.surfels.frame[..., 2],
-                EnvironmentMap(self.environment),
-                budget.relight_hemisphere_samples,
-                budget.relight_light_samples,
-                generator,
-            )
-            self.incident = self._incident(direction, weight)
-
-    def _incident(self, direction: Tensor, weight: Tensor) -> Incident:
-        tracer = SurfelTracer(self.surfels)
-        prefiltered = PrefilteredLight(self.environment)
-        normal = self.surfels.frame[..., 2]
-        features = torch.cat([normal, self.albedo, self.surfels.roughness[:, None]], -1)
-        together = max(1, RAYS_AT_ONCE // direction.shape[1])
-        visibility, radiance = [], []
-        for index in torch.arange(len(self.surfels), device=direction.device).split(together):
-            hits = tracer.trace(index, direction[index], features)
-            seen, whole = visibility_of(hits)
-            blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
-            length = blended[:, :3].square().sum(-1, keepdim=True)
-            met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
-            diffuse, specular = split_sum_radiance(
-                met_normal, blended[:, 3:6], blended[:, 6], -direction[index].flatten(0, 1), prefiltered
-            )
-            coverage = (1 - hits.transmittance) * whole
-            visibility.append(seen.view(len(index), -1))
-            radiance.append(((diffuse + specular) * coverage[:, None]).view(len(index), -1, 3))
-        return Incident(direction, weight, torch.cat(visibility), torch.cat(radiance))
+        self.surfels, self.albedo, self.light, self.incident = surfels, albedo, light, incident
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """The same maps as ``Renderer.render``, under the new light."""
-        return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.environment)
+        return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.light.radiance)
+
+
+class RelitBySurfels:
+    """The radiance that fine-tuning has left in the surfels, splatted: no ray, no shading."""
+
+    def __init__(self, surfels: Surfels) -> None:
+        self.surfels = surfels
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+        """``image`` and ``alpha``: what light is direct and what indirect, surfels do not know."""
+        return radiance_maps(camera, self.surfels)
+
+
+def split_sum_incident(
+    tracer: SurfelTracer,
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    light: EnvironmentMap,
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+) -> Incident:
+    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets.
+
+    The surfels' own radiance belongs to another light; the met surface is lit by the new one, unoccluded (one bounce).
+    """
+    prefiltered = PrefilteredLight(light.radiance)
+    features = torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None]], -1)
+    together = max(1, RAYS_AT_ONCE // direction.shape[1])
+    visibility, radiance = [], []
+    for index in torch.arange(len(surfels), device=direction.device).split(together):
+        hits = tracer.trace(index, direction[index], features)
+        seen, whole = visibility_of(hits)
+        blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
+        length = blended[:, :3].square().sum(-1, keepdim=True)
+        met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
+        diffuse, specular = split_sum_radiance(
+            met_normal, blended[:, 3:6], blended[:, 6], -direction[index].flatten(0, 1), prefiltered
+        )
+        coverage = (1 - hits.transmittance) * whole
+        visibility.append(seen.view(len(index), -1))
+        radiance.append(((diffuse + specular) * coverage[:, None]).view(len(index), -1, 3))
+    return Incident(direction, weight, torch.cat(visibility), torch.cat(radiance))

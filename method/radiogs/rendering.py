@@ -14,7 +14,10 @@ from .kernels.rasterize import rasterize
 from .kernels.shade import shade
 from .losses import depth_normals
 from .model import Model
+from .spherical_harmonics import surfel_radiance
+from .splitsum import PrefilteredLight, split_sum_radiance
 from .surfels import Surfels
+from .variant import Shading
 
 SOLID_ALPHA = 0.5
 """Coverage above which a pixel has a surface: its depth means something."""
@@ -93,12 +96,12 @@ def shaded_maps(
     ``albedo`` is given apart, because relighting scales it.
     """
     parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment)[:, 0]
-    channels = {
-        "direct": parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT],
-        "indirect": parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT],
-        "albedo": albedo,
-        "roughness": surfels.roughness[:, None],
-    }
+    direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
+    return _maps(camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT])
+
+
+def _maps(camera: Camera, surfels: Surfels, albedo: Tensor, direct: Tensor, indirect: Tensor) -> dict[str, Tensor]:
+    channels = {"direct": direct, "indirect": indirect, "albedo": albedo, "roughness": surfels.roughness[:, None]}
     seen = splat(camera, surfels, channels, depth_unit=1.0)
     length = seen.normal.square().sum(-1, keepdim=True)
     return {
@@ -110,17 +113,41 @@ def shaded_maps(
     }
 
 
-class Renderer:
-    """A trained model under the light it was trained in, ready to be seen from any camera.
+@torch.no_grad()
+def radiance_maps(camera: Camera, surfels: Surfels) -> dict[str, Float[Tensor, "height width _"]]:
+    """The surfels' own radiance L_G as a camera sees it: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
+    channels = surfel_radiance(surfels.sh, towards(camera, surfels))
+    raster = rasterize(camera, surfels.geometry_for(camera), channels, depth_unit=1.0)
+    return {"image": srgb_encode(raster.features).clamp(0, 1), "alpha": raster.alpha[..., None]}
 
-    Incident light is traced once, from ``samples`` fixed directions per surfel.
+
+@torch.no_grad()
+def split_sum_maps(
+    camera: Camera, surfels: Surfels, environment: Float[Tensor, "rows columns 3"]
+) -> dict[str, Float[Tensor, "height width _"]]:
+    """The maps of ``shaded_maps`` with the light of the split sum: unoccluded and without indirect light."""
+    diffuse, specular = split_sum_radiance(
+        surfels.frame[..., 2],
+        surfels.albedo,
+        surfels.roughness,
+        towards(camera, surfels),
+        PrefilteredLight(environment),
+    )
+    direct = diffuse + specular
+    return _maps(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct))
+
+
+class Renderer:
+    """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
+
+    For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel.
     """
 
-    def __init__(self, model: Model, samples: int) -> None:
-        with torch.no_grad():
-            tracer = SurfelTracer(model.surfels)
-            self.model = model
-            self.incident = gather_incident(tracer, model.surfels, samples, generator=None)
+    def __init__(self, model: Model, samples: int, shading: Shading = "monte-carlo") -> None:
+        self.model, self.incident = model, None
+        if shading == "monte-carlo":
+            with torch.no_grad():
+                self.incident = gather_incident(SurfelTracer(model.surfels), model.surfels, samples, generator=None)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.
@@ -128,5 +155,7 @@ class Renderer:
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear.
         roughness, alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
         """
-        surfels = self.model.surfels
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, self.model.environment)
+        surfels, environment = self.model.surfels, self.model.environment
+        if self.incident is None:
+            return split_sum_maps(camera, surfels, environment)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment)

@@ -115,7 +115,7 @@ class LightSampler:
 
 def relighting_directions(
     normal: Float[Tensor, "surfels 3"],
-    light: EnvironmentMap,
+    sampler: LightSampler,
     hemisphere_samples: int,
     light_samples: int,
     generator: torch.Generator,
@@ -124,7 +124,6 @@ def relighting_directions(
 
     Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two strategies; zero below the horizon.
     """
-    sampler = LightSampler(light)
     spread, _ = hemisphere_directions(normal, hemisphere_samples, generator)
     drawn = sampler.draw(len(normal) * light_samples, generator).view(len(normal), light_samples, 3)
     direction = torch.cat([spread, drawn], 1)

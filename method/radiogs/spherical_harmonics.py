@@ -45,7 +45,14 @@ def surfel_radiance(
 
     value = max(0, SH(-outgoing) + 1/2): 3DGS evaluates its harmonics along the direction of travel.
     """
+    return unclamped_radiance(sh, outgoing).clamp(min=0)
+
+
+def unclamped_radiance(
+    sh: Float[Tensor, "surfels coefficients 3"], outgoing: Float[Tensor, "surfels *views 3"]
+) -> Float[Tensor, "surfels *views 3"]:
+    """``surfel_radiance`` before it is cut off at zero: what has fallen below still has a gradient that lifts it."""
     values = basis(-outgoing)[..., : sh.shape[1]]
     # A product and a sum: batched multiplication of thousands of 1 x 16 by 16 x 3 matrices measured slower.
     coefficients = sh.view(len(sh), *[1] * (outgoing.dim() - 2), *sh.shape[1:])
-    return ((values[..., None] * coefficients).sum(-2) + 0.5).clamp(min=0)
+    return (values[..., None] * coefficients).sum(-2) + 0.5

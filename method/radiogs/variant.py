@@ -1,7 +1,17 @@
 """What an ablation changes: every row of the paper's ablations is a value of these fields, not a code path."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+Relighting = Literal["pbr", "finetuned", "surfels"]
+"""How a model is seen under another light: by rays whose L_ind is a split sum at what they meet ("pbr"), by rays whose
+L_ind is the radiance of surfels that were fine-tuned under that light ("finetuned"), or by splatting that radiance."""
+
+Shading = Literal["monte-carlo", "split-sum"]
+"""L_PBR of stage 2: Eq. 8 over traced rays, or pre-filtered light without occlusion or indirect light."""
+
+SCORING_ONLY = ("relighting",)
+"""Fields that training does not read: cells that differ in these alone share the trained model."""
 
 
 @dataclass(frozen=True)
@@ -12,9 +22,20 @@ class Variant:
     detach: which side of the residual L_G - L_PBR gets no gradient: none, "pbr" (L_PBR) or "surfel" (L_G).
     initialise: stage 1 with the simplified radiometric consistency, or by novel-view synthesis alone ("nvs").
     view_share: share of the training views that both stages may see, in (0, 1].
+    shading: see ``Shading``.
+    incident: how V and L_ind enter L_rad: traced in every step with gradient to the surfels met ("traced"), without
+    ("detached"), or once, before stage 2 begins, and never again ("precomputed").
+    relighting: see ``Relighting``.
     """
 
     radiometric_weight: float = 0.2
     detach: Literal["none", "pbr", "surfel"] = "none"
     initialise: Literal["radiometric", "nvs"] = "radiometric"
     view_share: float = 1.0
+    shading: Shading = "monte-carlo"
+    incident: Literal["traced", "detached", "precomputed"] = "traced"
+    relighting: Relighting = "pbr"
+
+    def of_training(self) -> dict[str, Any]:
+        """The fields that decide the trained model, as plain values."""
+        return {name: value for name, value in asdict(self).items() if name not in SCORING_ONLY}

@@ -42,6 +42,9 @@ def add_to(commands: "Commands") -> None:
     generating.add_argument("--out", type=Path, default=Path("out/scenes"), metavar="DIR", help="(default: out/scenes)")
     generating.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
     generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
+    generating.add_argument("--size", type=positive, default=64, metavar="N", help="pixels a side (default: 64)")
+    generating.add_argument("--train", type=positive, default=32, metavar="N", help="training views (default: 32)")
+    generating.add_argument("--test", type=positive, default=8, metavar="N", help="test views (default: 8)")
     fetching = actions.add_parser("weights", help="fetch the published weights of LPIPS", allow_abbrev=False)
     fetching.set_defaults(command=weights)
     fetching.add_argument("--to", type=Path, metavar="DIR", help="(default: where they are looked for)")
@@ -110,7 +113,7 @@ def convert(options: argparse.Namespace) -> int:
 def generate(options: argparse.Namespace) -> int:
     """Path-trace scenes into folders below ``--out``."""
     from radiogs_datasets import load_scene
-    from radiogs_datasets.generate import generate_scene
+    from radiogs_datasets.generate import Pictures, generate_scene
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write
 
@@ -119,11 +122,12 @@ def generate(options: argparse.Namespace) -> int:
 
     if options.layout not in LAYOUTS:
         raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
+    pictures = Pictures(options.size, options.train, options.test)
     for name in options.names:
         folder = options.out / name
         made = folder if options.layout == "tensoir" else options.out / f"{name}.tensoir"
         with progress_for_stderr() as progress:
-            generate_scene(name, made, options.seed, progress.advance)
+            generate_scene(name, made, options.seed, progress.advance, pictures)
         if made != folder:
             for line in write(load_scene(str(made)), folder, options.layout):
                 say(line)

@@ -16,8 +16,8 @@ from .summarise import summarise
 def write_and_show(store: Store) -> None:
     """Rebuild the summary and the reports of the folder's last run, print the table, and say where they are."""
     sweep = read_sweep(store.folder)
-    table = published(sweep["published"])
-    summary = summarise(store, sweep, table.figures, table.data)
+    table = published(sweep["published"]) if sweep["published"] else None
+    summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"):
         write_atomically(store.folder / "summary.json", strict_json({**summary}))
         written = write_reports(store.folder)
@@ -67,7 +67,7 @@ def reasons(summary: Summary) -> list[str]:
 
 def heading(column: ColumnSummary) -> str:
     """A column's heading with its unit and the better direction."""
-    arrow = "↑" if column["direction"] == "up" else "↓"
+    arrow = {"up": "↑", "down": "↓", "zero": "→ 0"}[column["direction"]]
     return f"{column['label']} {arrow}" + (f" [{column['unit']}]" if column["unit"] else "").replace("[", r"\[")
 
 

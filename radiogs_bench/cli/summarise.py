@@ -12,7 +12,7 @@ from radiogs_reports.summary import (
     Summary,
 )
 
-from ..schema import Result
+from ..schema import Result, training_seconds
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store import Store
 from ..suites import MEASURES, Metric
@@ -40,9 +40,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         reference=sweep["reference"],
         columns=[column_summary(Metric.of(key)) for key in sweep["columns"]],
         rows=[
-            RowSummary(
-                key=row["key"], latex=row["latex"], text=row["text"], seconds=training_seconds(cells, row["key"])
-            )
+            RowSummary(key=row["key"], latex=row["latex"], text=row["text"], seconds=row_seconds(cells, row["key"]))
             for row in sweep["rows"]
         ],
         cells={
@@ -87,7 +85,7 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
     for place, result in cells:
         if place["row"] != row:
             continue
-        metric = None if result is None else result["metrics"].get(column)
+        metric = None if result is None else (result["metrics"] | result["timings"]).get(column)
         if metric is not None and metric["value"] is not None:
             figures[place["scene"], place["seed"]] = metric["value"]
         elif result is None:
@@ -107,13 +105,9 @@ def interval(difference: Estimate | None) -> Interval | None:
     return Interval(mean=mean, low=mean - reach, high=mean + reach)
 
 
-def training_seconds(cells: Finished, row: str) -> float | None:
-    """Mean seconds of both training stages over the row's finished cells."""
-    spent = [
-        result["seconds"]["initialise"] + result["seconds"]["invert"]
-        for place, result in cells
-        if place["row"] == row and result is not None
-    ]
+def row_seconds(cells: Finished, row: str) -> float | None:
+    """Mean seconds of the stages but the evaluation over the row's finished cells."""
+    spent = [training_seconds(result) for place, result in cells if place["row"] == row and result is not None]
     mean = estimate(spent)
     return None if mean is None else mean.mean
 

@@ -18,14 +18,13 @@ from radiogs_datasets import load_scene
 from ..cell import Cell
 from ..engine import Task, run_cells
 from ..errors import DONE, EXIT_CODES, explain, worst_exit_code
-from ..evaluate import evaluate
+from ..experiments import EXPERIMENTS
 from ..interruption import Interruption
 from ..method import Method
 from ..metrics import protocol
 from ..pool import run_pool
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
-from ..run_cell import run_cell
 from ..schema import Result
 from ..store import Store
 from ..suites import Suite
@@ -35,6 +34,8 @@ from ..warm_up import compile_kernels
 from .reporter import complain, say, show
 
 CPU = torch.device("cpu")
+
+COMPILED_ON = "convex"
 
 RADIOGS = Method(Initialisation, InverseRendering)
 
@@ -83,8 +84,7 @@ def show_plan(request: Request, store: Store) -> None:
 
 def total_seconds(result: Result) -> float:
     """Wall-clock seconds of a finished cell, all stages."""
-    seconds = result["seconds"]
-    return seconds["initialise"] + seconds["invert"] + seconds["evaluate"]
+    return sum(result["seconds"].values())
 
 
 def estimate(times: Sequence[float], missing: int) -> str:
@@ -147,8 +147,9 @@ def run_tasks(
 ) -> list[ExplainedError]:
     """Run cells in this process; returns the errors of those that failed."""
     bench = Bench(store, RADIOGS, device, progress, interruption)
+    experiment = EXPERIMENTS[request.suite.experiment]
     return run_cells(
-        tasks, lambda cell: run_cell(bench, cell, request.scenes[cell.scene], evaluate), store, progress, interruption
+        tasks, lambda cell: experiment(bench, cell, request.scenes[cell.scene]), store, progress, interruption
     )
 
 
@@ -164,7 +165,8 @@ def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.devic
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
     if scenes:
         progress.say("compiling kernels (kept for the next run)")
-        compile_kernels(RADIOGS, scenes[0], device)
+        # Of a scene that holds images: some experiments are run on scenes without.
+        compile_kernels(RADIOGS, load_scene(COMPILED_ON), device)
 
 
 def worst_of(codes: Sequence[int]) -> int:

@@ -8,7 +8,7 @@ from .summary import CellSummary, ColumnSummary, Summary
 RANK_COLOURS = {1: "FF9999", 2: "FFD7D7", 3: "FFFFC7"}
 """First, second and third, as in the paper's tables."""
 
-ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$"}
+ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$", "zero": r"$\to 0$"}
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
@@ -102,11 +102,16 @@ def _difference(cell: CellSummary, column: ColumnSummary) -> str:
 def _caption(summary: Summary) -> str:
     reference = next(row["latex"] for row in summary["rows"] if row["key"] == summary["reference"])
     seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
+    published = (
+        f" In grey: published ({escape(summary['published_data'])}), at another scale, on other data."
+        if summary["published"]
+        else ""
+    )
     return (
         f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
         f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}. Below each figure: paired"
-        f" difference to {reference} and the half-width of its 95\\,\\% $t$ interval. In grey: published"
-        f" ({escape(summary['published_data'])}), at another scale, on other data. First to third in colour."
+        f" difference to {reference} and the half-width of its 95\\,\\% $t$ interval.{published}"
+        " First to third in colour."
     )
 
 

@@ -4,7 +4,7 @@ import pandas as pd
 
 from .summary import CellSummary, ColumnSummary, Summary
 
-ARROWS = {"up": "↑", "down": "↓"}
+ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0"}
 
 
 def heading(column: ColumnSummary) -> str:

@@ -7,5 +7,6 @@ def ranks(summary: Summary, column: ColumnSummary) -> dict[str, int]:
     """Rank from 1 by row key, for rows that have the figure; ties share the better rank."""
     cells = {row["key"]: summary["cells"][row["key"]][column["key"]]["mean"] for row in summary["rows"]}
     printed = {key: round(mean, column["decimals"]) for key, mean in cells.items() if mean is not None}
-    order = sorted(set(printed.values()), reverse=column["direction"] == "up")
+    worth = abs if column["direction"] == "zero" else float
+    order = sorted(set(printed.values()), key=worth, reverse=column["direction"] == "up")
     return {key: order.index(value) + 1 for key, value in printed.items()}

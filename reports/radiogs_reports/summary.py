@@ -35,7 +35,7 @@ class ColumnSummary(TypedDict):
     key: str
     label: str
     unit: str
-    direction: Literal["up", "down"]
+    direction: Literal["up", "down", "zero"]
     decimals: int
 
 

@@ -28,12 +28,13 @@ def _mitsuba() -> None:
 
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Scenes of 3 + 2 views of 12 x 12 pixels."""
+    """Scenes of few samples, 3 + 2 views of 12 x 12 pixels."""
+    from radiogs_datasets import generate
     from radiogs_datasets.generate import scene_folder
 
-    monkeypatch.setattr(scene_folder, "SIZE", 12)
-    monkeypatch.setattr(scene_folder, "TRAIN", scene_folder.Split("train", 0, 3, 16))
-    monkeypatch.setattr(scene_folder, "TEST", scene_folder.Split("test", 3, 2, 64))
+    monkeypatch.setattr(generate.generate_scene, "__defaults__", (0, None, generate.Pictures(12, 3, 2)))
+    monkeypatch.setattr(scene_folder, "TRAIN_SAMPLES", 16)
+    monkeypatch.setattr(scene_folder, "TEST_SAMPLES", 64)
 
 
 def directions(count: int) -> np.ndarray:
@@ -111,7 +112,8 @@ def test_the_committed_image_is_what_the_generator_renders(tmp_path: Path) -> No
 
     recipe = RECIPES["convex"]
     lights = {"training": render.build(recipe, read_hdr(TINY / "convex/envmaps/training.hdr"))}
-    scene_folder._write_view(lights, pinhole(recipe.rig, 0, 64), scene_folder.TRAIN, 0, tmp_path)
+    split = scene_folder.Split("train", 0, 32, scene_folder.TRAIN_SAMPLES)
+    scene_folder._write_view(lights, pinhole(recipe.rig, 0, 64), split, 0, tmp_path)
     difference = np.abs(read_png(tmp_path / "rgba.png") - read_png(TINY / "convex/train_000/rgba.png"))
     # On the machine that made it, not a bit differs; elsewhere a fused multiply-add may round otherwise.
     assert difference.max() < 2.5 / 255

@@ -102,8 +102,10 @@ def test_initialisation_learns_the_images() -> None:
     [
         (Variant(), {"sh", "albedo_logit"}),
         (Variant(detach="pbr"), {"sh"}),
-        # The body is convex: no surfel meets another, so L_PBR knows materials and light only.
-        (Variant(detach="surfel"), {"albedo_logit"}),
+        (Variant(detach="surfel", incident="detached"), {"albedo_logit"}),
+        # What is traced knows the radiance of the surfels met; what was traced before is a number.
+        (Variant(incident="precomputed", detach="surfel"), {"albedo_logit"}),
+        (Variant(shading="split-sum", detach="none"), {"sh", "albedo_logit"}),
     ],
 )
 def test_detaching_one_side_of_the_residual_cuts_its_gradient(

@@ -3,14 +3,20 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from .catalogue import RECIPES, recipe
+from .catalogue import RECIPES, Pictures, recipe
 from .probe import require_mitsuba
 
-__all__ = ["RECIPES", "generate_scene"]
+__all__ = ["RECIPES", "Pictures", "generate_scene"]
+
+MINIATURE = Pictures()
 
 
 def generate_scene(
-    name: str, folder: Path, seed: int = 0, progress: Callable[[str, int, int], None] | None = None
+    name: str,
+    folder: Path,
+    seed: int = 0,
+    progress: Callable[[str, int, int], None] | None = None,
+    pictures: Pictures = MINIATURE,
 ) -> None:
     """Render the scene ``name`` into ``folder``: images, ground truth, lights, metadata.json.
 
@@ -23,4 +29,4 @@ def generate_scene(
     # Mitsuba is an extra, and with a wrong LLVM it ends the process: it is imported when the probe has passed.
     from .scene_folder import write_scene
 
-    write_scene(wanted, folder, seed, progress)
+    write_scene(wanted, folder, seed, pictures, progress)

@@ -38,6 +38,9 @@ class Sphere:
     material: Material
 
 
+Solid = Box | Sphere
+
+
 @dataclass(frozen=True)
 class Rig:
     """Cameras on a patch of a sphere that looks at ``target``; angles in degrees, azimuth from +X to +Y."""
@@ -50,12 +53,21 @@ class Rig:
 
 
 @dataclass(frozen=True)
+class Pictures:
+    """How many views of a scene are rendered, of how many pixels a side."""
+
+    size: int = 64
+    train: int = 32
+    test: int = 8
+
+
+@dataclass(frozen=True)
 class Recipe:
     """One scene: what stands in it, from where it is seen, and what it is for."""
 
     name: str
     purpose: str
-    solids: tuple[Box | Sphere, ...]
+    solids: tuple[Solid, ...]
     rig: Rig
     training_light: str
     relight: tuple[str, ...]

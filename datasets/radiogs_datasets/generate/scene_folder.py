@@ -21,11 +21,11 @@ from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
 from . import render
 from .cameras import Pinhole, pinhole
-from .catalogue import Recipe
+from .catalogue import Pictures, Recipe
 from .environments import LIGHTS
 from .metadata import describe
 
-SIZE = 64
+TRAIN_SAMPLES, TEST_SAMPLES = 1024, 4096
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,9 @@ class Split:
     samples: int
 
 
-TRAIN = Split("train", first=0, views=32, samples=1024)
-TEST = Split("test", first=32, views=8, samples=4096)
-
-
-def write_scene(recipe: Recipe, folder: Path, seed: int, progress: Callable[[str, int, int], None] | None) -> None:
+def write_scene(
+    recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
+) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError(
@@ -56,30 +54,34 @@ def write_scene(recipe: Recipe, folder: Path, seed: int, progress: Callable[[str
         raise UsageError(
             f"cannot create {unfinished}", f"The system says: {error.strerror}.", "Choose another folder."
         ) from error
-    _write_all(recipe, unfinished, seed, progress)
+    _write_all(recipe, unfinished, seed, pictures, progress)
     unfinished.replace(folder)
 
 
-def _write_all(recipe: Recipe, folder: Path, seed: int, progress: Callable[[str, int, int], None] | None) -> None:
+def _write_all(
+    recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
+) -> None:
     render.start()
     lights = _write_lights(recipe, folder / "envmaps")
-    total = TRAIN.views + TEST.views
+    train = Split("train", 0, pictures.train, TRAIN_SAMPLES)
+    test = Split("test", pictures.train, pictures.test, TEST_SAMPLES)
+    total = train.views + test.views
     energy = np.zeros(2)
-    for split in (TRAIN, TEST):
+    for split in (train, test):
         frames = []
         for place in range(split.views):
             number = split.first + place
             view = folder / f"{split.name}_{place:03}"
             view.mkdir()
-            camera = pinhole(recipe.rig, number, SIZE)
+            camera = pinhole(recipe.rig, number, pictures.size)
             energy += _write_view(lights, camera, split, seed * total + number, view)
             frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
             if progress is not None:
                 progress(view.name, number + 1, total)
         table = {"camera_angle_x": float(np.radians(recipe.rig.field_of_view)), "frames": frames}
         (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
-    scored = pinhole(recipe.rig, TEST.first, SIZE)
-    samples = {split.name: split.samples for split in (TRAIN, TEST)}
+    scored = pinhole(recipe.rig, test.first, pictures.size)
+    samples = {split.name: split.samples for split in (train, test)}
     metadata = describe(recipe, lights[TRAINING_LIGHT], scored, samples, seed, float(energy[0] / energy[1]), folder)
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
@@ -104,7 +106,7 @@ def _write_view(
     alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
     indirect = np.where(alpha > 0, full[..., :3] - direct, 0)
     _write_display(folder / "rgba.png", full, alpha)
-    if split is TEST:
+    if split.name == "test":
         write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
         write_png(folder / "normal.png", np.concatenate([seen.normal * 0.5 + 0.5, alpha], -1))
         write_png(folder / "roughness.png", seen.roughness)

@@ -20,11 +20,12 @@ from ..losses import (
 )
 from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
-from ..radiometric import consistency_loss
+from ..radiometric import consistency_loss, split_sum_consistency_loss
 from ..rendering import shade_surfels, splat, towards
+from ..sampling import hemisphere_directions
 from ..scene import Scene
 from ..spherical_harmonics import surfel_radiance
-from ..splitsum import PrefilteredLight
+from ..splitsum import PrefilteredLight, split_sum_radiance
 from ..surfels import Surfels, inverse_sigmoid, roughness_to_logit
 from ..variant import Variant
 from .initialise import POSITION_RATE, RATES, mean_distance
@@ -88,8 +89,9 @@ class InverseRendering:
         light = {"log_environment": constant_light(budget.light_height, white_light(self.views), device)}
         rates = RATES | RATES_OF_THIS_STAGE | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
         self.optimiser = SurfelOptimiser(surfels, light, rates)
-        self.tracer = SurfelTracer(surfels)
-        self.incident = gather_incident(self.tracer, surfels, budget.incident_samples, self.generator)
+        if variant.shading == "monte-carlo":
+            self.tracer = SurfelTracer(surfels)
+            self.incident = gather_incident(self.tracer, surfels, budget.incident_samples, self.generator)
 
     @property
     def model(self) -> Model:
@@ -100,9 +102,6 @@ class InverseRendering:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
         model = self.model
-        self.tracer.follow(model.surfels)
-        if self.iteration and self.iteration % self.budget.refresh_interval == 0:
-            self.incident = gather_incident(self.tracer, model.surfels, self.budget.incident_samples, self.generator)
         losses = {"consistency": self._consistency(model, view)}
         losses |= self._image_losses(model, view)
         backward(self.name, self.iteration, losses, self.optimiser.tensors)
@@ -111,33 +110,48 @@ class InverseRendering:
         return {name: float(value.detach()) for name, value in losses.items()}
 
     def _consistency(self, model: Model, view: TrainingView) -> Tensor:
-        """L_rad over N_g random surfels; what was traced for it goes into the cache."""
-        surfels = model.surfels
-        drawn = torch.randperm(len(surfels), generator=self.generator, device=self.device)
-        index = drawn[: self.budget.consistency_surfels]
+        """L_rad; by the split sum over all surfels, else over N_g random ones by rays."""
         weight = self.variant.radiometric_weight
         with torch.set_grad_enabled(weight > 0):
-            loss, fresh = consistency_loss(
-                surfels, self.tracer, model.environment, view.camera, index,
-                self.budget.incident_samples, self.variant, self.generator,
-            )  # fmt: skip
+            if self.variant.shading == "split-sum":
+                outgoing = towards(view.camera, model.surfels)
+                light = PrefilteredLight(model.environment)
+                return weight * split_sum_consistency_loss(model.surfels, light, outgoing)[0]
+            drawn = torch.randperm(len(model.surfels), generator=self.generator, device=self.device)
+            index = drawn[: self.budget.consistency_surfels]
+            incident = self._incident_of(index, model)
+            return weight * consistency_loss(
+                model.surfels, model.environment, view.camera, index, incident, self.variant, self.generator
+            )
+
+    def _incident_of(self, index: Tensor, model: Model) -> Incident:
+        """The light on some surfels; unless it is frozen, traced now, and kept in the cache too."""
+        if self.variant.incident == "precomputed":
+            return self.incident.of(index)
+        samples = self.budget.incident_samples
+        self.tracer.follow(model.surfels)
+        if self.iteration and self.iteration % self.budget.refresh_interval == 0:
+            self.incident = gather_incident(self.tracer, model.surfels, samples, self.generator)
+        with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
+            normal = model.surfels.frame[index, :, 2].detach()
+            direction, weight = hemisphere_directions(normal, samples, self.generator)
+            fresh = self.tracer.incident(index, direction, weight)
         self.incident.store(index, fresh)
-        return weight * loss
+        return fresh
 
     def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
         surfels, camera = model.surfels, view.camera
         outgoing = towards(camera, surfels)
-        shaded = shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment)
+        light = PrefilteredLight(model.environment)
         channels = {
             "radiance": surfel_radiance(surfels.sh, outgoing),
-            "shaded": shaded[:, 0].sum(1),
+            "shaded": self._shaded(model, outgoing, light),
             "albedo": surfels.albedo,
             "roughness": surfels.roughness[:, None],
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
         target, mask = view.over(0.0), view.mask[..., None]
         images = seen.images
-        light = PrefilteredLight(model.environment)
         losses = {
             "radiance": reconstruction(srgb_encode(images["radiance"]), target),
             "shaded": reconstruction(srgb_encode(images["shaded"]), target),
@@ -153,13 +167,23 @@ class InverseRendering:
             losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         return losses
 
+    def _shaded(self, model: Model, outgoing: Tensor, light: PrefilteredLight) -> Tensor:
+        """L_PBR of all surfels: by the split sum, or by Eq. 8 from the cache."""
+        surfels = model.surfels
+        if self.variant.shading == "split-sum":
+            return sum(
+                split_sum_radiance(surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light),
+                start=torch.zeros_like(outgoing),
+            )
+        return shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment)[:, 0].sum(1)
+
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
         return {
             "iteration": self.iteration,
             "optimiser": self.optimiser.state(),
             "generator": self.generator.get_state(),
-            "incident": vars(self.incident),
+            "incident": vars(self.incident) if self.variant.shading == "monte-carlo" else {},
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -167,7 +191,8 @@ class InverseRendering:
         self.iteration = state["iteration"]
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
-        self.incident = Incident(**state["incident"])
+        if state["incident"]:
+            self.incident = Incident(**state["incident"])
 
 
 def white_light(views: tuple[TrainingView, ...]) -> float:

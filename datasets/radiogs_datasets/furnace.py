@@ -1,0 +1,61 @@
+"""Closed rooms whose radiance is known exactly: furnaces, for proving that no light is lost or made.
+
+Where walls of one albedo, which scatter by albedo / pi alone, emit the same radiance E everywhere in all directions,
+every wall sees nothing but walls, and the radiance is E / (1 - albedo) in the whole room, whatever its shape.
+"""
+
+from collections.abc import Mapping
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.camera import Camera
+from radiogs.light import EnvironmentMap
+from radiogs.scene import Scene, View
+
+EMISSION = 0.1
+"""Radiance that the walls emit: with it the brightest room below is not yet clipped in display colour."""
+
+ALBEDOS: Mapping[str, float] = {"furnace-0.2": 0.2, "furnace-0.5": 0.5, "furnace-0.8": 0.8}
+
+HALF_SIDE = 1.0
+SIZE = 64
+FIELD_OF_VIEW = 90.0
+TURNS = (0.3, 1.9)
+"""Azimuths, in radian, that the two views look along from the middle of the room; neither is straight at a wall."""
+
+
+def furnace(name: str) -> Scene:
+    """The room of that name around the origin: two views from within, with exact ``direct`` and ``indirect`` light.
+
+    ``direct`` is what the walls emit, ``indirect`` what they reflect; there is no distant light.
+    """
+    views = tuple(_view(f"{name}_{place}", turn, ALBEDOS[name]) for place, turn in enumerate(TURNS))
+    dark = EnvironmentMap(torch.zeros(2, 4, 3))
+    return Scene(name, "furnace", views, views, {}, dark, checksum=f"{name}, emission {EMISSION}, side {2 * HALF_SIDE}")
+
+
+def _view(name: str, turn: float, albedo: float) -> View:
+    focal = SIZE / 2 / torch.tan(torch.deg2rad(torch.tensor(FIELD_OF_VIEW / 2))).item()
+    angle = torch.tensor(turn)
+    forward = torch.stack([angle.cos(), angle.sin(), torch.tensor(0.0)])
+    right = torch.stack([angle.sin(), -angle.cos(), torch.tensor(0.0)])
+    pose = torch.eye(4)
+    pose[:3, :3] = torch.stack([right, torch.tensor([0.0, 0.0, -1.0]), forward], -1)
+    camera = Camera(pose, focal, focal, SIZE / 2, SIZE / 2, SIZE, SIZE)
+
+    def grey(radiance: float) -> Float[Tensor, "height width 3"]:
+        return torch.full((SIZE, SIZE, 3), radiance)
+
+    def depth() -> Float[Tensor, "height width 1"]:
+        # The ray leaves the cube through the wall that it reaches first.
+        return (HALF_SIDE / camera.ray_directions().abs()).min(-1, keepdim=True).values
+
+    sources = {
+        "alpha": lambda: torch.ones(SIZE, SIZE, 1),
+        "direct": lambda: grey(EMISSION),
+        "indirect": lambda: grey(EMISSION * albedo / (1 - albedo)),
+        "depth": depth,
+    }
+    return View(name, camera, sources)

@@ -1,0 +1,157 @@
+"""Stage 3, fine-tuning: the surfels' radiance alone learns to be consistent with a given light (paper, relighting).
+
+With geometry, materials and light fixed, L_rad is zero where the radiance solves the rendering equation. The side of
+the residual that is traced and shaded, L_PBR, is a target without gradient: every step moves the radiance towards one
+more application of the light transport operator, whose only fixed point is global illumination.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..budget import Budget
+from ..camera import Camera
+from ..finite import backward
+from ..incident import SELF_OFFSET, SurfelTracer
+from ..kernels.shade import shade
+from ..light import EnvironmentMap
+from ..rendering import towards
+from ..sampling import LightSampler, random_hemisphere_direction, relighting_directions
+from ..spherical_harmonics import surfel_radiance, unclamped_radiance
+from ..surfels import Surfels
+
+RATE = 0.3
+"""Largest step of degree 0, in units of the scene's mean radiance."""
+RATE_REST = 0.05
+"""Share of it that higher degrees take (3DGS's); at 0.25 the noise of fifteen harmonics costs ``corner`` 5 dB."""
+LAST_RATE = 0.02
+"""Share of the rate that is left at the end, after a cosine: the samples' noise has moved the radiance by it."""
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """What surfels are lit by, and how they scatter it.
+
+    albedo: linear, given apart because relighting scales it. emission: linear radiance that the surfels send out by
+    themselves, in all directions. parts: which of ``shade``'s four parts of the reflected light count (all; a furnace
+    leaves the specular ones out).
+    """
+
+    light: EnvironmentMap
+    albedo: Float[Tensor, "surfels 3"]
+    emission: Float[Tensor, "surfels 3"] | None = None
+    parts: tuple[int, ...] = (0, 1, 2, 3)
+
+
+class FineTuning:
+    """Stage 3. ``surfels`` give geometry, roughness and the radiance to start from; only their radiance is learnt.
+
+    Each step draws ``budget.finetune_surfels`` surfels without replacement, traces ``budget.finetune_samples`` rays
+    from each (three quarters over its hemisphere, the rest drawn from the light, joined by the balance heuristic), and
+    takes the l1 residual towards a camera and towards one random direction of its hemisphere.
+    """
+
+    name = "finetune"
+
+    def __init__(
+        self,
+        surfels: Surfels,
+        lighting: Lighting,
+        cameras: Sequence[Camera],
+        budget: Budget,
+        seed: int,
+        offset: float = SELF_OFFSET,
+    ) -> None:
+        device = surfels.centre.device
+        self.fixed = surfels.take(torch.arange(len(surfels), device=device))
+        self.lighting, self.budget = lighting, budget
+        self.cameras = [camera.to(device, surfels.centre.dtype) for camera in cameras]
+        self.iteration, self.iterations = 0, budget.finetune_iterations
+        self.generator = torch.Generator(device).manual_seed(seed)
+        self.sampler = LightSampler(lighting.light)
+        self.tracer = SurfelTracer(self.fixed, offset)
+        self.drawn = budget.finetune_samples // 4
+        self.sh = {"sh": self.fixed.sh[:, :1].clone(), "sh_rest": self.fixed.sh[:, 1:].clone()}
+        for value in self.sh.values():
+            value.requires_grad_()
+        self.unit = self._mean_radiance()
+        self.adam = torch.optim.Adam([{"params": [value], "lr": 0.0} for value in self.sh.values()], fused=True)
+
+    @property
+    def surfels(self) -> Surfels:
+        """The surfels with the radiance learnt so far."""
+        coefficients = torch.cat([value.detach() for value in self.sh.values()], 1)
+        return Surfels.of(self.fixed.parameters() | {"sh": coefficients})
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the loss by name."""
+        self._set_rates()
+        self.tracer.surfels = surfels = self.surfels
+        count = min(self.budget.finetune_surfels, len(surfels))
+        index = torch.randperm(len(surfels), generator=self.generator, device=surfels.centre.device)[:count]
+        camera = self.cameras[int(torch.randint(len(self.cameras), (), generator=self.generator, device=index.device))]
+        normal = surfels.frame[index, :, 2]
+        to_camera = towards(camera, surfels)[index]
+        outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, self.generator)], 1)
+        facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
+        target = self.reflected(index, outgoing)
+        # Unclamped: a channel that a long step took below zero would stay there, as max(0, .) has no slope.
+        own = unclamped_radiance(torch.cat([value[index] for value in self.sh.values()], 1), outgoing)
+        loss = torch.where(facing, own - target, 0.0).abs().sum(1).mean()
+        backward(self.name, self.iteration, {"consistency": loss}, self.sh)
+        self.adam.step()
+        self.adam.zero_grad(set_to_none=True)
+        self.iteration += 1
+        return {"consistency": float(loss.detach())}
+
+    @torch.no_grad()
+    def reflected(self, index: Tensor, outgoing: Float[Tensor, "chosen views 3"]) -> Float[Tensor, "chosen views 3"]:
+        """L_PBR (Eq. 8) of the surfels ``index`` towards their own ``outgoing`` directions, plus their emission."""
+        lighting, samples = self.lighting, self.budget.finetune_samples
+        normal = self.fixed.frame[index, :, 2]
+        direction, weight = relighting_directions(
+            normal, self.sampler, samples - self.drawn, self.drawn, self.generator
+        )
+        incident = self.tracer.incident(index, direction, weight)
+        parts = shade(
+            normal, lighting.albedo[index], self.fixed.roughness[index], outgoing,
+            direction, weight, incident.visibility, incident.radiance, lighting.light.radiance,
+        )  # fmt: skip
+        sent = parts[:, :, list(lighting.parts)].sum(2)
+        return sent if lighting.emission is None else sent + lighting.emission[index][:, None]
+
+    def _mean_radiance(self) -> float:
+        """Over a sample of surfels, along their normals: the unit in which steps are taken."""
+        index = torch.randperm(len(self.fixed), generator=self.generator, device=self.fixed.centre.device)
+        index = index[: self.budget.finetune_surfels]
+        along = self.fixed.frame[index, None, :, 2]
+        own = surfel_radiance(self.fixed.sh[index], along)
+        return max(float(self.reflected(index, along).mean()), float(own.mean()))
+
+    def _set_rates(self) -> None:
+        progress = torch.tensor(self.iteration / self.iterations)
+        decay = float(LAST_RATE + (1 - LAST_RATE) * (1 + torch.cos(torch.pi * progress)) / 2)
+        for group, share in zip(self.adam.param_groups, (1.0, RATE_REST), strict=True):
+            group["lr"] = RATE * self.unit * share * decay
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "iteration": self.iteration,
+            "sh": {name: value.detach() for name, value in self.sh.items()},
+            "adam": self.adam.state_dict(),
+            "generator": self.generator.get_state(),
+            "unit": self.unit,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration, self.unit = state["iteration"], state["unit"]
+        for name, value in self.sh.items():
+            value.data.copy_(state["sh"][name])
+        self.adam.load_state_dict(state["adam"])
+        self.generator.set_state(state["generator"])
