@@ -259,19 +259,23 @@ RELIGHT_COST = Suite(
     columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
 )
 
-_SOLVING = {"finetune_iterations": 1.5, "finetune_surfels": 8.0}
-
 FORWARD_PARITY = Suite(
     name="forward-parity",
     title="Light transport through surfels against a path tracer",
     published=None,
     reference="fine",
     rows=(
-        Row("fine", "5 cm", "surfels 0.05 apart", Variant(), _SOLVING, {"spacing": 0.05, "offset": 0.1}),
-        Row("coarse", "8 cm", "surfels 0.08 apart", Variant(), _SOLVING, {"spacing": 0.08, "offset": 0.1}),
         Row(
-            "offset", "5 cm, offset", "0.05 apart, rays offset as in training", Variant(), _SOLVING,
-            {"spacing": 0.05, "offset": 1.0},
+            "fine", "3 cm", "surfels 0.03 apart", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 8.0}, {"spacing": 0.03, "offset": 0.1},
+        ),
+        Row(
+            "coarse", "6 cm", "surfels 0.06 apart", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 0.1},
+        ),
+        Row(
+            "offset", "6 cm, offset", "0.06 apart, rays offset as in training", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 1.0},
         ),
     ),
     columns=tuple(

@@ -90,7 +90,7 @@ class FineTuning:
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the loss by name."""
         self._set_rates()
-        self.tracer.surfels = surfels = self.surfels
+        surfels = self.surfels
         count = min(self.budget.finetune_surfels, len(surfels))
         index = torch.randperm(len(surfels), generator=self.generator, device=surfels.centre.device)[:count]
         camera = self.cameras[int(torch.randint(len(self.cameras), (), generator=self.generator, device=index.device))]
@@ -105,6 +105,7 @@ class FineTuning:
         backward(self.name, self.iteration, {"consistency": loss}, self.sh)
         self.adam.step()
         self.adam.zero_grad(set_to_none=True)
+        self.tracer.surfels = self.surfels  # the same geometry, so the tree stays
         self.iteration += 1
         return {"consistency": float(loss.detach())}
 
@@ -154,4 +155,5 @@ class FineTuning:
         for name, value in self.sh.items():
             value.data.copy_(state["sh"][name])
         self.adam.load_state_dict(state["adam"])
+        self.tracer.surfels = self.surfels
         self.generator.set_state(state["generator"])
