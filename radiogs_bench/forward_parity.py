@@ -54,8 +54,8 @@ OFFSET = 0.1
 """Where rays start, in standard deviations: surfels that lie exactly on a surface need little more than rounding."""
 
 SPREAD_SAMPLES, LIGHT_SAMPLES = 192, 192
-"""Directions that the images are shaded from: over the hemisphere, and drawn from the light. Without the second kind the
-same few directions would stand for the sun at every surfel of a face (``bowl``: direct light 5 % too bright)."""
+"""Directions that images are shaded from: over the hemisphere, and drawn from the light. Without the second kind the
+same few directions would stand for the sun at every surfel of a face."""
 
 MARGIN = 3
 """Pixels that are kept away from silhouettes: surfels are soft for about a step of their grid."""
