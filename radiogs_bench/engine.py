@@ -90,12 +90,13 @@ def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedErro
         raise
     except ExplainedError as error:
         logger.debug("%s failed", task.label, exc_info=True)
-        _record_failure(store, task, error)
+        record_failure(store, task, error)
         return error
     return None
 
 
-def _record_failure(store: Store, task: Task, error: ExplainedError) -> None:
+def record_failure(store: Store, task: Task, error: ExplainedError) -> None:
+    """Keep why a cell failed."""
     store.put_failure(
         {
             "schema": RESULT_SCHEMA,

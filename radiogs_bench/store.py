@@ -16,7 +16,7 @@ import json
 import logging
 import pickle
 import zipfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
@@ -93,7 +93,7 @@ class Store:
         np.savez_compressed(packed, allow_pickle=False, **arrays)
         write_atomically(self.arrays_path(result["key"]), packed.getvalue())
         write_atomically(self._cell_path(result["key"]), strict_json(result))
-        self._failure_path(result["key"]).unlink(missing_ok=True)
+        self.drop_failure(result["key"])
 
     def arrays_path(self, key: str) -> Path:
         """Where the arrays of a finished cell are."""
@@ -145,6 +145,20 @@ class Store:
     def drop_tensors(self, name: str) -> None:
         """Remove what is kept under a name, if anything is (a checkpoint whose stage has ended)."""
         (self.folder / f"{name}.pt").unlink(missing_ok=True)
+
+    def files(self, names: Iterable[str]) -> dict[str, bytes]:
+        """Contents of those of the named files (paths within the store) that are there."""
+        there = [name for name in names if (self.folder / name).exists()]
+        return {name: (self.folder / name).read_bytes() for name in there}
+
+    def take_over(self, files: Mapping[str, bytes]) -> None:
+        """Keep files of another store, in their order: a result must come after its arrays."""
+        for name, content in files.items():
+            write_atomically(self.folder / name, content)
+
+    def drop_failure(self, key: str) -> None:
+        """Forget that a cell failed: it has succeeded."""
+        self._failure_path(key).unlink(missing_ok=True)
 
     def _cell_path(self, key: str) -> Path:
         return self.folder / "cells" / f"{key}.json"

@@ -67,20 +67,25 @@ def trained(bench: Bench, cell: Cell, scene: Scene) -> tuple[Model, dict[str, Le
     the method raises; the last checkpoint is kept in every case.
     """
     method, device = bench.method, bench.device
-
-    def initialise() -> Stage:
-        return method.initialise(scene, cell.variant, cell.budget, cell.seed, device)
-
-    name = f"init/{cell.initialisation_key}"
-    initialised = completed(bench, name, INITIALISE, initialise, lambda stage: stage.state())
+    first = initialised(bench, cell, scene)
 
     def invert() -> ModelStage:
-        return method.invert(scene, cell.variant, cell.budget, cell.seed, device, initialised["product"])
+        return method.invert(scene, cell.variant, cell.budget, cell.seed, device, first["product"])
 
     name = f"trained/{cell.training_key}"
     inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model))
-    ledgers = {"initialise": initialised["ledger"], "invert": inverted["ledger"]}
+    ledgers = {"initialise": first["ledger"], "invert": inverted["ledger"]}
     return model_of(inverted["product"]), ledgers
+
+
+def initialised(bench: Bench, cell: Cell, scene: Scene) -> Outcome:
+    """The outcome of the cell's stage 1, run now or before. Raises as ``trained`` does."""
+
+    def initialise() -> Stage:
+        return bench.method.initialise(scene, cell.variant, cell.budget, cell.seed, bench.device)
+
+    name = f"init/{cell.initialisation_key}"
+    return completed(bench, name, INITIALISE, initialise, lambda stage: stage.state())
 
 
 def completed(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs.errors import UsageError
 
+from .engine_choice import ENGINES, choose
 from .options import add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
@@ -24,8 +25,10 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--protocol", default="default", help="metric protocol (default: default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
-    parser.add_argument("--workers", type=positive, default=1, metavar="N", help="cells at a time, sharing the threads")
+    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
+    parser.add_argument("--engine", choices=ENGINES, help="what runs the cells (default: inprocess)")
+    parser.add_argument("--workers", type=positive, metavar="N", help="a pool: N cells at a time, sharing the threads")
+    parser.add_argument("--ray-address", metavar="HOST:PORT", help="of a Ray cluster (default: one of this machine)")
     parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
     parser.add_argument(
         "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
@@ -46,13 +49,11 @@ def run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite(options.suite)
+    engine = choose(options.engine, options.workers, options.ray_address)
     folder = options.out or Path("out") / chosen.name
 
-    from radiogs.kernels.runtime import workers
-
-    from ..pool import worker_commands
     from ..store import Store
-    from .sweeping import CPU, bring_to_end, plan, show_plan, work_along
+    from .sweeping import bring_to_end, plan, show_plan, work_along
 
     request, device = plan(options, chosen)
     store = Store(folder)
@@ -61,5 +62,4 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.worker is not None:
         return work_along(request, store, device, *options.worker)
-    commands = worker_commands(options.arguments, options.workers, workers(CPU)) if options.workers > 1 else []
-    return bring_to_end(request, store, device, commands)
+    return bring_to_end(request, store, device, engine, options)

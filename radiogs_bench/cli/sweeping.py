@@ -10,19 +10,20 @@ from rich.table import Table
 
 from radiogs.budget import budget
 from radiogs.errors import ExplainedError, UsageError
-from radiogs.kernels.runtime import use_threads
+from radiogs.kernels.runtime import use_threads, workers
 from radiogs.scene import Scene
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs_datasets import load_scene
 
 from ..cell import Cell
+from ..delegate import Recipe
 from ..engine import Task, run_cells
 from ..errors import DONE, EXIT_CODES, explain, worst_exit_code
 from ..experiments import EXPERIMENTS
 from ..interruption import Interruption
 from ..method import Method
 from ..metrics import protocol
-from ..pool import run_pool
+from ..pool import run_pool, worker_commands
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
 from ..schema import Result
@@ -31,6 +32,8 @@ from ..suites import Suite
 from ..sweep import Place, Request, label, state_of, steps_to_take, write_sweep
 from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
+from .engine_choice import Engine
+from .on_cluster import THREADS, place_of, run_there
 from .reporter import complain, say, show
 
 CPU = torch.device("cpu")
@@ -69,6 +72,11 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
     return scenes
 
 
+def scene_places(request: Request, options: argparse.Namespace) -> dict[str, str]:
+    """Where another process finds the request's scenes, by the names that they have in tables."""
+    return dict(zip(request.scenes, map(place_of, options.scenes or request.suite.scenes), strict=True))
+
+
 def show_plan(request: Request, store: Store) -> None:
     """The dry run: every cell, whether it is there, and what the others of its row took."""
     table = Table("cell", "key", "state", title=f"{request.suite.title}, preset {request.budget.name}")
@@ -95,26 +103,33 @@ def estimate(times: Sequence[float], missing: int) -> str:
     return f", about {minutes:.1f} minutes if they take what the finished ones took"
 
 
-def bring_to_end(request: Request, store: Store, device: torch.device, commands: Sequence[Sequence[str]] = ()) -> int:
-    """Run what is missing, in this process or by the workers that ``commands`` start; write and show the reports.
-
-    Returns the exit code.
-    """
+def bring_to_end(
+    request: Request, store: Store, device: torch.device, engine: Engine, options: argparse.Namespace
+) -> int:
+    """Run what is missing, by whichever engine; write and show the reports. Returns the exit code."""
     write_sweep(store, request.manifest([place for place, _ in request.cells()]))
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
     bars = SweepProgress(progress_for_stderr(), (INITIALISE, INVERT), steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
         make_ready(request, unfinished, device, progress)
-        if commands and unfinished:
+        tasks = [Task(cell, label(place)) for place, cell in cells]
+        if engine.name == "pool" and unfinished:
+            threads = workers(CPU)
+            commands = worker_commands(options.arguments, engine.workers or threads, threads)
             look = partial(count_finished, store, cells, progress)
             codes = run_pool(commands, progress.say, look, interruption)
             interruption.check()
             # A worker that was killed costs time only, if the others have taken up its cells.
             whole = all(store.has_result(cell.key) for _, cell in cells)
             code = DONE if whole else worst_of(codes)
+        elif engine.name == "ray" and unfinished:
+            recipe, threads = Recipe(RADIOGS, evaluate, load_scene), options.threads or THREADS
+            places = scene_places(request, options)
+            code = report_failures(
+                run_there(tasks, recipe, places, threads, request.device, engine.address, store, progress, interruption)
+            )
         else:
-            tasks = [Task(cell, label(place)) for place, cell in cells]
             code = report_failures(run_tasks(request, store, device, tasks, progress, interruption))
     from .showing import write_and_show  # its tables take a second to import, which an error need not wait for
 

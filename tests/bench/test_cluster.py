@@ -1,0 +1,162 @@
+"""A Ray cluster ends with the table of a single process, also when one of its machines is lost in the middle."""
+
+import importlib.util
+import os
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import pytest
+
+from bench import fake_method
+from bench.fake_method import FAKE, SCENE, FakeSweep
+from bench.kill_everywhere import table
+from radiogs.budget import budget
+from radiogs.errors import NumericalFailure, UsageError
+from radiogs_bench.cli import main
+from radiogs_bench.cli.engine_choice import Engine, choose
+from radiogs_bench.cluster import Cluster, connected, run_on_cluster
+from radiogs_bench.delegate import Recipe
+from radiogs_bench.engine import Task
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.progress import LogProgress
+from radiogs_bench.run_cell import Evaluation
+from radiogs_bench.store import Store
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request
+
+CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu").cells()]
+PLACES = {"fake": "nowhere/fake"}
+CELL_SECONDS = 0.5
+"""Long enough for a machine to be lost while it works on one."""
+
+needs_ray = pytest.mark.skipif(
+    importlib.util.find_spec("ray") is None, reason="Ray is not installed (pip install 'radiogs-bench[cluster]')"
+)
+
+
+def evaluate_slowly(*arguments: Any) -> Evaluation:
+    time.sleep(CELL_SECONDS)
+    return fake_method.evaluate(*arguments)
+
+
+def evaluate_badly(model: Any, scene: Any, cell: Any, *rest: Any) -> Evaluation:
+    if cell.seed == 2 and cell.variant.detach == "pbr":
+        raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
+    return fake_method.evaluate(model, scene, cell, *rest)
+
+
+@pytest.mark.parametrize(
+    ("asked", "engine"),
+    [
+        ((None, None, None), Engine("inprocess")),
+        ((None, 1, None), Engine("inprocess", 1)),
+        ((None, 3, None), Engine("pool", 3)),
+        (("pool", None, None), Engine("pool")),
+        (("ray", None, None), Engine("ray")),
+        ((None, None, "head:6379"), Engine("ray", None, "head:6379")),
+    ],
+)
+def test_options_say_which_engine(asked: tuple[str | None, int | None, str | None], engine: Engine) -> None:
+    assert choose(*asked) == engine
+
+
+@pytest.mark.parametrize(
+    "asked", [("inprocess", 2, None), ("ray", 2, None), ("pool", None, "head:6379"), ("inprocess", None, "head:6379")]
+)
+def test_options_that_do_not_go_together_are_refused(asked: tuple[str | None, int | None, str | None]) -> None:
+    with pytest.raises(UsageError, match="does not go with --engine"):
+        choose(*asked)
+
+
+def test_without_ray_the_command_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    assert main(["run", "ablations", "--preset", "smoke", "--engine", "ray", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "pip install 'radiogs-bench[cluster]'" in said
+    assert not list(tmp_path.rglob("*.pt"))  # said before anything is trained
+
+
+@needs_ray
+def test_a_cluster_that_does_not_answer_is_an_error() -> None:
+    with pytest.raises(UsageError, match=r"no Ray cluster answers at 127\.0\.0\.1:9"), connected("127.0.0.1:9"):
+        pass
+
+
+@pytest.fixture
+def two_machines(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))  # the machines find the fake method where we do
+    from ray.cluster_utils import Cluster as LocalCluster
+
+    cluster = LocalCluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    try:
+        cluster.second = cluster.add_node(num_cpus=1)
+        cluster.wait_for_nodes()
+        yield cluster
+    finally:
+        cluster.shutdown()
+
+
+class Lines(LogProgress):
+    """Remembers what is said, and does something at a certain line."""
+
+    def __init__(self, at: int = -1, act: Callable[[], None] = lambda: None) -> None:
+        self.lines: list[str] = []
+        self.at, self.act = at, act
+
+    def say(self, line: str) -> None:
+        self.lines.append(line)
+        if len(self.lines) == self.at:
+            self.act()
+
+
+def run_there(address: str, folder: Path, evaluate: Any, progress: LogProgress, interruption: Interruption) -> Any:
+    store = Store(folder)
+    with connected(address) as ray:
+        cluster = Cluster(ray, Recipe(FAKE, evaluate, fake_method.load), PLACES, 1, "cpu", store)
+        assert cluster.can_run()
+        return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
+
+
+@needs_ray
+@pytest.mark.slow
+def test_a_machine_that_is_lost_costs_time_and_nothing_else(two_machines: Any, tmp_path: Path) -> None:
+    whole = FakeSweep(tmp_path / "whole")
+    whole.run(CELLS)
+    killer = Thread(target=two_machines.remove_node, args=(two_machines.second,), kwargs={"allow_graceful": False})
+    progress = Lines(at=4, act=killer.start)
+    failures = run_there(two_machines.address, tmp_path / "there", evaluate_slowly, progress, Interruption())
+    killer.join()
+    assert failures == []
+    assert len(two_machines.list_all_nodes()) == 1
+    assert len(progress.lines) == len(CELLS)
+    assert table(tmp_path / "there") == table(tmp_path / "whole")
+    assert not list(tmp_path.rglob("*.failed.json"))
+    assert list((tmp_path / "there" / "locks").iterdir()) == []
+
+
+@needs_ray
+@pytest.mark.slow
+def test_a_stop_keeps_what_is_finished_and_a_failing_cell_leaves_the_others_alone(
+    two_machines: Any, tmp_path: Path
+) -> None:
+    interruption = Interruption()
+
+    def ask() -> None:
+        interruption.requested = True
+
+    with pytest.raises(Interrupted, match="Run the same command again"):
+        run_there(two_machines.address, tmp_path, evaluate_slowly, Lines(at=3, act=ask), interruption)
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").glob("*.json")}
+    assert 3 <= len(before) < len(CELLS)
+    failures = run_there(two_machines.address, tmp_path, evaluate_badly, Lines(), Interruption())
+    assert [failure.what for failure in failures] == ["the image is not finite"]
+    assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
+    assert len(list((tmp_path / "cells").glob("*.failed.json"))) == 1
+    assert len(list(Store(tmp_path).results())) == len(CELLS) - 1

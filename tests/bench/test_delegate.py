@@ -1,0 +1,89 @@
+"""A cell that another process runs gives the files that it would have given here, or says why not."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench import fake_method
+from bench.fake_method import CPU, FAKE, SCENE, FakeSweep
+from bench.kill_everywhere import table
+from radiogs.budget import budget
+from radiogs.errors import DataError, NumericalFailure, UsageError
+from radiogs_bench.cell import Cell
+from radiogs_bench.delegate import Delivery, Order, Recipe, deliver_cell, deliver_initialisation, initialisation_names
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.store import Store
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request
+from radiogs_bench.train import initialised
+
+RECIPE = Recipe(FAKE, fake_method.evaluate, fake_method.load)
+CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]
+
+
+def order(cell: Cell = CELLS[0], **changes: Any) -> Order:
+    return replace(Order(RECIPE, cell, "nowhere/fake", 1), **changes)
+
+
+def test_delivered_cells_are_what_a_run_here_would_have_made(tmp_path: Path) -> None:
+    here, there = FakeSweep(tmp_path / "here"), Store(tmp_path / "there")
+    here.run(CELLS)
+    firsts: dict[str, Delivery] = {}
+    for cell in CELLS:
+        travelled = pickle.loads(pickle.dumps(order(cell)))
+        key = cell.initialisation_key
+        firsts[key] = firsts.get(key) or deliver_initialisation(travelled, {})
+        delivery = pickle.loads(pickle.dumps(deliver_cell(travelled, {}, firsts[key])))
+        assert delivery.failure is None
+        there.take_over({**firsts[key].files, **delivery.files})
+    assert len(firsts) == 2
+    assert table(there.folder) == table(here.store.folder)
+
+    def names(folder: Path) -> list[Path]:
+        return sorted(path.relative_to(folder) for path in folder.rglob("*.*"))
+
+    assert names(there.folder) == names(here.store.folder)
+
+
+def test_a_stage_that_was_begun_here_is_continued_there(tmp_path: Path) -> None:
+    sweep = FakeSweep(tmp_path)
+    begun, cell = Interruption(), CELLS[0]
+    begun.requested = True
+    with pytest.raises(Interrupted):
+        initialised(replace(sweep.bench, interruption=begun), cell, SCENE)
+    given = sweep.store.files(f"{name}.pt" for name in initialisation_names(cell))
+    assert list(given) == [f"{initialisation_names(cell)[1]}.pt"]
+    sweep.store.take_over(deliver_initialisation(order(cell), given).files)
+    outcome = sweep.store.tensors(initialisation_names(cell)[0], CPU)
+    assert outcome is not None
+    assert len(outcome["ledger"]["sessions"]) == 2
+    assert outcome["ledger"]["work"] == {"begun": 1, "steps": 6}
+
+
+def test_other_sources_are_refused() -> None:
+    delivery = deliver_initialisation(order(replace(CELLS[0], method_code="other")), {})
+    assert delivery.files == {}
+    assert isinstance(delivery.failure, UsageError)
+    assert "other sources" in delivery.failure.what
+
+
+def test_another_scene_under_the_same_path_is_refused() -> None:
+    delivery = deliver_initialisation(order(replace(CELLS[0], checksum="1" * 64)), {})
+    assert isinstance(delivery.failure, DataError)
+    assert "nowhere/fake" in delivery.failure.what
+
+
+def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bad(*arguments: Any) -> Any:
+        raise NumericalFailure("the loss is NaN", "it spreads", "look")
+
+    first = deliver_initialisation(order(), {})
+    delivery = deliver_cell(order(recipe=replace(RECIPE, evaluate=bad)), {}, first)
+    back = pickle.loads(pickle.dumps(delivery)).failure
+    assert isinstance(back, NumericalFailure)
+    assert (back.what, back.why, back.remedy) == ("the loss is NaN", "it spreads", "look")
+    assert deliver_cell(order(), {}, delivery) is delivery
