@@ -72,11 +72,11 @@ def connected(address: str | None) -> Iterator[Any]:
     if ray.is_initialized():  # by whoever calls this from Python
         yield ray
         return
-    options = {} if address else {"include_dashboard": False}
+    options: dict[str, Any] = {} if address else {"include_dashboard": False}
     handlers = {which: signal.getsignal(which) for which in STOPPING_SIGNALS}
     try:
         _knock(address)
-        ray.init(address=address, log_to_driver=False, logging_level="ERROR", **options)
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **options)
     except (OSError, RuntimeError, ValueError) as error:
         raise UsageError(
             f"no Ray cluster answers at {address}" if address else "Ray could not be started on this machine",
