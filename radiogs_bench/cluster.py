@@ -19,7 +19,7 @@ import torch
 
 from radiogs.errors import ExplainedError, UsageError
 
-from .cell import Cell
+from .cell import TRAINING, Cell
 from .claim import Claimed
 from .delegate import (
     Delivery,
@@ -153,6 +153,8 @@ class Cluster:
         return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
 
     def _first(self, cell: Cell) -> Any:
+        if cell.experiment != TRAINING:
+            return Delivery({}, None, "")
         key = cell.initialisation_key
         if key not in self.firsts:
             names = initialisation_names(cell)

@@ -23,7 +23,6 @@ from .code_version import evaluation_code, method_code
 from .interruption import Interruption
 from .method import Method
 from .progress import LogProgress
-from .run_cell import Evaluate, run_cell
 from .store import Store
 from .train import Bench, initialised
 from .warm_up import compile_kernels
@@ -34,11 +33,15 @@ Files = Mapping[str, bytes]
 
 @dataclass(frozen=True)
 class Recipe:
-    """How any cell is run: the method, what scores it, and how a scene is found by its name or path."""
+    """How any cell is run: the method, what is done for a cell, and how a scene is found by its name or path.
+
+    ``compiled_on`` is the scene that the kernels are compiled on beforehand.
+    """
 
     method: Method
-    evaluate: Evaluate
+    experiment: Callable[[Bench, Cell, Scene], None]
     load: Callable[[str], Scene]
+    compiled_on: str
 
 
 @dataclass(frozen=True)
@@ -84,13 +87,13 @@ def deliver_initialisation(order: Order, given: Files) -> Delivery:
 
 
 def deliver_cell(order: Order, given: Files, first: Delivery) -> Delivery:
-    """Train and score; ``first`` holds stage 1, which several cells share. Its failure is the cell's."""
+    """Do the experiment; ``first`` holds stage 1, which several cells share, if any. Its failure is the cell's."""
     if first.failure is not None:
         return first
-    cell, evaluate = order.cell, order.recipe.evaluate
+    cell = order.cell
     wanted = [file_of(training_names(cell)[0]), f"cells/{cell.key}.npz", f"cells/{cell.key}.json"]
     given = {**given, **first.files}
-    return _deliver(order, given, wanted, lambda bench, scene: run_cell(bench, cell, scene, evaluate))
+    return _deliver(order, given, wanted, lambda bench, scene: order.recipe.experiment(bench, cell, scene))
 
 
 def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Bench, Scene], object]) -> Delivery:
@@ -117,9 +120,8 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
 @cache
 def _ready_scene(recipe: Recipe, place: str, device: torch.device) -> Scene:
     """The scene, with the kernels compiled: no cell is charged for that."""
-    scene = recipe.load(place)
-    compile_kernels(recipe.method, scene, device)
-    return scene
+    compile_kernels(recipe.method, recipe.load(recipe.compiled_on), device)
+    return recipe.load(place)
 
 
 def _check_sources(cell: Cell, node: str) -> None:

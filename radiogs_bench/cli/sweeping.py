@@ -124,7 +124,8 @@ def bring_to_end(
             whole = all(store.has_result(cell.key) for _, cell in cells)
             code = DONE if whole else worst_of(codes)
         elif engine.name == "ray" and unfinished:
-            recipe, threads = Recipe(RADIOGS, evaluate, load_scene), options.threads or THREADS
+            recipe = Recipe(RADIOGS, EXPERIMENTS[request.suite.experiment], load_scene, COMPILED_ON)
+            threads = options.threads or THREADS
             places = scene_places(request, options)
             code = report_failures(
                 run_there(tasks, recipe, places, threads, request.device, engine.address, store, progress, interruption)

@@ -90,7 +90,12 @@ def evaluate(
     metric = MetricValue(value=value, reason=None, views=[value])
     array = model.surfels.centre.numpy().astype(np.float32)[None]
     arrays = {"render/image": array, "truth/image": array}
-    return Evaluation({"nvs/psnr": metric}, ["view"], "view", None, None, arrays, {"name": "fake"})
+    return Evaluation({"nvs/psnr": metric}, {}, ["view"], "view", None, None, arrays, {"name": "fake"})
+
+
+def experiment(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Train and score, whatever the scene."""
+    run_cell(bench, cell, scene, evaluate)
 
 
 def load(name: str) -> Scene:

@@ -14,7 +14,9 @@ import pytest
 import radiogs_datasets
 from bench import fake_method
 from radiogs.errors import NumericalFailure
+from radiogs_bench.cell import TRAINING
 from radiogs_bench.cli import main, sweeping
+from radiogs_bench.experiments import EXPERIMENTS
 from radiogs_bench.store import Store
 from radiogs_bench.sweep import read_sweep
 from scenes import sphere_scene
@@ -103,7 +105,7 @@ def test_a_folder_without_a_run_ends_with_exit_code_3(tmp_path: Path, capsys: py
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """``radiogs-bench run ablations`` with the fake method, two seeds, into ``tmp_path``."""
     monkeypatch.setattr(sweeping, "RADIOGS", fake_method.FAKE)
-    monkeypatch.setattr(sweeping, "evaluate", fake_method.evaluate)
+    monkeypatch.setitem(EXPERIMENTS, TRAINING, fake_method.experiment)
     monkeypatch.setattr(sweeping, "load_scene", lambda name: sphere_scene(views=2, size=16))
     fake_method.begun.clear()
 
@@ -158,7 +160,7 @@ def test_a_failing_cell_is_shown_and_decides_the_exit_code(
             raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
         return good(model, scene, cell, *rest)
 
-    monkeypatch.setattr(sweeping, "evaluate", bad)
+    monkeypatch.setattr(fake_method, "evaluate", bad)
     assert run() == 4
     said = capsys.readouterr()
     assert "error: the image is not finite" in said.err
@@ -167,7 +169,7 @@ def test_a_failing_cell_is_shown_and_decides_the_exit_code(
     out = capsys.readouterr().out
     assert "failed: the image is not finite" in out
     assert "9 of 10 cells finished" in out
-    monkeypatch.setattr(sweeping, "evaluate", good)
+    monkeypatch.setattr(fake_method, "evaluate", good)
     assert run() == 0
 
 
@@ -180,12 +182,12 @@ def test_ctrl_c_ends_with_exit_code_130_and_the_next_run_continues(
         os.kill(os.getpid(), signal.SIGINT)
         return good(*arguments)
 
-    monkeypatch.setattr(sweeping, "evaluate", interrupted)
+    monkeypatch.setattr(fake_method, "evaluate", interrupted)
     assert run() == 130
     assert capsys.readouterr().err.endswith(
         "Run the same command again: it continues where this run stopped.\n(exit code 130)\n"
     )
-    monkeypatch.setattr(sweeping, "evaluate", good)
+    monkeypatch.setattr(fake_method, "evaluate", good)
     fake_method.begun.clear()
     assert run() == 0
     assert "initialise radiometric 0" not in fake_method.begun[2:]  # done before the stop; the first two only warm up

@@ -16,6 +16,8 @@ from bench.fake_method import FAKE, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
 from radiogs.errors import NumericalFailure, UsageError
+from radiogs.scene import Scene
+from radiogs_bench.cell import Cell
 from radiogs_bench.cli import main
 from radiogs_bench.cli.engine_choice import Engine, choose
 from radiogs_bench.cluster import Cluster, connected, run_on_cluster
@@ -24,10 +26,10 @@ from radiogs_bench.engine import Task
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.interruption import Interruption
 from radiogs_bench.progress import LogProgress
-from radiogs_bench.run_cell import Evaluation
 from radiogs_bench.store import Store
 from radiogs_bench.suites import ABLATIONS
 from radiogs_bench.sweep import Request
+from radiogs_bench.train import Bench
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu").cells()]
 PLACES = {"fake": "nowhere/fake"}
@@ -39,15 +41,15 @@ needs_ray = pytest.mark.skipif(
 )
 
 
-def evaluate_slowly(*arguments: Any) -> Evaluation:
+def slow(bench: Bench, cell: Cell, scene: Scene) -> None:
     time.sleep(CELL_SECONDS)
-    return fake_method.evaluate(*arguments)
+    fake_method.experiment(bench, cell, scene)
 
 
-def evaluate_badly(model: Any, scene: Any, cell: Any, *rest: Any) -> Evaluation:
+def bad(bench: Bench, cell: Cell, scene: Scene) -> None:
     if cell.seed == 2 and cell.variant.detach == "pbr":
         raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
-    return fake_method.evaluate(model, scene, cell, *rest)
+    fake_method.experiment(bench, cell, scene)
 
 
 @pytest.mark.parametrize(
@@ -116,10 +118,10 @@ class Lines(LogProgress):
             self.act()
 
 
-def run_there(address: str, folder: Path, evaluate: Any, progress: LogProgress, interruption: Interruption) -> Any:
+def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress, interruption: Interruption) -> Any:
     store = Store(folder)
     with connected(address) as ray:
-        cluster = Cluster(ray, Recipe(FAKE, evaluate, fake_method.load), PLACES, 1, "cpu", store)
+        cluster = Cluster(ray, Recipe(FAKE, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store)
         assert cluster.can_run()
         return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
 
@@ -131,7 +133,7 @@ def test_a_machine_that_is_lost_costs_time_and_nothing_else(two_machines: Any, t
     whole.run(CELLS)
     killer = Thread(target=two_machines.remove_node, args=(two_machines.second,), kwargs={"allow_graceful": False})
     progress = Lines(at=4, act=killer.start)
-    failures = run_there(two_machines.address, tmp_path / "there", evaluate_slowly, progress, Interruption())
+    failures = run_there(two_machines.address, tmp_path / "there", slow, progress, Interruption())
     killer.join()
     assert failures == []
     assert len(two_machines.list_all_nodes()) == 1
@@ -152,10 +154,10 @@ def test_a_stop_keeps_what_is_finished_and_a_failing_cell_leaves_the_others_alon
         interruption.requested = True
 
     with pytest.raises(Interrupted, match="Run the same command again"):
-        run_there(two_machines.address, tmp_path, evaluate_slowly, Lines(at=3, act=ask), interruption)
+        run_there(two_machines.address, tmp_path, slow, Lines(at=3, act=ask), interruption)
     before = {path: path.stat().st_mtime_ns for path in (tmp_path / "cells").glob("*.json")}
     assert 3 <= len(before) < len(CELLS)
-    failures = run_there(two_machines.address, tmp_path, evaluate_badly, Lines(), Interruption())
+    failures = run_there(two_machines.address, tmp_path, bad, Lines(), Interruption())
     assert [failure.what for failure in failures] == ["the image is not finite"]
     assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
     assert len(list((tmp_path / "cells").glob("*.failed.json"))) == 1

@@ -21,7 +21,7 @@ from radiogs_bench.suites import ABLATIONS
 from radiogs_bench.sweep import Request
 from radiogs_bench.train import initialised
 
-RECIPE = Recipe(FAKE, fake_method.evaluate, fake_method.load)
+RECIPE = Recipe(FAKE, fake_method.experiment, fake_method.load, "nowhere/fake")
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]
 
 
@@ -82,7 +82,7 @@ def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(mo
         raise NumericalFailure("the loss is NaN", "it spreads", "look")
 
     first = deliver_initialisation(order(), {})
-    delivery = deliver_cell(order(recipe=replace(RECIPE, evaluate=bad)), {}, first)
+    delivery = deliver_cell(order(recipe=replace(RECIPE, experiment=bad)), {}, first)
     back = pickle.loads(pickle.dumps(delivery)).failure
     assert isinstance(back, NumericalFailure)
     assert (back.what, back.why, back.remedy) == ("the loss is NaN", "it spreads", "look")
