@@ -10,6 +10,7 @@ from .engine_choice import ENGINES, choose
 from .options import add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
+    from ..suites import Suite
     from .options import Commands
 
 
@@ -17,8 +18,8 @@ def add_to(commands: "Commands") -> None:
     """Declare the command."""
     parser = commands.add_parser("run", help="run a suite, or continue it", allow_abbrev=False)
     parser.set_defaults(command=run)
-    parser.add_argument("suite", nargs="?", metavar="SUITE", help="see --list")
-    parser.add_argument("--list", action="store_true", help="list the suites and leave")
+    parser.add_argument("suite", nargs="?", metavar="SUITE", help="a name (see --list), or a TOML file")
+    parser.add_argument("--list", action="store_true", help="list the suites, or the one that is named, and leave")
     parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
     parser.add_argument("--seeds", type=positive, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
     parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
@@ -39,27 +40,43 @@ def add_to(commands: "Commands") -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run or continue a suite; returns the exit code."""
-    from ..suites import SUITES, suite
+    from ..suites import SUITES
     from .reporter import say
 
     if options.list:
-        for each in SUITES.values():
-            say(f"{each.name}: {each.title} ({len(each.rows)} rows, {len(each.columns)} metrics)")
+        from .planning import describe
+
+        for each in [suite_of(options.suite)] if options.suite else SUITES.values():
+            for line in describe(each):
+                say(line)
         return 0
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
-    chosen = suite(options.suite)
+    chosen = suite_of(options.suite)
     engine = choose(options.engine, options.workers, options.ray_address)
     folder = options.out or Path("out") / chosen.name
 
     from ..store import Store
-    from .sweeping import bring_to_end, plan, show_plan, work_along
+    from .sweeping import bring_to_end, plan, work_along
 
     request, device = plan(options, chosen)
     store = Store(folder)
     if options.dry_run:
+        from .planning import show_plan
+
         show_plan(request, store)
         return 0
     if options.worker is not None:
         return work_along(request, store, device, *options.worker)
     return bring_to_end(request, store, device, engine, options)
+
+
+def suite_of(name_or_file: str) -> "Suite":
+    """A suite that comes with the package, or that of a file."""
+    if name_or_file.endswith(".toml"):
+        from ..suite_file import read_suite
+
+        return read_suite(Path(name_or_file))
+    from ..suites import suite
+
+    return suite(name_or_file)

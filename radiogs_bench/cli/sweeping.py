@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 
 import torch
-from rich.table import Table
 
 from radiogs.budget import budget
 from radiogs.errors import ExplainedError, UsageError
@@ -26,15 +25,14 @@ from ..metrics import protocol
 from ..pool import run_pool, worker_commands
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
-from ..schema import Result
 from ..store import Store
 from ..suites import Suite
-from ..sweep import Place, Request, label, state_of, steps_to_take, write_sweep
+from ..sweep import Place, Request, label, steps_to_take, write_sweep
 from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
 from .engine_choice import Engine
 from .on_cluster import THREADS, place_of, run_there
-from .reporter import complain, say, show
+from .reporter import complain
 
 CPU = torch.device("cpu")
 
@@ -75,32 +73,6 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
 def scene_places(request: Request, options: argparse.Namespace) -> dict[str, str]:
     """Where another process finds the request's scenes, by the names that they have in tables."""
     return dict(zip(request.scenes, map(place_of, options.scenes or request.suite.scenes), strict=True))
-
-
-def show_plan(request: Request, store: Store) -> None:
-    """The dry run: every cell, whether it is there, and what the others of its row took."""
-    table = Table("cell", "key", "state", title=f"{request.suite.title}, preset {request.budget.name}")
-    cells = request.own_cells()
-    finished = {place["key"]: store.result(place["key"]) for place, _ in cells}
-    for place, _ in cells:
-        table.add_row(label(place), place["key"], state_of(store, place))
-    show(table)
-    times = [total_seconds(each) for each in finished.values() if each is not None]
-    missing = sum(1 for each in finished.values() if each is None)
-    say(f"{missing} of {len(cells)} cells to run" + estimate(times, missing))
-
-
-def total_seconds(result: Result) -> float:
-    """Wall-clock seconds of a finished cell, all stages."""
-    return sum(result["seconds"].values())
-
-
-def estimate(times: Sequence[float], missing: int) -> str:
-    """How long the missing cells will take, judged by the finished ones."""
-    if not times or not missing:
-        return ""
-    minutes = missing * sum(times) / len(times) / 60
-    return f", about {minutes:.1f} minutes if they take what the finished ones took"
 
 
 def bring_to_end(

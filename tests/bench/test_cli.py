@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +15,10 @@ import pytest
 import radiogs_datasets
 from bench import fake_method
 from radiogs.errors import NumericalFailure
-from radiogs_bench.cell import TRAINING
-from radiogs_bench.cli import main, sweeping
-from radiogs_bench.experiments import EXPERIMENTS
+from radiogs_bench.cli import main
 from radiogs_bench.store import Store
+from radiogs_bench.suites import SUITES
 from radiogs_bench.sweep import read_sweep
-from scenes import sphere_scene
 
 CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"
 
@@ -90,9 +89,16 @@ def test_a_wrong_command_ends_with_exit_code_2(
     assert message.endswith("(exit code 2)\n")
 
 
-def test_the_suites_are_listed(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_suites_are_listed_with_rows_columns_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "--list"]) == 0
-    assert "ablations: " in capsys.readouterr().out
+    listed = capsys.readouterr().out
+    for suite in SUITES.values():
+        assert f"{suite.name}: {suite.title}" in listed
+        assert f"  rows: {', '.join(row.key for row in suite.rows)}\n" in listed
+        assert f"  columns: {', '.join(column.key for column in suite.columns)}\n" in listed
+        assert f"  scenes: {', '.join(suite.scenes)}\n" in listed
+    assert main(["run", "ng", "--list"]) == 0
+    assert capsys.readouterr().out.startswith("ng: ")
 
 
 def test_a_folder_without_a_run_ends_with_exit_code_3(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -102,17 +108,9 @@ def test_a_folder_without_a_run_ends_with_exit_code_3(tmp_path: Path, capsys: py
 
 
 @pytest.fixture
-def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+def run(fake_run: Callable[..., int]) -> Callable[..., int]:
     """``radiogs-bench run ablations`` with the fake method, two seeds, into ``tmp_path``."""
-    monkeypatch.setattr(sweeping, "RADIOGS", fake_method.FAKE)
-    monkeypatch.setitem(EXPERIMENTS, TRAINING, fake_method.experiment)
-    monkeypatch.setattr(sweeping, "load_scene", lambda name: sphere_scene(views=2, size=16))
-    fake_method.begun.clear()
-
-    def start(*further: str) -> int:
-        return main(["run", "ablations", "--seeds", "2", "--preset", "smoke", "--out", str(tmp_path), *further])
-
-    return start
+    return partial(fake_run, "ablations")
 
 
 def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
@@ -142,7 +140,9 @@ def test_a_second_run_begins_no_cell_and_shows_the_same_table(
 
 def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--dry-run") == 0
-    assert "10 of 10 cells to run" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "10 of 10 cells to run" in said
+    assert "time, one after the other: unknown" in said
     assert list(tmp_path.iterdir()) == []
     run()
     capsys.readouterr()

@@ -1,0 +1,77 @@
+"""The dry run and the list: what could be run, what is there already, and what the rest will take."""
+
+from collections.abc import Sequence
+
+from rich.table import Table
+
+from ..forecast import Expected, forecast, total
+from ..store import Store
+from ..suites import Suite
+from ..sweep import Request, label, state_of
+from .reporter import say, show
+
+UNKNOWN = "unknown"
+
+
+def show_plan(request: Request, store: Store) -> None:
+    """Every cell, whether it is there, and what it will take, judged by what the store has measured."""
+    cells = request.own_cells()
+    expected = forecast(store, [cell for _, cell in cells])
+    table = Table(
+        "cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.budget.name}"
+    )
+    for (place, _), each in zip(cells, expected, strict=True):
+        row = ("", "") if each is None else (duration(each.seconds), memory(each))
+        table.add_row(label(place), place["key"], state_of(store, place), *row)
+    show(table)
+    missing = sum(each is not None for each in expected)
+    say(f"{missing} of {len(cells)} cells to run")
+    if missing:
+        say(f"time, one after the other: {whole_time(expected)}")
+        say(f"memory of one process: {whole_memory(expected)}")
+
+
+def whole_time(expected: Sequence[Expected | None]) -> str:
+    """Of all missing cells."""
+    seconds, unknown = total(expected)
+    missing = sum(each is not None for each in expected)
+    if unknown == missing:
+        return f"{UNKNOWN} (the store has measured nothing like it)"
+    return f"about {duration(seconds)}" + (f", and {unknown} cells of which it is {UNKNOWN}" if unknown else "")
+
+
+def whole_memory(expected: Sequence[Expected | None]) -> str:
+    """The most that any missing cell will hold."""
+    known = [each for each in expected if each is not None and each.host_bytes is not None]
+    if not known:
+        return UNKNOWN
+    most = max(known, key=lambda each: (each.host_bytes or 0, each.device_bytes or 0))
+    return f"up to {memory(most)}"
+
+
+def duration(seconds: float | None) -> str:
+    """In the unit that people would use."""
+    if seconds is None:
+        return UNKNOWN
+    for unit, length in (("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.1f} {unit}"
+    return f"{seconds:.1f} s"
+
+
+def memory(expected: Expected) -> str:
+    """Of the host, and of the GPU if one was used."""
+    if expected.host_bytes is None:
+        return UNKNOWN
+    device = "" if expected.device_bytes is None else f", GPU {expected.device_bytes / 2**30:.2f} GiB"
+    return f"{expected.host_bytes / 2**30:.2f} GiB{device}"
+
+
+def describe(suite: Suite) -> list[str]:
+    """A suite in four lines: title, rows, columns, scenes."""
+    return [
+        f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
+        f"  rows: {', '.join(row.key for row in suite.rows)}",
+        f"  columns: {', '.join(metric.key for metric in suite.columns)}",
+        f"  scenes: {', '.join(suite.scenes)}",
+    ]

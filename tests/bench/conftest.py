@@ -1,0 +1,26 @@
+"""The command line with the fake method in place of RadioGS."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from bench import fake_method
+from radiogs_bench.cell import TRAINING
+from radiogs_bench.cli import main, sweeping
+from radiogs_bench.experiments import EXPERIMENTS
+from scenes import sphere_scene
+
+
+@pytest.fixture
+def fake_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
+    """``radiogs-bench run`` with further arguments, two seeds, into ``tmp_path``; returns the exit code."""
+    monkeypatch.setattr(sweeping, "RADIOGS", fake_method.FAKE)
+    monkeypatch.setitem(EXPERIMENTS, TRAINING, fake_method.experiment)
+    monkeypatch.setattr(sweeping, "load_scene", lambda name: sphere_scene(views=2, size=16))
+    fake_method.begun.clear()
+
+    def start(*further: str) -> int:
+        return main(["run", "--seeds", "2", "--preset", "smoke", "--out", str(tmp_path), *further])
+
+    return start

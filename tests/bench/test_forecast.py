@@ -1,0 +1,86 @@
+"""What is expected of missing cells is what finished ones of their like took; what nothing tells of is unknown."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.fake_method import SCENE, FakeSweep, fake_cell
+from radiogs.budget import budget
+from radiogs.variant import Variant
+from radiogs_bench.cli.planning import duration, whole_memory, whole_time
+from radiogs_bench.forecast import Expected, forecast, total
+from radiogs_bench.store import Store, strict_json
+from radiogs_bench.suites import ABLATIONS
+from radiogs_bench.sweep import Request
+
+CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]
+SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
+
+
+def measured(store: Store, key: str, seconds: dict[str, float], held: dict[str, int]) -> None:
+    """Write other figures of cost into a stored result."""
+    result: Any = store.result(key)
+    result["seconds"] = seconds
+    for sessions in result["sessions"].values():
+        for session in sessions:
+            session["peak_memory_bytes"] = held
+    store.take_over({f"cells/{key}.json": strict_json(result)})
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    """Holds the whole first seed; rows took SECONDS, but the last one ten times as long."""
+    sweep = FakeSweep(tmp_path)
+    sweep.run(CELLS[:5])
+    for cell in CELLS[:4]:
+        measured(sweep.store, cell.key, SECONDS, {"host": 2**30})
+    slow = {stage: 10 * seconds for stage, seconds in SECONDS.items()}
+    measured(sweep.store, CELLS[4].key, slow, {"host": 2**31, "device": 2**29})
+    return sweep.store
+
+
+def test_a_row_takes_what_it_took_and_shared_stages_count_once(store: Store) -> None:
+    expected = forecast(store, CELLS)
+    assert expected[:5] == [None] * 5
+    assert expected[5:] == [
+        Expected(111.0, 2**30, None),
+        *[Expected(11.0, 2**30, None)] * 3,  # stage 1 comes with the first
+        Expected(1110.0, 2**31, 2**29),
+    ]
+    assert total(expected) == (pytest.approx(111 + 3 * 11 + 1110), 0)
+    assert whole_time(expected) == "about 20.9 min"
+    assert whole_memory(expected) == "up to 2.00 GiB, GPU 0.50 GiB"
+
+
+def test_stages_in_the_store_take_nothing(store: Store) -> None:
+    store.put_tensors(f"init/{CELLS[5].initialisation_key}", {})
+    store.put_tensors(f"trained/{CELLS[5].training_key}", {})
+    assert forecast(store, CELLS[5:6]) == [Expected(1.0, 2**30, None)]
+
+
+def test_a_row_that_never_ran_takes_what_others_took(store: Store) -> None:
+    new = fake_cell(seed=7, variant=Variant(radiometric_weight=0.5))
+    (expected,) = forecast(store, [new])
+    assert expected is not None
+    assert expected.seconds == pytest.approx((4 * 111 + 1110) / 5)
+
+
+def test_another_scene_takes_what_this_one_took(store: Store) -> None:
+    assert forecast(store, [fake_cell(seed=7, checksum="1" * 64)]) == [Expected(111.0, 2**30, None)]
+
+
+@pytest.mark.parametrize("change", [{"budget": budget("tiny")}, {"device": "cuda"}, {"experiment": "forward-parity"}])
+def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) -> None:
+    expected = forecast(store, [fake_cell(**change)])
+    assert expected == [Expected(None, None, None)]
+    assert total(expected) == (0.0, 1)
+    assert whole_time(expected).startswith("unknown")
+    assert whole_memory(expected) == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(None, "unknown"), (0.04, "0.0 s"), (119.0, "119.0 s"), (120.0, "2.0 min"), (9000.0, "2.5 h")]
+)
+def test_durations_are_said_as_people_say_them(seconds: float | None, said: str) -> None:
+    assert duration(seconds) == said

@@ -1,0 +1,131 @@
+"""A suite of one's own reads as those in the package do, and what is wrong in it is answered with its place."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from radiogs.errors import DataError, UsageError
+from radiogs.variant import Variant
+from radiogs_bench.cli import main
+from radiogs_bench.suite_file import read_suite
+from radiogs_bench.suites import Metric, Row, Suite
+
+ROOT = Path(__file__).parents[2]
+EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"
+
+WHOLE = """
+name = "mine"
+title = "Mine & yours"
+published = "ablation"
+reference = "a"
+columns = ["nvs/psnr", "normal/mae"]
+scenes = ["corner", "elsewhere/scene"]
+
+[[rows]]
+key = "a"
+text = "50 % of #1"
+
+[[rows]]
+key = "b"
+text = "b"
+latex = "$b$"
+variant = { radiometric_weight = 1, detach = "pbr", view_share = 0.5 }
+budget = { incident_samples = 0.5 }
+settings = { spacing = 0.1 }
+"""
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Callable[[str], Suite]:
+    def reading(content: str) -> Suite:
+        file = tmp_path / "suite.toml"
+        file.write_text(content)
+        return read_suite(file)
+
+    return reading
+
+
+def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> None:
+    assert read(WHOLE) == Suite(
+        name="mine",
+        title="Mine & yours",
+        published="ablation",
+        reference="a",
+        rows=(
+            Row("a", r"50 \% of \#1", "50 % of #1", Variant()),
+            Row(
+                "b", "$b$", "b", Variant(radiometric_weight=1.0, detach="pbr", view_share=0.5),
+                {"incident_samples": 0.5}, {"spacing": 0.1},
+            ),
+        ),
+        columns=(Metric("nvs", "psnr"), Metric("normal", "mae")),
+        scenes=("corner", str(tmp_path / "elsewhere" / "scene")),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("title =", "titel =", r"suite: there is no field 'titel'\nDid you mean 'title'"),
+        ('text = "b"', 'txt = "b"', r"suite.rows\[1\]: there is no field 'txt'\nDid you mean 'text'"),
+        ('title = "Mine & yours"', "", "the field 'title' is missing"),
+        ('title = "Mine & yours"', "title = 3", "suite.title: 3 is not text"),
+        ("detach =", "detatch =", r"suite.rows\[1\].variant: there is no field 'detatch'\nDid you mean 'detach'"),
+        ('"pbr"', '"brdf"', r"variant.detach: 'brdf' is none of its values\nThere are: 'none', 'pbr', 'surfel'"),
+        ("weight = 1", "weight = true", "radiometric_weight: True is not a number"),
+        ("weight = 1", "weight = nan", "radiometric_weight: nan is not a finite number"),
+        ("weight = 1", "weight = -1", "radiometric_weight: -1.0 is not zero or above"),
+        ("view_share = 0.5", "view_share = 1.5", "view_share: 1.5 is not above 0 and at most 1"),
+        ("incident_samples", "incident_sample", "budget: there is no field .*Did you mean 'incident_samples'"),
+        ("incident_samples = 0.5", "incident_samples = 0", "incident_samples: 0.0 is not above zero"),
+        ("incident_samples", "geometry_rate", "there is no field 'geometry_rate'"),
+        ('"nvs/psnr"', '"nvs/snr"', r"suite.columns\[0\]: there is no measure 'snr'\nDid you mean 'psnr'"),
+        ('"nvs/psnr"', '"nsv/psnr"', "there is no task 'nsv'\nDid you mean 'nvs'"),
+        ('"nvs/psnr"', '"psnr"', "'psnr' is not a metric such as"),
+        ('["nvs/psnr", "normal/mae"]', "[]", "suite.columns: .* is not a list of at least one metric"),
+        ('["nvs/psnr", "normal/mae"]', '"nvs/psnr"', "suite.columns: 'nvs/psnr' is not a list"),
+        ('reference = "a"', 'reference = "c"', "no row 'c'"),
+        ('key = "b"', 'key = "a"', "rows of the same key: a"),
+        ('"ablation"', '"ablations"', "there is no published table 'ablations'\nDid you mean 'ablation'"),
+        ('name = "mine"', 'name = "ablations"', "is a suite that comes with the package"),
+        ('name = "mine"', 'name = "../mine"', "is not a name of letters"),
+        ('name = "mine"', "name = ", "is no TOML"),
+        ("scenes =", 'experiment = "trainig"\nscenes =', "there is no experiment 'trainig'\nDid you mean 'training'"),
+    ],
+)
+def test_what_is_wrong_is_answered_with_its_place_and_the_nearest_name(
+    old: str, new: str, says: str, read: Callable[[str], Suite]
+) -> None:
+    assert old in WHOLE
+    with pytest.raises(UsageError, match=f"(?s){says}"):
+        read(WHOLE.replace(old, new))
+
+
+def test_a_wrong_file_ends_with_exit_code_2_and_a_missing_one_with_3(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "suite.toml"
+    file.write_text(WHOLE.replace("title", "titel"))
+    assert main(["run", str(file)]) == 2
+    assert "Did you mean 'title'?" in capsys.readouterr().err
+    assert main(["run", str(tmp_path / "nowhere.toml")]) == 3
+    with pytest.raises(DataError, match="cannot read the suite"):
+        read_suite(tmp_path)
+
+
+def test_the_documented_example_is_the_file_and_runs(fake_run: Callable[..., int], tmp_path: Path) -> None:
+    documented = (ROOT / "docs" / "suites.md").read_text()
+    assert EXAMPLE.read_text() in documented
+    assert fake_run(str(EXAMPLE)) == 0
+    table = (tmp_path / f"{read_suite(EXAMPLE).name}.csv").read_text()
+    for row in read_suite(EXAMPLE).rows:
+        assert f"{row.key}," in table
+
+
+def test_every_field_is_documented() -> None:
+    documented = (ROOT / "docs" / "suites.md").read_text()
+    for kind, prefix in ((Suite, ""), (Row, "rows.")):
+        for field in dataclasses.fields(kind):
+            assert f"`{prefix}{field.name}`" in documented, field.name
