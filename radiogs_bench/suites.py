@@ -29,6 +29,19 @@ MEASURES: Mapping[str, Measure] = {
     "mse": Measure("MSE", "", "down", 4),
     "ms": Measure("time", "ms", "down", 2),
     "bias": Measure("bias", "%", "zero", 2),
+    # Stanford-ORB's own: two PSNRs, 1 - cos of normals, scale-invariant depth, distance of surfaces.
+    "psnr_h": Measure("PSNR-H", "dB", "up", 2),
+    "psnr_l": Measure("PSNR-L", "dB", "up", 2),
+    "cosine": Measure("cosine distance", "", "down", 4),
+    "simse": Measure("SI-MSE", "sq. unit", "down", 5),
+    "chamfer": Measure("chamfer", "sq. unit", "down", 6),
+    # The network beside a protocol's first one is named.
+    "lpips_alex": Measure("LPIPS (AlexNet)", "", "down", 3),
+    "lpips_vgg": Measure("LPIPS (VGG)", "", "down", 3),
+    "lpips_squeeze": Measure("LPIPS (SqueezeNet)", "", "down", 3),
+    # Of a recovered environment map, as it is and after the protocol's alignment.
+    "error": Measure("error", "", "down", 3),
+    "error_scaled": Measure("error up to scale", "", "down", 3),
 }
 
 TASKS: Mapping[str, str] = {
@@ -42,6 +55,9 @@ TASKS: Mapping[str, str] = {
     "total": "Total",
     "surfels": "Surfels' own",
     "direct": "Direct",
+    "depth": "Depth",
+    "environment": "Light",
+    "shape": "Shape",
 }
 
 

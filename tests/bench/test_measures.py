@@ -1,0 +1,52 @@
+"""Whatever a cell stores can be a column: it has a heading, a unit, a direction and a number of decimals."""
+
+from dataclasses import replace
+
+import pytest
+
+from bench.fake_method import CPU, fake_cell
+from bench.test_evaluate import EVERYTHING, MODEL, scene_of, view_with
+from radiogs.light import EnvironmentMap
+from radiogs.scene import Scene
+from radiogs_bench.cli.summarise import column_summary
+from radiogs_bench.evaluate import evaluate
+from radiogs_bench.metrics import PROTOCOLS
+from radiogs_bench.metrics.weights import FILES
+from radiogs_bench.suites import MEASURES, TASKS, Metric
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """Has every ground truth that anything is compared with."""
+    views = scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2)))
+    return replace(views, training_light=EnvironmentMap(MODEL.environment.detach() + 0.1))
+
+
+@pytest.mark.parametrize("protocol", PROTOCOLS)
+def test_every_figure_that_evaluation_stores_can_be_a_column(protocol: str, scene: Scene) -> None:
+    found = evaluate(MODEL, scene, fake_cell(protocol=protocol), CPU, lambda done, total: None)
+    stored = found.metrics | found.timings
+    tasks = {Metric.of(key).task for key in stored}
+    assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight", "environment"}
+    for key in stored:
+        column = column_summary(Metric.of(key))
+        assert column["label"].startswith(TASKS[Metric.of(key).task])
+        assert column["direction"] in {"up", "down", "zero"}
+        assert column["decimals"] >= 0
+
+
+def test_every_network_of_lpips_has_a_heading_of_its_own() -> None:
+    labels = [MEASURES[f"lpips_{net}"].label for net in FILES]
+    assert len({*labels, MEASURES["lpips"].label}) == len(FILES) + 1
+
+
+def test_errors_fall_and_ratios_of_signal_to_noise_rise() -> None:
+    better = {name: measure.better for name, measure in MEASURES.items()}
+    assert {name for name, way in better.items() if way == "up"} == {"psnr", "psnr_h", "psnr_l", "ssim"}
+    for name, measure in MEASURES.items():
+        assert (measure.unit == "dB") == name.startswith("psnr")
+
+
+def test_no_two_measures_share_a_heading() -> None:
+    labels = [measure.label for measure in MEASURES.values()]
+    assert len(set(labels)) == len(labels)
