@@ -4,6 +4,7 @@ import os
 import platform
 import resource
 import subprocess
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -18,6 +19,8 @@ from .schema import Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")
+PROCESS_STATUS = Path("/proc/self/status")
+PEAK_RESET = Path("/proc/self/clear_refs")
 
 
 def now() -> str:
@@ -74,12 +77,29 @@ def machine(device: torch.device) -> dict[str, Any]:
     }
 
 
+def forget_peaks(device: torch.device) -> None:
+    """Let the peaks of memory begin anew, at what is held now: a stage is not to answer for the one before."""
+    with suppress(OSError):  # a kernel may forbid it; then the host's peak is that of the process
+        PEAK_RESET.write_text("5")  # proc(5): resets the peak resident set size
+    if device.type == "cuda":
+        torch.cuda.reset_peak_memory_stats(device)
+
+
 def peak_memory(device: torch.device) -> dict[str, int]:
-    """Peaks of this process so far, in bytes: resident set, and CUDA allocator."""
-    peaks = {"host": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024}  # kibibytes on Linux
+    """Peaks since they were last forgotten, in bytes: resident set of this process, and CUDA allocator."""
+    peaks = {"host": resident_peak()}
     if device.type == "cuda":
         peaks["device"] = torch.cuda.max_memory_allocated(device)
     return peaks
+
+
+def resident_peak() -> int:
+    """Bytes. VmHWM, because getrusage also counts what the process held before its peaks were forgotten."""
+    if PROCESS_STATUS.exists():
+        for line in PROCESS_STATUS.read_text().splitlines():
+            if line.startswith("VmHWM:"):
+                return int(line.split()[1]) * 1024  # kibibytes
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def session(device: torch.device) -> Session:

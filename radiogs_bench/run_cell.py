@@ -13,7 +13,7 @@ from radiogs.model import Model
 from radiogs.scene import Scene
 
 from .cell import Cell
-from .provenance import session
+from .provenance import forget_peaks, session
 from .schema import RESULT_SCHEMA, MetricValue, Result
 from .train import Bench, trained
 
@@ -52,6 +52,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
         bench.interruption.check()
 
     work.clear()
+    forget_peaks(bench.device)
     started = time.perf_counter()
     evaluation = evaluate(model, scene, cell, bench.device, advance)
     seconds = time.perf_counter() - started

@@ -1,11 +1,12 @@
 """What a stored result says, key by key. Written as strict JSON; a number that does not exist is null with a reason.
 
-The version rises when a key changes its meaning or goes away; new keys do not raise it.
+The version rises when a key changes its meaning or goes away, or when a reader needs a new one. docs/store.md describes
+every key, and what each version changed.
 """
 
 from typing import Any, TypedDict
 
-RESULT_SCHEMA = "radiogs-bench/result/1"
+RESULT_SCHEMA = "radiogs-bench/result/2"
 
 
 class MetricValue(TypedDict):
@@ -31,7 +32,7 @@ class Session(TypedDict):
     machine: dict[str, Any]
     """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
     peak_memory_bytes: dict[str, int]
-    """``host``: the process's peak resident set; ``device``: the CUDA allocator's peak (only with a GPU)."""
+    """The stage's peaks in this process: ``host``, its resident set; ``device``, the CUDA allocator (with a GPU)."""
 
 
 class Result(TypedDict):

@@ -34,6 +34,10 @@ logger = logging.getLogger(__name__)
 REQUIRED_KEYS = frozenset(Result.__required_keys__)
 
 
+class OtherSchema(StoreError):
+    """A result that another version of the code wrote."""
+
+
 class Store:
     """A folder of results; it is created when first written to."""
 
@@ -64,7 +68,7 @@ class Store:
             self._set_aside(path, "it is not a result of this cell")
             return None
         if stored.get("schema") != RESULT_SCHEMA:
-            raise StoreError(
+            raise OtherSchema(
                 f"{path} was written under another schema: {stored.get('schema')}",
                 f"This version reads {RESULT_SCHEMA}.",
                 "Use the version that wrote it, or another folder:  --out FOLDER",
@@ -79,11 +83,15 @@ class Store:
         return self._cell_path(key).exists()
 
     def results(self) -> Iterator[Result]:
-        """All finished results, in the order of their keys."""
+        """All finished results of this schema, in the order of their keys."""
         for path in sorted((self.folder / "cells").glob("*.json")):
             if path.name.endswith(".failed.json"):
                 continue
-            stored = self.result(path.stem)
+            try:
+                stored = self.result(path.stem)
+            except OtherSchema as other:
+                logger.warning("%s; it is left alone", other.what)
+                continue
             if stored is not None:
                 yield stored
 

@@ -16,7 +16,7 @@ from .cell import Cell
 from .interruption import Interruption
 from .method import Method, ModelStage, Stage
 from .progress import Progress
-from .provenance import session
+from .provenance import forget_peaks, session
 from .schema import Session
 from .store import Store
 
@@ -104,6 +104,7 @@ def completed(
             return stored
         started = time.perf_counter()
         work.clear()
+        forget_peaks(bench.device)
         stage = begin()
         ledger = _run(bench, name, title, stage, started)
         outcome = Outcome(product=product(stage), ledger=ledger)

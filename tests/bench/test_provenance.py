@@ -1,6 +1,7 @@
 """A result says where it comes from."""
 
 import datetime
+import resource
 import subprocess
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import torch
 from bench.fake_method import CPU
 from radiogs.kernels.runtime import workers
 from radiogs_bench import provenance
-from radiogs_bench.provenance import git_state, peak_memory, session
+from radiogs_bench.provenance import forget_peaks, git_state, peak_memory, session
 
 
 @pytest.fixture(autouse=True)
@@ -57,6 +58,21 @@ def test_peak_memory_is_in_bytes_and_grows_with_what_is_held() -> None:
     assert 2**26 < before < 2**40
     held = torch.ones(before // 4 + 2**24)  # more than the peak so far, in four-byte floats
     assert peak_memory(CPU)["host"] >= 4 * len(held)
+
+
+def test_a_stage_does_not_answer_for_what_was_held_before_it() -> None:
+    held = torch.ones(2**26)  # 256 MiB
+    before = peak_memory(CPU)["host"]
+    del held
+    forget_peaks(CPU)
+    assert peak_memory(CPU)["host"] < before - 2**27
+
+
+def test_where_the_kernel_forbids_it_the_peak_is_the_process_s(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(provenance, "PEAK_RESET", tmp_path / "nowhere" / "clear_refs")
+    monkeypatch.setattr(provenance, "PROCESS_STATUS", tmp_path / "nowhere")
+    forget_peaks(CPU)
+    assert peak_memory(CPU)["host"] == resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 
 def test_the_cpu_has_a_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

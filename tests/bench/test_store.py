@@ -25,8 +25,8 @@ ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
 def result(key: str, value: float = 1.0) -> Result:
     return Result(
         schema=RESULT_SCHEMA, key=key, scene="s", cell={}, protocol={}, views=["v"], shown_view="v", shown_light=None,
-        metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, albedo_scale=None, surfels=1,
-        losses={}, seconds={"initialise": 0.0, "invert": 0.0, "evaluate": 0.0}, work={}, sessions={},
+        metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, albedo_scale=None,
+        surfels=1, losses={}, seconds={"initialise": 0.0, "invert": 0.0, "evaluate": 0.0}, work={}, sessions={},
     )  # fmt: skip
 
 
@@ -41,7 +41,7 @@ def test_a_result_comes_back_as_it_was_put(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/1", "key": "b"}']
+    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/2", "key": "b"}']
 )
 def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -64,6 +64,8 @@ def test_a_result_of_another_schema_is_not_touched(tmp_path: Path) -> None:
     store.put_result(result("a") | {"schema": "radiogs-bench/result/999"}, ARRAYS)  # type: ignore[arg-type]
     with pytest.raises(StoreError, match="another schema"):
         store.result("a")
+    store.put_result(result("b"), ARRAYS)
+    assert [each["key"] for each in store.results()] == ["b"]
     assert (tmp_path / "cells" / "a.json").exists()
 
 

@@ -1,0 +1,46 @@
+"""docs/store.md says every key that a stored file has."""
+
+import json
+import re
+from pathlib import Path
+
+from bench.fake_method import FakeSweep, fake_cell
+from radiogs_bench.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session
+
+DOCUMENT = (Path(__file__).parents[2] / "docs" / "store.md").read_text()
+
+
+def section(title: str) -> str:
+    return DOCUMENT.split(f"{title}", 1)[1].split("\n#", 1)[0]
+
+
+def test_the_version_is_the_one_that_is_written() -> None:
+    assert f"## A cell: `{RESULT_SCHEMA}`" in DOCUMENT
+    assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("## Versions")
+
+
+def test_every_key_of_a_result_has_a_line_and_no_line_is_of_none() -> None:
+    lines = re.findall(r"^\| `(\w+)` \|", section("## A cell"), re.MULTILINE)
+    assert sorted(lines) == sorted(Result.__annotations__)
+    lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
+    assert sorted(lines) == sorted(Session.__annotations__)
+    for key in MetricValue.__annotations__:
+        assert f"`{key}`" in section("## A cell")
+    for key in Failure.__annotations__:
+        assert f"`{key}`" in section("## A failure")
+
+
+def test_what_is_written_has_these_keys_and_each_stage_its_peak(tmp_path: Path) -> None:
+    FakeSweep(tmp_path).run([fake_cell()])
+    (file,) = (tmp_path / "cells").glob("*.json")
+    stored = json.loads(file.read_text())
+    assert stored.keys() == Result.__annotations__.keys()
+    for name in stored["cell"]:
+        assert f"`{name}`" in section("## A cell")
+    assert stored["sessions"].keys() == {"initialise", "invert", "evaluate"}
+    for sessions in stored["sessions"].values():
+        for session in sessions:
+            assert session.keys() == Session.__annotations__.keys()
+            assert session["peak_memory_bytes"]["host"] > 2**20
+            for name in session["machine"]:
+                assert f"`{name}`" in section("### A session")
