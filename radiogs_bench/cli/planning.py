@@ -1,6 +1,7 @@
 """The dry run and the list: what could be run, what is there already, and what the rest will take."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 from rich.table import Table
 
@@ -8,6 +9,7 @@ from ..forecast import Expected, forecast, total
 from ..store import Store
 from ..suites import Suite
 from ..sweep import Request, label, state_of
+from .events import emit
 from .reporter import say, show
 
 UNKNOWN = "unknown"
@@ -29,6 +31,26 @@ def show_plan(request: Request, store: Store) -> None:
     if missing:
         say(f"time, one after the other: {whole_time(expected)}")
         say(f"memory of one process: {whole_memory(expected)}")
+
+
+def emit_plan(request: Request, store: Store) -> None:
+    """The same as events: one a cell, with nulls for what is unknown."""
+    cells = request.own_cells()
+    for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
+        rest = {} if each is None else asdict(each)
+        emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
+
+
+def emit_suite(suite: Suite) -> None:
+    """A suite as an event."""
+    emit(
+        "suite",
+        name=suite.name,
+        title=suite.title,
+        rows=[row.key for row in suite.rows],
+        columns=[metric.key for metric in suite.columns],
+        scenes=list(suite.scenes),
+    )
 
 
 def whole_time(expected: Sequence[Expected | None]) -> str:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import UsageError
+from radiogs.errors import ExplainedError, UsageError
 
 from .engine_choice import ENGINES, choose
 from .options import add_verbose, names, part_of, positive
@@ -35,21 +35,28 @@ def add_to(commands: "Commands") -> None:
         "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
     )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
+    parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
     add_verbose(parser)
 
 
 def run(options: argparse.Namespace) -> int:
     """Run or continue a suite; returns the exit code."""
-    from ..suites import SUITES
-    from .reporter import say
+    if not options.json:
+        return _run(options)
+    from .events import emit, emit_error
 
+    try:
+        code = _run(options)
+    except ExplainedError as error:
+        emit_error(error)
+        raise
+    emit("end", exit_code=code)
+    return code
+
+
+def _run(options: argparse.Namespace) -> int:
     if options.list:
-        from .planning import describe
-
-        for each in [suite_of(options.suite)] if options.suite else SUITES.values():
-            for line in describe(each):
-                say(line)
-        return 0
+        return _list(options)
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
@@ -62,13 +69,27 @@ def run(options: argparse.Namespace) -> int:
     request, device = plan(options, chosen)
     store = Store(folder)
     if options.dry_run:
-        from .planning import show_plan
+        from .planning import emit_plan, show_plan
 
-        show_plan(request, store)
+        (emit_plan if options.json else show_plan)(request, store)
         return 0
     if options.worker is not None:
         return work_along(request, store, device, *options.worker)
     return bring_to_end(request, store, device, engine, options)
+
+
+def _list(options: argparse.Namespace) -> int:
+    from ..suites import SUITES
+    from .planning import describe, emit_suite
+    from .reporter import say
+
+    for each in [suite_of(options.suite)] if options.suite else SUITES.values():
+        if options.json:
+            emit_suite(each)
+        else:
+            for line in describe(each):
+                say(line)
+    return 0
 
 
 def suite_of(name_or_file: str) -> "Suite":

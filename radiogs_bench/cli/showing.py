@@ -1,5 +1,7 @@
 """From a store to its summary, the reports, and the table on the screen."""
 
+from pathlib import Path
+
 from rich.table import Table
 
 from radiogs_baselines.published import published
@@ -15,19 +17,25 @@ from .summarise import summarise
 
 def write_and_show(store: Store) -> None:
     """Rebuild the summary and the reports of the folder's last run, print the table, and say where they are."""
+    summary, written = write(store)
+    show(table_of(summary))
+    say(explanation(summary))
+    for reason in reasons(summary):
+        say(reason)
+    say(f"Metric protocol: {summary['protocol']}. Published figures: {summary['published_data']}.")
+    for path in written:
+        say(f"wrote {path}")
+
+
+def write(store: Store) -> tuple[Summary, list[Path]]:
+    """Rebuild the summary and the reports of the folder's last run; returns the summary and all files."""
     sweep = read_sweep(store.folder)
     table = published(sweep["published"]) if sweep["published"] else None
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"):
         write_atomically(store.folder / "summary.json", strict_json({**summary}))
         written = write_reports(store.folder)
-    show(table_of(summary))
-    say(explanation(summary))
-    for reason in reasons(summary):
-        say(reason)
-    say(f"Metric protocol: {summary['protocol']}. Published figures: {summary['published_data']}.")
-    for path in [store.folder / "summary.json", *written]:
-        say(f"wrote {path}")
+    return summary, [store.folder / "summary.json", *written]
 
 
 def table_of(summary: Summary) -> Table:

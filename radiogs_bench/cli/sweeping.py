@@ -31,6 +31,7 @@ from ..sweep import Place, Request, label, steps_to_take, write_sweep
 from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
 from .engine_choice import Engine
+from .events import EventProgress, emit
 from .on_cluster import THREADS, place_of, run_there
 from .reporter import complain
 
@@ -82,7 +83,8 @@ def bring_to_end(
     write_sweep(store, request.manifest([place for place, _ in request.cells()]))
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
-    bars = SweepProgress(progress_for_stderr(), (INITIALISE, INVERT), steps_to_take(store, unfinished))
+    shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
+    bars = SweepProgress(shown, (INITIALISE, INVERT), steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
         make_ready(request, unfinished, device, progress)
         tasks = [Task(cell, label(place)) for place, cell in cells]
@@ -104,9 +106,13 @@ def bring_to_end(
             )
         else:
             code = report_failures(run_tasks(request, store, device, tasks, progress, interruption))
-    from .showing import write_and_show  # its tables take a second to import, which an error need not wait for
+    from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
-    write_and_show(store)
+    if options.json:
+        for path in write(store)[1]:
+            emit("written", path=str(path))
+    else:
+        write_and_show(store)
     return code
 
 

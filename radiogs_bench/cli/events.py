@@ -1,0 +1,85 @@
+"""``run --json``: what happens during a run as events, one JSON object a line on stdout (docs/suites.md)."""
+
+import json
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import TracebackType
+from typing import Any
+
+from radiogs.errors import ExplainedError
+
+from ..errors import exit_code
+from ..store import Store
+from ..sweep import Place, label
+
+EVERY_SECONDS = 1.0
+"""At most so often does one task report steps; its first and its last are always reported."""
+
+
+def emit(event: str, **details: Any) -> None:
+    """One event; the reader sees it at once."""
+    sys.stdout.write(json.dumps({"event": event, **details}, allow_nan=False) + "\n")
+    sys.stdout.flush()
+
+
+def emit_error(error: ExplainedError) -> None:
+    """What ended the run; stderr says the same in words."""
+    emit("error", what=error.what, why=error.why, remedy=error.remedy, exit_code=exit_code(error))
+
+
+class EventProgress:
+    """Tells of lines, steps, and every cell that comes to its end, whoever ran it: the store knows."""
+
+    def __init__(self, store: Store, places: Sequence[Place], clock: Callable[[], float] = time.monotonic) -> None:
+        self.store, self.clock = store, clock
+        self.reported: dict[str, float] = {}
+        self.open = {place["key"]: place for place in places}
+        self.failed = {key: store.failure(key) for key in self.open}
+
+    def __enter__(self) -> "EventProgress":
+        for key in [key for key in self.open if self.store.has_result(key)]:
+            self._finished(key, new=False)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._look()
+
+    def say(self, line: str) -> None:
+        """A line that people would read."""
+        emit("message", text=line)
+
+    def advance(self, task: str, done: int, total: int) -> None:
+        """Steps of a task; where cells are counted, those that have ended since."""
+        if task == "cells":
+            self._look()
+        now = self.clock()
+        if task not in self.reported or done >= total or now - self.reported[task] >= EVERY_SECONDS:
+            self.reported[task] = now
+            emit("progress", task=task, done=done, total=total)
+        if done >= total:
+            del self.reported[task]
+
+    def _look(self) -> None:
+        for key, place in list(self.open.items()):
+            if self.store.has_result(key):
+                self._finished(key, new=True)
+                continue
+            failure = self.store.failure(key)
+            if failure is not None and failure != self.failed[key]:
+                self.failed[key] = failure
+                said = {name: failure[name] for name in ("what", "why", "remedy", "exit_code")}
+                emit("cell", state="failed", **_of(place), **said)
+
+    def _finished(self, key: str, new: bool) -> None:
+        result = self.store.result(key)
+        if result is not None:
+            place = self.open.pop(key)
+            metrics = {name: each["value"] for name, each in result["metrics"].items()}
+            emit("cell", state="finished", new=new, **_of(place), metrics=metrics, seconds=result["seconds"])
+
+
+def _of(place: Place) -> Mapping[str, Any]:
+    return {"cell": label(place), **{name: place[name] for name in ("scene", "row", "seed", "key")}}
