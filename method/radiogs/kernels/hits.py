@@ -13,7 +13,7 @@ from .bvh import SurfelBVH
 from .counters import count
 from .hits_source import BUFFER, hit_kernels
 from .ray_order import coherent_order
-from .runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, workers
+from .runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, require_countable, workers
 
 RAYS_AT_ONCE = {"cpu": 1 << 14, "cuda": 1 << 20}
 """Rays gathered together at most: bounds the buffers (BUFFER times 12 bytes a ray in float32)."""
@@ -117,5 +117,8 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
 
 def _offsets(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
     begin = counts.new_zeros(len(counts) + 1)
-    begin[1:] = counts.cumsum(0)
+    ends = counts.cumsum(0, dtype=torch.int64)
+    if len(ends):
+        require_countable(int(ends[-1]), "hits of rays and surfels", "Trace fewer rays together.")
+    begin[1:] = ends
     return begin

@@ -9,6 +9,7 @@ from torch import Tensor
 from ..camera import Camera
 from .geometry import SplatGeometry, can_be_met, support_radius
 from .rasterize_source import TILE
+from .runtime import require_countable
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,9 @@ def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
     nearest_first = camera.depth_of(geometry.centre).argsort(stable=True)
     nearest_first = nearest_first[touched[nearest_first]]
     counts = span[nearest_first].prod(-1)
-    entry = torch.arange(int(counts.sum()), device=counts.device)
+    entries = int(counts.sum())
+    require_countable(entries, "pairs of a surfel and a tile", "Render a smaller image, or fewer surfels.")
+    entry = torch.arange(entries, device=counts.device)
     begins = counts.cumsum(0) - counts
     place = torch.repeat_interleave(torch.arange(len(counts), device=counts.device), counts)
     local = entry - begins[place]

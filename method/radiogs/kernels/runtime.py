@@ -12,6 +12,8 @@ from typing import Any, TypeVar
 import torch
 import warp as wp
 
+from ..errors import UsageError
+
 
 @cache
 def start_warp() -> None:
@@ -47,6 +49,16 @@ def scalar_type(dtype: torch.dtype) -> Any:
 NATIVE = {"cpu_compiler_flags": "-march=native -ffp-contract=fast"}
 """Module options of kernels whose loops the CPU compiler turns into vector code; never -ffast-math, which would
 rule NaN and infinity out."""
+
+
+MOST_ENTRIES = 2**31 - 1
+"""Entries of one list: kernels count them in 32 bits."""
+
+
+def require_countable(entries: int, what: str, remedy: str) -> None:
+    """Raise UsageError if a list would have more entries than its kernels can count."""
+    if entries > MOST_ENTRIES:
+        raise UsageError(f"{entries} {what} at once", f"A list holds at most {MOST_ENTRIES} of them.", remedy)
 
 
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
