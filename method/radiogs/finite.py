@@ -24,6 +24,27 @@ def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> 
         )
 
 
+def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]) -> None:
+    """Raise NumericalFailure if what was blended over surfels (a row a pixel or a ray) is not finite.
+
+    ``given`` are the per-surfel values that were blended, to name the surfel. Geometry that is not finite is never met,
+    but a surfel that is met spreads a NaN in its colour over the image. One sum is all that a sound image costs; with
+    gradient there is not even that, because ``backward`` checks the losses and says in which iteration.
+    """
+    if blended.requires_grad or bool(torch.isfinite(blended.detach().sum())) or bool(torch.isfinite(blended).all()):
+        return
+    broken = [
+        f"'{what}' of surfel {int(rows[0])} ({len(rows)} in all)"
+        for what, values in given.items()
+        if len(rows := torch.nonzero(~torch.isfinite(values).flatten(1).all(-1))[:, 0])
+    ]
+    raise NumericalFailure(
+        f"{name} are not finite: {' and '.join(broken) or 'finite values of several surfels add up to infinity'}",
+        "Every pixel and ray that meets such a surfel is lost.",
+        "Look at what made the surfels: a file that was read, or the last step of training.",
+    )
+
+
 def backward(stage: str, iteration: int, losses: Mapping[str, Tensor], parameters: Mapping[str, Tensor]) -> None:
     """Add the losses up and propagate them; losses and gradients are checked before anyone steps on them."""
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})

@@ -8,6 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..camera import Camera
+from ..finite import require_finite_blend
 from .counters import count
 from .geometry import SplatGeometry, support_radius
 from .rasterize_binning import TileLists, tile_lists
@@ -37,7 +38,8 @@ def rasterize(
 
     Gradients flow from all images to ``geometry`` and ``features``. ``depth_unit`` (world units) makes the
     distortion independent of the scene's scale. Surfels that are degenerate (non-finite or without extent),
-    fainter than ALPHA_THRESHOLD, facing away or behind the camera take no part.
+    fainter than ALPHA_THRESHOLD, facing away or behind the camera take no part. Raises NumericalFailure if a surfel
+    in view has a feature that is not finite.
     """
     camera = camera.to(geometry.centre.device, geometry.centre.dtype)
     lists = tile_lists(camera, geometry)
@@ -45,6 +47,7 @@ def rasterize(
     reach = support_radius(geometry.opacity.detach()).square()
     records = torch.cat([*homography, geometry.opacity[:, None], reach[:, None]], -1)
     images, sums = _Blend.apply(camera, lists, depth_unit, records, features)
+    require_finite_blend("blended features", images, {"features": features})
     shape = (camera.height, camera.width)
     alpha, depth, distortion = (sums[:, column].view(shape) for column in range(3))
     return Raster(images.view(*shape, -1), alpha, depth, distortion, lists.touched)

@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..finite import require_finite_blend
 from .bvh import SurfelBVH
 from .counters import count
 from .geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
@@ -46,11 +47,14 @@ def trace(
     transmittance below ``stop``. Radiance is max(0, SH(direction) + 1/2). ``bvh`` must be fitted to ``geometry``.
 
     Gradients: every field of ``geometry``, ``sh``, ``features`` and ``origin``; none to ``direction`` and
-    ``t_min``, nor through which surfels are met.
+    ``t_min``, nor through which surfels are met. Raises NumericalFailure if a surfel that is met has a coefficient or
+    a feature that is not finite.
     """
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), stop)
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
     radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
+    require_finite_blend("traced radiance", radiance, {"sh": sh})
+    require_finite_blend("traced features", blended, {"features": features})
     return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])
 
 
