@@ -23,14 +23,19 @@ class TileLists:
 
 @torch.no_grad()
 def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
-    """Sort the surfels into tiles of TILE x TILE pixels, row by row."""
+    """Sort the surfels into tiles of TILE x TILE pixels, row by row.
+
+    Depths are compared in float64: centres that lie on a common lattice (a scene far from the origin) have depths that
+    are equal but for float32's rounding, and each pair that it swaps changes the image (measured 1e6 units away: by
+    0.018, of which nothing is left).
+    """
     lowest, highest = pixel_bounds(camera, geometry)
     across = -(-camera.width // TILE)
     down = -(-camera.height // TILE)
     first, last = lowest // TILE, highest // TILE
     span = last - first + 1
     touched = (highest >= lowest).all(-1)
-    nearest_first = camera.depth_of(geometry.centre).argsort(stable=True)
+    nearest_first = camera.to(dtype=torch.float64).depth_of(geometry.centre.double()).argsort(stable=True)
     nearest_first = nearest_first[touched[nearest_first]]
     counts = span[nearest_first].prod(-1)
     entries = int(counts.sum())
