@@ -1,0 +1,503 @@
+"""Cases 25 to 38: the BRDF at its limits, furnaces, samplers, lights, visibility and the radiometric fixed point."""
+
+import math
+from itertools import pairwise
+
+import pytest
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from hard_cases import ref64
+from hard_cases.constructions import cast, facing, looking_along_z, raw_surfels, two_balls, with_radiance
+from hard_cases.ref64 import EPS
+from radiogs.brdf import diffuse, ggx_distribution, specular
+from radiogs.errors import DataError
+from radiogs.incident import Incident, SurfelTracer, gather_incident, visibility_of
+from radiogs.kernels.bvh import SurfelBVH
+from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.shade import shade
+from radiogs.kernels.trace import Hits, trace
+from radiogs.light import EnvironmentMap, texel_solid_angles
+from radiogs.radiometric import consistency_loss
+from radiogs.rendering import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, shade_surfels, towards
+from radiogs.sampling import (
+    LightSampler,
+    hemisphere_directions,
+    random_hemisphere_direction,
+    relighting_directions,
+    tangent_frame,
+)
+from radiogs.spherical_harmonics import basis
+from radiogs.splitsum import GRID_HEIGHT, LEVELS, PrefilteredLight, _filters, _grid_solid_angles
+from radiogs.surfels import Surfels
+from radiogs.variant import Variant
+from reference.quadrature import lobe_quadrature, sphere_quadrature
+from reference.shade import shade as dense_shade
+from reference.trace import harmonics
+
+F64 = torch.float64
+
+
+def unit(count: int) -> Tensor:
+    return normalize(torch.randn(count, 3, dtype=F64), dim=-1)
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    return torch.Generator().manual_seed(seed)
+
+
+def one_sample(normal: Tensor, wo: Tensor, wi: Tensor, roughness: float, dtype: torch.dtype) -> list[Tensor]:
+    """Inputs of ``shade`` for one direction each, unit weight, under constant light."""
+    count = len(normal)
+    given = [
+        normal, torch.ones(count, 3, dtype=F64), torch.full((count,), roughness, dtype=F64), wo[:, None], wi[:, None],
+        torch.ones(count, 1, dtype=F64), torch.ones(count, 1, dtype=F64), torch.zeros(count, 1, 3, dtype=F64),
+        torch.ones(4, 8, 3, dtype=F64),
+    ]  # fmt: skip
+    return [value.to(dtype) for value in given]
+
+
+@pytest.mark.case(25)
+@pytest.mark.parametrize("roughness", [1e-3, 0.02, 0.05, 0.1, 1.0])
+def test_the_ggx_peak_and_flank_keep_their_digits_in_float32(roughness: float) -> None:
+    """Half-vectors at 1e-6 to 1 rad from the normal, against the closed form of the angle between the rounded vectors.
+
+    Measured: 7e-7 of D and 2e-7 of D r^4, at all five.
+    """
+    angle = torch.logspace(-6, 0, 3000, dtype=F64)[:, None]
+    normal = unit(3000)
+    sideways = normalize(torch.linalg.cross(normal, unit(3000)), dim=-1)
+    half = normalize(normal * angle.cos() + sideways * angle.sin(), dim=-1).float()
+    normal = normal.float()
+    found = ggx_distribution(half, normal, torch.full((3000,), roughness)).double()
+    wide, flat = half.double(), normal.double()
+    turned = torch.atan2(torch.linalg.cross(flat, wide).norm(dim=-1), (flat * wide).sum(-1))
+    # float32(r), whose fourth power is what both start from.
+    exact = ref64.ggx(turned, float(torch.tensor(roughness)))
+    assert float(((found - exact).abs() / exact).max()) < 1e-5
+    assert float((found - exact).abs().max()) * roughness**4 < 1e-5
+
+
+@pytest.mark.case(25)
+@pytest.mark.parametrize("roughness", [1e-3, 0.02, 0.05, 0.1, 1.0])
+def test_the_shading_kernels_lobe_keeps_its_digits_in_float32(roughness: float) -> None:
+    normal = unit(2000)
+    wo = normalize(normal + 0.7 * unit(2000), dim=-1)
+    sideways = normalize(torch.linalg.cross(normal, unit(2000)), dim=-1)
+    angle = torch.logspace(-6, -0.3, 2000, dtype=F64)[:, None]
+    half = normal * angle.cos() + sideways * angle.sin()
+    wi = 2 * (half * wo).sum(-1, keepdim=True) * half - wo
+    given = one_sample(normal, wo, wi, roughness, torch.float32)
+    found = shade(*given)[:, 0, SPECULAR_DIRECT, 0].double()
+    exact = dense_shade(*(value.double() for value in given))[:, 0, SPECULAR_DIRECT, 0]
+    lit = exact > 0
+    assert int(lit.sum()) > 1500
+    assert float(((found - exact).abs() / exact)[lit].max()) < 1e-5  # measured 4e-6
+    assert bool((found[~lit] == 0).all())
+
+
+@pytest.mark.case(26)
+@pytest.mark.parametrize("view", [1.0, 1e-2, 1e-4, 0.0, -1e-4])
+@pytest.mark.parametrize("light", [1.0, 1e-2, 1e-4, 0.0, -1e-4])
+@pytest.mark.parametrize("roughness", [0.05, 0.5])
+def test_grazing_directions_reflect_what_float64_says_and_nothing_below_the_horizon(
+    view: float, light: float, roughness: float
+) -> None:
+    turn = torch.linspace(0.1, 3.0, 16, dtype=F64)
+    normal = torch.tensor([0.0, 0.0, 1.0], dtype=F64).expand(16, 3)
+    wo = torch.tensor([math.sqrt(1 - view**2), 0.0, view], dtype=F64).expand(16, 3)
+    flat = math.sqrt(1 - light**2)
+    wi = torch.stack([flat * turn.cos(), flat * turn.sin(), torch.full_like(turn, light)], -1)
+    given = one_sample(normal, wo, wi, roughness, torch.float32)
+    leaves = [value.clone().requires_grad_(place < 3) for place, value in enumerate(given)]
+    found = shade(*leaves)
+    exact = dense_shade(*(value.double() for value in given))
+    scale = exact.abs().max().clamp(min=1e-6)
+    assert float((found.detach().double() - exact).abs().max() / scale) < 1e-4
+    plain = specular(given[0], given[3][:, 0], given[4][:, 0], given[2])
+    assert bool(torch.isfinite(plain).all())
+    if view <= 0 or light <= 0:
+        assert bool((found == 0).all())
+        assert bool((plain == 0).all())
+    found.sum().backward()
+    assert all(bool(torch.isfinite(leaf.grad).all()) for leaf in leaves[:3] if leaf.grad is not None)
+
+
+GAIN_ANGLES = torch.cos(torch.linspace(0, 0.5 * math.pi * 0.99, 64, dtype=F64))
+
+
+def reflected(roughness: float, albedo: float) -> Tensor:
+    """Share of white light that is sent out towards 64 view angles, specular lobe plus Lambert's, by quadrature."""
+    gains = []
+    for cosine in GAIN_ANGLES.tolist():
+        wo, wi, solid_angle = lobe_quadrature(cosine, roughness, steps=32)
+        normal = torch.tensor([0.0, 0.0, 1.0], dtype=F64).expand_as(wi)
+        lobe = specular(normal, wo.expand_as(wi), wi, torch.full((len(wi),), roughness, dtype=F64))
+        gains.append((lobe * wi[:, 2].clamp(min=0) * solid_angle).sum())
+    return torch.stack(gains) + albedo * math.pi * float(diffuse(torch.ones(3))[0])
+
+
+@pytest.mark.case(27)
+@pytest.mark.parametrize("roughness", [0.02, 0.05, 0.1, 0.3, 0.6, 1.0])
+def test_the_lobe_reflects_no_more_than_it_receives(roughness: float) -> None:
+    gain = reflected(roughness, albedo=0.0)
+    assert float(gain.min()) > 0
+    assert float(gain.max()) <= 1 + 1e-3
+
+
+@pytest.mark.case(27)
+@pytest.mark.xfail(
+    strict=True,
+    reason="the paper's BRDF adds Lambert's albedo / pi without 1 - F: a white dielectric sends out 1.04 head-on and"
+    " up to 1.08 at grazing (1.16 at roughness 0.02); the formula is the paper's, and so are its figures",
+)
+def test_a_white_dielectric_reflects_no_more_than_it_receives() -> None:
+    assert float(reflected(0.3, albedo=1.0).max()) <= 1 + 1e-3
+
+
+@pytest.mark.case(27)
+def test_a_white_dielectric_exceeds_its_light_by_its_lobe_alone() -> None:
+    """The measured shortfall of the paper's BRDF: what Lambert's term should lose to Fresnel's and does not."""
+    gain = reflected(0.3, albedo=1.0)
+    assert float(gain[0]) == pytest.approx(1.04, abs=0.01)
+    assert float((gain - 1 - reflected(0.3, albedo=0.0)).abs().max()) < 1e-6
+
+
+@pytest.mark.case(28)
+@pytest.mark.parametrize("samples", [1, 2, 4, 16, 64, 128, 256, 1024])
+def test_the_white_furnace_is_white_at_any_number_of_samples(samples: int) -> None:
+    """In float32, through the kernel: the bias is rounding, a hundredth of the 0.1 % that is asked for."""
+    normal = unit(20).float()
+    direction, weight = hemisphere_directions(normal, samples, seeded())
+    one = torch.ones(20, samples)
+    parts = shade(
+        normal, torch.ones(20, 3), torch.ones(20), normal[:, None], direction, weight, one,
+        torch.zeros(20, samples, 3), torch.ones(4, 8, 3),
+    )  # fmt: skip
+    assert float((parts[:, 0, DIFFUSE_DIRECT] - 1).abs().max()) < 1e-5
+
+
+@pytest.mark.case(28)
+def test_the_furnace_of_relighting_is_white_within_three_sigma() -> None:
+    """Directions spread over the hemisphere and drawn from the light, over 2000 repetitions."""
+    light = EnvironmentMap(torch.ones(4, 8, 3, dtype=F64))
+    normal = unit(1).expand(2000, 3)
+    direction, weight = relighting_directions(normal, light, 16, 16, seeded())
+    radiance = (weight * torch.einsum("nsi,ni->ns", direction, normal).clamp(min=0)).sum(1) / math.pi
+    # Beside chance, the midpoint rule's 4e-4 in height; see ``hemisphere_directions``.
+    assert abs(float(radiance.mean()) - 1) < 3 * float(radiance.std()) / math.sqrt(2000) + 4e-4
+
+
+def shell(count: int) -> SplatGeometry:
+    """A closed sphere of surfels seen from inside."""
+    place = torch.arange(count, dtype=F64) + 0.5
+    z = 1 - 2 * place / count
+    azimuth = place * 2.399963229728653
+    outward = torch.stack([(1 - z * z).sqrt() * azimuth.cos(), (1 - z * z).sqrt() * azimuth.sin(), z], -1)
+    tangent = normalize(torch.linalg.cross(outward, torch.tensor([0.3, 0.5, 0.8], dtype=F64).expand_as(outward)))
+    sigma = (4 * math.pi / count) ** 0.5
+    fields = (outward, tangent / sigma, torch.linalg.cross(outward, tangent) / sigma, -outward)
+    return SplatGeometry(*(value.float() for value in fields), torch.full((count,), 0.95))
+
+
+@pytest.mark.case(29)
+@pytest.mark.parametrize(("albedo", "bounces"), [(0.2, 8), (0.5, 12), (0.8, 16), (0.99, 16)])
+def test_a_closed_sphere_that_glows_is_the_geometric_series(albedo: float, bounces: int) -> None:
+    """L <- 1 + albedo x gathered radiance, k times: (1 - albedo^(k+1)) / (1 - albedo) by the method itself."""
+    count, samples = 300, 32
+    geometry = shell(count)
+    tree = SurfelBVH.build(geometry)
+    normal = geometry.normal
+    direction, weight = hemisphere_directions(normal, samples, seeded())
+    reach = torch.full((count * samples,), (4 * math.pi / count) ** 0.5)
+    one = torch.ones(count, 3)
+    emitted = one.clone()
+    radiance = emitted
+    for _ in range(bounces):
+        found = trace(
+            tree, geometry, torch.zeros(count, 1, 3), radiance, geometry.centre.repeat_interleave(samples, 0),
+            direction.flatten(0, 1), reach,
+        )  # fmt: skip
+        visibility, whole = visibility_of(found)
+        met = (found.features * whole[:, None]).view(count, samples, 3)
+        parts = shade(
+            normal, albedo * one, one[:, 0], normal[:, None], direction, weight, visibility.view(count, samples), met,
+            torch.zeros(4, 8, 3),
+        )  # fmt: skip
+        radiance = emitted + parts[:, 0, DIFFUSE_INDIRECT]
+    expected = (1 - albedo ** (bounces + 1)) / (1 - albedo)
+    assert float(radiance.mean()) == pytest.approx(expected, rel=0.02)
+    assert float((radiance / expected - 1).abs().max()) < 0.05
+
+
+@pytest.mark.case(30)
+def test_the_mixtures_density_covers_the_hemisphere_once() -> None:
+    """The sum of its weights estimates the solid angle of the hemisphere, 2 pi; and the light's pdf adds up to one."""
+    light = EnvironmentMap(torch.rand(4, 8, 3, dtype=F64) ** 3 + 0.05)
+    normal = unit(1).expand(4000, 3)
+    _, weight = relighting_directions(normal, light, 8, 24, seeded())
+    total = weight.sum(1)
+    assert abs(float(total.mean()) - 2 * math.pi) < 4 * float(total.std()) / math.sqrt(4000)
+    direction, solid_angle = sphere_quadrature(96)
+    assert float((LightSampler(light).pdf(direction) * solid_angle).sum()) == pytest.approx(1, abs=1e-3)
+
+
+@pytest.mark.case(31)
+@pytest.mark.parametrize("roughness", [0.2, 0.6])
+def test_each_strategy_alone_and_both_together_shade_alike(roughness: float) -> None:
+    """Reflected radiance with the glossy lobe, by a z-test between every pair: |z| < 4."""
+    light = EnvironmentMap(0.2 + torch.rand(4, 8, 3, dtype=F64))
+    repeats = 3000
+    normal = unit(1).expand(repeats, 3)
+    wo = normalize(normal + 0.3 * unit(1), dim=-1)
+    means, errors = [], []
+    for seed, (spread, drawn) in enumerate([(0, 32), (16, 16), (8, 24)]):
+        direction, weight = relighting_directions(normal, light, spread, drawn, seeded(seed))
+        samples = direction.shape[1]
+        material = torch.full((repeats, 3), 0.5, dtype=F64), torch.full((repeats,), roughness, dtype=F64)
+        one = torch.ones(repeats, samples, dtype=F64)
+        parts = shade(
+            normal, *material, wo[:, None], direction, weight, one, torch.zeros(repeats, samples, 3, dtype=F64),
+            light.radiance,
+        )  # fmt: skip
+        total = parts[:, 0].sum(1)
+        means.append(total.mean(0))
+        errors.append(total.std(0) / math.sqrt(repeats))
+    for first, second in ((0, 1), (0, 2), (1, 2)):
+        z = (means[first] - means[second]) / (errors[first] ** 2 + errors[second] ** 2).sqrt()
+        assert float(z.abs().max()) < 4
+
+
+@pytest.mark.case(32)
+@pytest.mark.parametrize("tilt", [0.0, *(10.0**-power for power in range(1, 9))])
+def test_tangent_frames_are_orthonormal_to_four_eps_down_to_the_south_pole(tilt: float) -> None:
+    azimuth = torch.rand(300, dtype=F64) * 2 * math.pi
+    angle = torch.full_like(azimuth, math.pi - tilt)
+    south = torch.stack([angle.sin() * azimuth.cos(), angle.sin() * azimuth.sin(), angle.cos()], -1)
+    normal = torch.cat([south, unit(300)]).float()
+    frame = tangent_frame(normal)
+    assert float((frame.mT @ frame - torch.eye(3)).abs().max()) < 4 * EPS
+    assert torch.equal(frame[..., 2], normal)
+    assert float((torch.linalg.det(frame.double()) - 1).abs().max()) < 8 * EPS
+
+
+@pytest.mark.case(33)
+def test_a_sun_in_one_texel_gives_its_irradiance() -> None:
+    """One texel of 1e5: radiance x solid angle x cosine, to 1e-3 of the texel's extent (it is 3 degrees wide)."""
+    height = 64
+    radiance = torch.zeros(height, 2 * height, 3, dtype=F64)
+    radiance[20, 50] = 1e5
+    light = EnvironmentMap(radiance)
+    polar, azimuth = math.pi * 20.5 / height, math.pi - math.pi * 50.5 / height
+    sun = torch.tensor([
+        math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar),
+    ], dtype=F64)  # fmt: skip
+    normal = normalize(sun + 0.5 * unit(1)[0], dim=-1)
+    direction = LightSampler(light).draw(20_000, seeded())
+    density = LightSampler(light).pdf(direction)
+    # The nearest texel of each draw is the sun: piecewise-constant radiance over its density is one number.
+    irradiance = (1e5 / density * (direction @ normal)).mean()
+    expected = 1e5 * float(texel_solid_angles(height, 2 * height)[20]) * float(sun @ normal)
+    assert float(irradiance) == pytest.approx(expected, rel=1e-3)
+    assert float(density.min()) == pytest.approx(1 / float(texel_solid_angles(height, 2 * height)[20]), rel=1e-9)
+
+
+@pytest.mark.case(33)
+@pytest.mark.parametrize("broken", [math.nan, math.inf, -math.inf])
+def test_a_broken_texel_is_named_and_a_black_map_is_black(broken: float) -> None:
+    radiance = torch.ones(4, 8, 3)
+    radiance[1, 1, 0] = broken
+    with pytest.raises(DataError, match="not finite"):
+        relighting_directions(unit(3).float(), EnvironmentMap(radiance), 4, 4, seeded())
+    black = EnvironmentMap(torch.zeros(4, 8, 3))
+    direction, weight = relighting_directions(unit(3).float(), black, 4, 4, seeded())
+    assert bool(torch.isfinite(weight).all())
+    assert bool((black.lookup(direction) == 0).all())
+    assert bool((PrefilteredLight(black.radiance).irradiance(direction) == 0).all())
+
+
+POLES_AND_SEAM = torch.tensor([
+    [0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1e-8, 0.0, 1.0], [-1.0, 0.0, 0.0], [-1.0, -0.0, 0.0], [-1.0, 1e-8, 0.0],
+    [-1.0, -1e-8, 0.0], [0.0, -0.0, 1.0], [-0.0, -0.0, -1.0],
+])  # fmt: skip
+
+
+@pytest.mark.case(34)
+@pytest.mark.parametrize("height", [1, 2, 7, 64])
+def test_a_constant_map_is_constant_at_the_poles_and_the_seam(height: int) -> None:
+    light = EnvironmentMap(torch.full((height, 2 * height, 3), 0.7))
+    directions = torch.cat([POLES_AND_SEAM, unit(200).float()])
+    assert float((light.lookup(directions) - 0.7).abs().max()) < 1e-5
+    count = len(directions)
+    parts = shade(
+        directions, torch.full((count, 3), math.pi), torch.ones(count), directions[:, None], directions[:, None],
+        torch.ones(count, 1), torch.ones(count, 1), torch.zeros(count, 1, 3), light.radiance,
+    )  # fmt: skip
+    assert float((parts[:, 0, DIFFUSE_DIRECT] - 0.7).abs().max()) < 1e-5
+
+
+@pytest.mark.case(34)
+def test_a_map_is_continuous_across_its_seam_and_its_texels_edges() -> None:
+    """A step of 1e-6 rad across each of them moves the value by 1e-6 of the slope, four texels' difference a radian."""
+    light = EnvironmentMap(torch.rand(8, 16, 3, dtype=F64))
+    azimuth = torch.cat([torch.tensor([math.pi]), math.pi - (torch.arange(16) + 0.5) * math.pi / 8]).double()
+    polar = torch.rand(len(azimuth), dtype=F64) * 2 + 0.5
+    left, right = (
+        light.lookup(torch.stack([polar.sin() * a.cos(), polar.sin() * a.sin(), polar.cos()], -1))
+        for a in (azimuth - 1e-6, azimuth + 1e-6)
+    )
+    assert float((left - right).abs().max()) < 1e-5
+
+
+@pytest.mark.case(35)
+@pytest.mark.parametrize("roughness", [0.05, *LEVELS, 0.3, 0.5, 0.9])
+def test_filtering_keeps_a_constant_light_to_1e_4(roughness: float) -> None:
+    directions = torch.cat([POLES_AND_SEAM, unit(200).float()])
+    light = PrefilteredLight(torch.full((16, 32, 3), 2.5))
+    flat = torch.full((len(directions),), roughness)
+    assert float((light.glossy(directions, flat) / 2.5 - 1).abs().max()) < 1e-4
+    assert float((light.irradiance(directions) / 2.5 - 1).abs().max()) < 1e-4
+
+
+def _kept(level: int) -> float:
+    """Largest relative error of the energy that any texel of a 16-row light keeps at that level (0: diffuse)."""
+    size = 2 * GRID_HEIGHT * GRID_HEIGHT
+    matrix = _filters(16).double()[level * size : (level + 1) * size]
+    area = texel_solid_angles(16, 32).expand(16, 32).reshape(-1)
+    return float(((_grid_solid_angles() @ matrix) / area - 1).abs().max())
+
+
+@pytest.mark.case(35)
+@pytest.mark.parametrize("level", [0, 2, 3, 4, 5])
+def test_filtering_keeps_the_energy_of_every_texel_to_1e_4(level: int) -> None:
+    """Of a delta map at each texel, all at once: the filter is a matrix."""
+    assert _kept(level) < 1e-4
+
+
+@pytest.mark.case(35)
+@pytest.mark.xfail(
+    strict=True,
+    reason="the sharpest level (roughness 0.2) is balanced to 1 %: its kernel is narrower than the grid's texels, and"
+    " Sinkhorn's rounds converge slowest there",
+)
+def test_filtering_keeps_the_energy_of_every_texel_at_the_sharpest_level_to_1e_4() -> None:
+    assert _kept(1) < 1e-4
+
+
+@pytest.mark.case(36)
+def test_transmittance_through_none_one_and_many_is_the_product() -> None:
+    for count in (0, 1, 2, 5, 12):
+        given = with_radiance(facing(torch.linspace(2, 3, count), 0.2 * torch.rand(count) + 0.05), 1)
+        ray = {
+            "origin": torch.zeros(1, 3), "direction": torch.tensor([[0.0, 0.0, 1.0]]), "t_min": torch.zeros(1),
+        }  # fmt: skip
+        exact = float(torch.prod(1 - given["opacity"].double()))
+        found = float(cast(given, ray)[1])
+        assert found == pytest.approx(exact, abs=1e-6)
+        assert 0 <= found <= 1
+
+
+@pytest.mark.case(36)
+def test_a_wall_with_a_hole_lets_light_through_the_hole_alone() -> None:
+    """Opaque surfels on a grid but for its middle: V is 0 on the wall and 1 through the hole."""
+    place = torch.arange(-3.0, 4.0)
+    x, y = torch.meshgrid(place, place, indexing="ij")
+    kept = (x.abs() + y.abs() > 0.5).flatten()
+    wall = facing(torch.full((int(kept.sum()),), 2.0), 1.0, scale=0.15)
+    wall["centre"] = torch.stack([x.flatten()[kept], y.flatten()[kept], torch.full_like(x.flatten()[kept], 2.0)], -1)
+    rays = {
+        "origin": torch.stack([x.flatten(), y.flatten(), torch.zeros(49)], -1),
+        "direction": torch.tensor([0.0, 0.0, 1.0]).expand(49, 3), "t_min": torch.zeros(49),
+    }  # fmt: skip
+    _, transmittance, _, _ = cast(with_radiance(wall, 1), rays)
+    found = Hits(torch.zeros(49, 3), transmittance, torch.zeros(49, 0), torch.zeros(49))
+    assert torch.equal(visibility_of(found)[0], (~kept).float())
+
+
+@pytest.mark.case(36)
+def test_adding_an_occluder_never_makes_a_light_brighter() -> None:
+    """V after each of twelve more surfels, in random places: in [0, 1] and falling, also across the stop at 3 %."""
+    count = 12
+    given = with_radiance(facing(2 + torch.rand(count), torch.rand(count)), 1)
+    ray = {"origin": torch.zeros(1, 3), "direction": torch.tensor([[0.0, 0.0, 1.0]]), "t_min": torch.zeros(1)}
+    seen = []
+    for kept in range(count + 1):
+        _, transmittance, _, _ = cast({name: value[:kept] for name, value in given.items()}, ray)
+        seen.append(float(visibility_of(Hits(torch.zeros(1, 3), transmittance, torch.zeros(1, 0), ray["t_min"]))[0]))
+    assert seen[0] == 1
+    assert seen[-1] == 0
+    assert all(0 <= later <= earlier for earlier, later in pairwise(seen))
+
+
+@pytest.mark.case(37)
+def test_surfels_that_send_no_light_are_indirect_light_switched_off() -> None:
+    """The same directions: the direct parts agree bit for bit, and nothing indirect is left."""
+    surfels = two_balls()
+    tracer = SurfelTracer(surfels)
+    incident = gather_incident(tracer, surfels, 16, None)
+    assert float(incident.radiance.max()) > 0.1
+    dark = Surfels.of(surfels.parameters() | {"sh": torch.full_like(surfels.sh, 0.0)})
+    dark.sh[:, 0] = -0.5 / 0.28209479177387814 - 1e-3  # below zero: it is clamped there
+    switched = Incident(
+        incident.direction, incident.weight, incident.visibility, torch.zeros_like(incident.radiance)
+    )  # fmt: skip
+    without = gather_incident(SurfelTracer(dark), dark, 16, None)
+    camera, environment = looking_along_z(), torch.rand(8, 16, 3)
+    outgoing = towards(camera, surfels)[:, None]
+    off = shade_surfels(surfels, surfels.albedo, switched, outgoing, environment)
+    assert torch.equal(shade_surfels(dark, dark.albedo, without, outgoing, environment), off)
+    lit = shade_surfels(surfels, surfels.albedo, incident, outgoing, environment)
+    assert torch.equal(lit[:, :, [0, 2]], off[:, :, [0, 2]])
+    assert bool((off[:, :, [1, 3]] == 0).all())
+    assert float((lit[:, :, 1] - off[:, :, 1]).max()) > 1e-3
+
+
+@pytest.mark.case(38)
+@pytest.mark.parametrize("environment", [1.0, 0.3])
+def test_the_radiometric_residual_vanishes_where_radiance_solves_the_light_equation(environment: float) -> None:
+    """The harmonics are solved for the reflected light that the dense reference computes in both directions."""
+    surfels, camera = raw_surfels(12, torch.float64, spread=2.0), looking_along_z(dtype=F64)
+    index, samples = torch.arange(12), 16
+    light = torch.full((4, 8, 3), environment, dtype=F64)
+    surfels.sh = torch.zeros_like(surfels.sh)
+    surfels.sh[:, 0] = -10.0  # black, so that no indirect light moves while the harmonics are being solved
+    tracer = SurfelTracer(surfels)
+    normal = surfels.frame[..., 2]
+    # The same draws, in the loss's order.
+    generator = seeded(7)
+    direction, weight = hemisphere_directions(normal, samples, generator)
+    random = random_hemisphere_direction(normal, generator)
+    outgoing = torch.stack([normalize(camera.centre - surfels.centre, dim=-1), random], 1)
+    visibility = tracer.incident(index, direction, weight).visibility
+    assert float((visibility < 1).double().mean()) > 0.01
+    physical = dense_shade(
+        normal, surfels.albedo, surfels.roughness, outgoing, direction, weight, visibility,
+        torch.zeros(12, samples, 3, dtype=F64), light,
+    ).sum(2)  # fmt: skip
+    solved = torch.linalg.lstsq(harmonics(-outgoing), physical - 0.5).solution
+    assert torch.allclose(basis(-outgoing) @ solved + 0.5, physical)
+    # Only the residual's own side sees these harmonics: the tracer keeps the black surfels.
+    fixed = Surfels.of(surfels.parameters() | {"sh": solved.requires_grad_()})
+    loss, _ = consistency_loss(fixed, tracer, light, camera, index, samples, Variant(), seeded(7))
+    assert float(loss.detach()) < 1e-10
+    off = Surfels.of(surfels.parameters() | {"sh": solved.detach() * 1.01})
+    assert float(consistency_loss(off, tracer, light, camera, index, samples, Variant(), seeded(7))[0]) > 1e-4
+
+
+@pytest.mark.case(38)
+def test_the_squared_residual_pulls_nowhere_at_the_fixed_point() -> None:
+    """A white Lambert surface under constant light 1 sends 1: towards the light, its albedo and its normal alike."""
+    normal = unit(10).requires_grad_()
+    albedo = torch.ones(10, 3, dtype=F64, requires_grad=True)
+    environment = torch.ones(4, 8, 3, dtype=F64, requires_grad=True)
+    direction, weight = hemisphere_directions(normal.detach(), 64, seeded())
+    one = torch.ones(10, 64, dtype=F64)
+    parts = shade(
+        normal, albedo, torch.ones(10, dtype=F64), normal.detach()[:, None], direction, weight, one,
+        torch.zeros(10, 64, 3, dtype=F64), environment,
+    )  # fmt: skip
+    residual = parts[:, 0, DIFFUSE_DIRECT] - 1
+    assert float(residual.detach().abs().max()) < 1e-12
+    residual.square().sum().backward()
+    assert all(float(leaf.grad.abs().max()) < 1e-10 for leaf in (normal, albedo, environment))  # type: ignore[union-attr]
