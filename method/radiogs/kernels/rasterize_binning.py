@@ -84,8 +84,10 @@ def pixel_bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Int[Tensor, "
     focal = torch.tensor([camera.fx, camera.fy], dtype=torch.float64, device=size.device)
     offset = torch.tensor([camera.cx, camera.cy], dtype=torch.float64, device=size.device)
     low, high = (((middle + sign * width) / square * focal + offset) for sign in (-1, 1))
-    lowest = (low - 0.5).ceil().clamp(min=0)
-    highest = torch.minimum((high - 0.5).floor(), (size - 1).double())
+    # Held next to the image on both sides: a place of 1e30 pixels (a surfel 1e38 away) is beyond 64-bit integers, and
+    # wrapped around it would stand for the whole image.
+    lowest = torch.minimum((low - 0.5).ceil().clamp(min=0), size.double())
+    highest = torch.minimum((high - 0.5).floor().clamp(min=-1), (size - 1).double())
     lowest = torch.where(whole[:, None], lowest, 0.0)
     highest = torch.where(whole[:, None], highest, (size - 1).double())
     empty = ~alive[:, None]

@@ -93,8 +93,8 @@ _FORWARD = (
         const SCALAR* features = hits.features.data + (long long)channels * surfel;
         SCALAR colour[3];
         radiance_of(surfel, colour);
-        // Written so that a NaN stays one (and is then refused by name) instead of turning into black.
-        for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) : colour[c]);
+        // Zero times a negative radiance, not zero: what is no number stays none (and is refused by name), not black.
+        for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) * colour[c] : colour[c]);
         for (int k = 0; k < channels; ++k) blended[k] += weight * features[k];
         depth += weight * hits.depth.data[entry];
         left *= SCALAR(1) - alpha;
