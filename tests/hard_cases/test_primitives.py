@@ -1,6 +1,7 @@
 """Cases 1 to 12 and 14: surfels that are degenerate, extreme or in each other's way (13 is ``test_poison``)."""
 
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -22,7 +23,7 @@ from hard_cases.constructions import (
 )
 from hard_cases.ref64 import EPS
 from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA
+from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA, can_be_met
 from radiogs.kernels.trace import trace
 from radiogs.surfels import Surfels
 
@@ -58,14 +59,26 @@ def assert_never_met(broken: Surfels) -> None:
 
 
 @pytest.mark.case(1)
-def test_a_zero_quaternion_is_never_met_and_has_no_gradient() -> None:
-    broken = raw_surfels(2)
-    broken.rotation = torch.zeros(2, 4)
-    assert_never_met(broken)
+def test_a_zero_quaternion_is_never_met() -> None:
+    assert_never_met(Surfels.of(raw_surfels(2).parameters() | {"rotation": torch.zeros(2, 4)}))
+
+
+@pytest.mark.case(1)
+def test_a_zero_quaternion_is_not_the_identity() -> None:
+    """Seen from above, where the identity's normal would face the camera, and by rays that come down on it."""
+    pose = torch.diag(torch.tensor([1.0, -1.0, -1.0, 1.0]))
+    pose[2, 3] = 8.0
+    camera = replace(looking_along_z(), camera_to_world=pose)
+    sound, broken = raw_surfels(8), raw_surfels(2, spread=0.2)
+    sound.rotation = torch.tensor([1.0, 0.0, 0.0, 0.0]) + 0.2 * torch.randn(8, 4)
     broken.rotation = torch.zeros(2, 4, requires_grad=True)
-    seen(looking_along_z(), joined(raw_surfels(8), broken))[0].sum().backward()
+    both = seen(camera, joined(sound, broken))
+    assert float(seen(camera, sound)[1].max()) > 0.5
+    assert_same_bits(both, seen(camera, sound))
+    both[0].sum().backward()
     assert broken.rotation.grad is not None
     assert bool((broken.rotation.grad == 0).all())
+    assert not bool(can_be_met(joined(sound, broken).geometry())[8:].any())
 
 
 @pytest.mark.case(1)
