@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from .errors import DataError
+from .kernels.counters import fire
 
 RIGID_TOLERANCE = 1e-3
 """How far the axes' products may be from orthonormal: it moves what is at the edge of an image of 1000 pixels by half a
@@ -42,6 +43,7 @@ class Camera:
         lens = {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
         reach = max(abs(self.cx), abs(self.width - self.cx), abs(self.cy), abs(self.height - self.cy))
         if not all(map(math.isfinite, lens.values())) or not min(self.fx, self.fy) * STEEPEST_RAY > reach:
+            fire(blind_lenses=1)
             raise DataError(
                 f"a camera's lens is {', '.join(f'{name} = {value:g}' for name, value in lens.items())}",
                 "Focal lengths are positive, and all four are finite numbers of pixels.",
@@ -55,6 +57,7 @@ class Camera:
         axes = self.axes.double()
         off = float((axes.mT @ axes - torch.eye(3, dtype=torch.float64)).abs().max())
         if not (off <= RIGID_TOLERANCE and bool(torch.isfinite(self.centre).all())):
+            fire(bent_poses=1)
             raise DataError(
                 f"a camera's pose is not rigid: its axes are {off:.2g} from orthonormal, its centre is"
                 f" {[float(value) for value in self.centre]}",

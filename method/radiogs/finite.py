@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from .errors import NumericalFailure
+from .kernels.counters import fire
 
 
 def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> None:
@@ -16,6 +17,7 @@ def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> 
         bad = torch.nonzero(~torch.isfinite(value.reshape(value.shape[0], -1) if value.dim() else value[None, None]))
         if len(bad) == 0:
             continue  # finite entries whose sum overflows
+        fire(broken_training=1)
         raise NumericalFailure(
             f"{name} is not finite in stage '{stage}' at iteration {iteration}: entry {int(bad[0, 0])}"
             f" ({len(bad)} values in all)",
@@ -33,6 +35,7 @@ def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]
     """
     if blended.requires_grad or bool(torch.isfinite(blended.detach().sum())) or bool(torch.isfinite(blended).all()):
         return
+    fire(broken_colours=1)
     broken = [
         f"'{what}' of surfel {int(rows[0])} ({len(rows)} in all)"
         for what, values in given.items()

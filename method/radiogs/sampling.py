@@ -11,6 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from .errors import DataError
+from .kernels.counters import fire
 from .light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
@@ -74,6 +75,7 @@ class LightSampler:
         self.height, self.width = light.radiance.shape[:2]
         broken = int((~torch.isfinite(light.radiance)).any(-1).sum())
         if broken:
+            fire(broken_lights=1)
             raise DataError(
                 f"{broken} texels of the environment map are not finite",
                 "Light is drawn in proportion to radiance, so each of them would take all of it.",
@@ -83,7 +85,9 @@ class LightSampler:
         area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
         power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area
         # A black light has nothing to prefer: every direction is as good.
-        share = power / power.sum() if bool(power.any()) else (area / (4 * torch.pi)).expand_as(power)
+        black = not bool(power.any())
+        fire(black_lights=int(black))
+        share = (area / (4 * torch.pi)).expand_as(power) if black else power / power.sum()
         self.cumulative = share.flatten().cumsum(0)
         self.density = (share / area).flatten().to(light.radiance.dtype)
 

@@ -10,7 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .geometry import SplatGeometry, can_be_met, support_extent, support_radius
+from .geometry import SplatGeometry, can_be_met, cull, support_extent, support_radius
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 EMPTY = 1e30
@@ -110,7 +110,7 @@ def _surfel_boxes(geometry: SplatGeometry) -> tuple[Float[Tensor, "surfels_and_n
     """Corners of every surfel's padded box, and of an empty one after the last."""
     extent, centre = support_extent(geometry), geometry.centre
     padded = extent + RELATIVE_PADDING * extent.amax(-1, keepdim=True) + COORDINATE_PADDING * centre.abs()
-    alive = can_be_met(geometry)[:, None]
+    alive = cull(geometry)[:, None]
     low = torch.where(alive, centre - padded, EMPTY)
     high = torch.where(alive, centre + padded, -EMPTY)
     return torch.cat([low, low.new_full((1, 3), EMPTY)]), torch.cat([high, high.new_full((1, 3), -EMPTY)])

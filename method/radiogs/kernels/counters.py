@@ -14,3 +14,12 @@ one is used (caches may serve most of it).
 def count(**amounts: int) -> None:
     """Add to the counters."""
     work.update(amounts)
+
+
+fired: Counter[str] = Counter()
+"""How often each guard of ``radiogs.guards`` acted in this process since this was last cleared."""
+
+
+def fire(**amounts: int) -> None:
+    """Add to the guards' counters; what did not happen leaves no entry."""
+    fired.update({name: amount for name, amount in amounts.items() if amount})

@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from .counters import fire
+
 ALPHA_THRESHOLD = 1 / 255
 """A hit weaker than one 8-bit level is no hit; it bounds the surfel's support at ``support_radius``."""
 
@@ -69,6 +71,22 @@ def can_be_met(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:
     A surfel that fails (scale of zero or infinity, a NaN anywhere) takes no part: it is neither drawn nor traced.
     """
     with torch.no_grad():
-        vectors = (geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, support_extent(geometry))
-        finite = torch.isfinite(torch.cat(vectors, -1)).all(-1)
-        return finite & (geometry.opacity >= ALPHA_THRESHOLD)
+        return _is_finite(geometry) & (geometry.opacity >= ALPHA_THRESHOLD)
+
+
+def cull(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:
+    """``can_be_met``, counted: called once for every set of surfels that is binned or fitted into a tree."""
+    with torch.no_grad():
+        finite = _is_finite(geometry) & ~torch.isnan(geometry.opacity)
+        strong = geometry.opacity >= ALPHA_THRESHOLD
+        fire(
+            degenerate_surfels=int((~finite).sum()),
+            faint_surfels=int((finite & ~strong).sum()),
+            saturable_surfels=int((finite & (geometry.opacity > MAX_ALPHA)).sum()),
+        )
+        return finite & strong
+
+
+def _is_finite(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:
+    vectors = (geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, support_extent(geometry))
+    return torch.isfinite(torch.cat(vectors, -1)).all(-1)

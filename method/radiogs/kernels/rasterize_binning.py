@@ -7,7 +7,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from ..camera import Camera
-from .geometry import SplatGeometry, can_be_met, support_radius
+from .geometry import SplatGeometry, cull, support_radius
 from .rasterize_source import TILE
 from .runtime import require_countable
 
@@ -71,7 +71,7 @@ def pixel_bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Int[Tensor, "
     )
     reach = torch.hypot(span_u[:, 2], span_v[:, 2])
     facing = (geometry.normal.double() * (geometry.centre.double() - camera.centre.double())).sum(-1) < 0
-    alive = can_be_met(geometry) & facing & (centre[:, 2] + reach > 0)
+    alive = cull(geometry) & facing & (centre[:, 2] + reach > 0)
     whole = centre[:, 2] - reach > 0
 
     def form(x: int, y: int) -> Tensor:

@@ -13,6 +13,7 @@ import torch
 import warp as wp
 
 from ..errors import UsageError
+from .counters import fire
 
 
 @cache
@@ -58,6 +59,7 @@ MOST_ENTRIES = 2**31 - 1
 def require_countable(entries: int, what: str, remedy: str) -> None:
     """Raise UsageError if a list would have more entries than its kernels can count."""
     if entries > MOST_ENTRIES:
+        fire(uncountable_lists=1)
         raise UsageError(f"{entries} {what} at once", f"A list holds at most {MOST_ENTRIES} of them.", remedy)
 
 

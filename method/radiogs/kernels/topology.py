@@ -7,6 +7,7 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from .counters import fire
 from .hits_source import STACK
 from .runtime import as_array
 from .sah_source import sah_kernel
@@ -50,6 +51,7 @@ def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3
     wp.launch(kernel, dim=1, inputs=arrays, device="cpu")
     nodes, leaves, levels = made.tolist()
     if nodes == 0:
+        fire(deep_trees=1)
         return kd_topology((low + high) / 2)
     child = torch.where(child[:nodes] == room, -1 - leaves, child[:nodes])
     return Topology(child.contiguous(), leaf[:leaves].contiguous(), tuple(level_end[:levels].tolist()))

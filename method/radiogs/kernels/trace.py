@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ..finite import require_finite_blend
 from .bvh import SurfelBVH
-from .counters import count
+from .counters import count, fire
 from .geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .hits import HitLists, find_hits
 from .runtime import WorkerSums, as_array, launch_in_parallel
@@ -53,6 +53,7 @@ def trace(
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), stop)
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
     radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
+    fire(full_rays=int((scalars[:, 0].detach() < stop).sum()))
     require_finite_blend("traced radiance", radiance, {"sh": sh})
     require_finite_blend("traced features", blended, {"features": features})
     return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])

@@ -1,0 +1,97 @@
+"""Every guard is told in one place, counts itself where it says so, and stays silent on a sound scene."""
+
+import ast
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+import radiogs
+from hard_cases.constructions import ball_of_surfels, cast, drawn, facing, looking_along_z, rays_along_z, with_radiance
+from radiogs.errors import ExplainedError
+from radiogs.finite import require_finite
+from radiogs.guards import GUARDS
+from radiogs.kernels import topology
+from radiogs.kernels.counters import fired
+from radiogs.kernels.runtime import MOST_ENTRIES, require_countable
+from radiogs.light import EnvironmentMap
+from radiogs.sampling import LightSampler
+from scenes import look_at
+
+CAMERA = looking_along_z()
+
+
+def fires_in_source() -> set[str]:
+    """Names of all counters that the method's code adds to."""
+    names: set[str] = set()
+    for file in Path(radiogs.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Call) and ast.unparse(node.func) == "fire":
+                names |= {keyword.arg for keyword in node.keywords if keyword.arg}
+    return names
+
+
+def test_the_list_of_guards_is_what_the_code_counts() -> None:
+    names = [guard.name for guard in GUARDS]
+    assert len(set(names)) == len(names)
+    assert fires_in_source() == {guard.name for guard in GUARDS if guard.counted}
+
+
+def broken(field: str) -> Callable[[], object]:
+    def draw() -> object:
+        given = {name: value.clone() for name, value in facing(torch.tensor([2.0, 3.0])).items()}
+        given[field][0] = torch.nan
+        return drawn(CAMERA, given)
+
+    return draw
+
+
+def too_deep() -> object:
+    """A stack of two levels under a thousand surfels: within a real one no scene was found that needs more."""
+    corner = torch.rand(1000, 3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(topology, "DEEPEST", 2)
+        return topology.sah_topology(corner, corner)
+
+
+OPAQUE = facing(torch.tensor([2.0, 3.0]), 1.0)
+CASES = {
+    "degenerate_surfels": (broken("centre"), 1),
+    "faint_surfels": (lambda: drawn(CAMERA, facing(torch.tensor([2.0, 3.0]), 1e-3)), 2),
+    "saturable_surfels": (lambda: drawn(CAMERA, OPAQUE), 2),
+    "full_rays": (lambda: cast(with_radiance(facing(torch.tensor([2.0, 3.0]), 0.9), 1), rays_along_z(5)), 5),
+    "deep_trees": (too_deep, 1),
+    "black_lights": (lambda: LightSampler(EnvironmentMap(torch.zeros(2, 4, 3))), 1),
+    "broken_lights": (lambda: LightSampler(EnvironmentMap(torch.full((2, 4, 3), torch.nan))), 1),
+    "blind_lenses": (lambda: replace(CAMERA, fx=0.0), 1),
+    "bent_poses": (lambda: replace(CAMERA, camera_to_world=2 * torch.eye(4)), 1),
+    "uncountable_lists": (lambda: require_countable(MOST_ENTRIES + 1, "things", ""), 1),
+    "broken_colours": (broken("features"), 1),
+    "broken_training": (lambda: require_finite("stage", 1, {"loss": torch.tensor(torch.nan)}), 1),
+}
+
+
+@pytest.mark.parametrize("name", sorted(guard.name for guard in GUARDS if guard.counted))
+def test_a_guard_counts_how_often_it_acts(name: str) -> None:
+    act, times = CASES[name]
+    refuses = next(guard for guard in GUARDS if guard.name == name).refuses
+    fired.clear()
+    if refuses:
+        with pytest.raises(ExplainedError):
+            act()
+    else:
+        act()
+    assert fired == {name: times}
+
+
+def test_no_guard_acts_on_a_sound_scene() -> None:
+    surfels = ball_of_surfels(60)
+    surfels.opacity_logit = torch.full((60,), 1.0)
+    camera = look_at(torch.tensor([0.0, -4.0, 0.5]), torch.zeros(3), 12, 15.0)
+    fired.clear()
+    geometry = surfels.geometry_for(camera)
+    given = {name: getattr(geometry, name) for name in ("centre", "axis_u", "axis_v", "normal", "opacity")}
+    assert float(drawn(camera, given | {"features": surfels.albedo})[1].max()) > 0.5
+    assert not fired
