@@ -208,8 +208,6 @@ CASES = (
         35, "prefiltered light", "shading and light transport", "constant map, and a delta map at every texel",
         "the same constant; equal energy", "1e-4", (LIGHT,),
         ("method/test_splitsum.py::test_a_constant_light_stays_the_same_constant_at_every_roughness",),
-        "at the sharpest level (roughness 0.2) a texel's energy is kept to 1.0 %: Sinkhorn's 16 rounds converge slowest"
-        " where the kernel is narrower than the grid; the other levels keep it to 2e-6",
     ),
     Case(
         36, "visibility at the edges", "shading and light transport", "0, 1 and many hits; a wall with a hole",

@@ -369,20 +369,10 @@ def _kept(level: int) -> float:
 
 
 @pytest.mark.case(35)
-@pytest.mark.parametrize("level", [0, 2, 3, 4, 5])
+@pytest.mark.parametrize("level", range(6))
 def test_filtering_keeps_the_energy_of_every_texel_to_1e_4(level: int) -> None:
-    """Of a delta map at each texel, all at once: the filter is a matrix."""
+    """Of a delta map at each texel, all at once: the filter is a matrix. Measured: 1e-5 at the sharpest, else less."""
     assert _kept(level) < 1e-4
-
-
-@pytest.mark.case(35)
-@pytest.mark.xfail(
-    strict=True,
-    reason="the sharpest level (roughness 0.2) is balanced to 1 %: its kernel is narrower than the grid's texels, and"
-    " Sinkhorn's rounds converge slowest there",
-)
-def test_filtering_keeps_the_energy_of_every_texel_at_the_sharpest_level_to_1e_4() -> None:
-    assert _kept(1) < 1e-4
 
 
 @pytest.mark.case(36)

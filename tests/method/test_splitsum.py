@@ -73,9 +73,8 @@ def test_filtering_keeps_the_energy_of_a_single_bright_texel(height: int, texel:
     for level in LEVELS:
         filtered[f"roughness {level}"] = light.glossy(direction, torch.full((len(direction),), level, dtype=F64))
     for name, values in filtered.items():
-        # The sharpest level is balanced to 1 %; the sum over directions itself is good to 1e-3.
-        tolerance = 0.015 if name == f"roughness {LEVELS[0]}" else 2e-3
-        assert float((values[:, 0] * solid_angle).sum()) == pytest.approx(energy, rel=tolerance), name
+        # The sum over directions is good to 2.2e-3 at the pole; the hard cases hold the filter itself to 1e-4.
+        assert float((values[:, 0] * solid_angle).sum()) == pytest.approx(energy, rel=3e-3), name
 
 
 def test_levels_join_without_a_step() -> None:
