@@ -8,6 +8,7 @@ from radiogs_reports.summary import (
     ColumnSummary,
     Interval,
     RowSummary,
+    RunSummary,
     SheetSummary,
     Summary,
 )
@@ -16,7 +17,7 @@ from ..schema import Result, training_seconds
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store import Store
 from ..suites import MEASURES, Metric
-from ..sweep import Place, Sweep
+from ..sweep import Place, Sweep, state_of
 
 Finished = Sequence[tuple[Place, Result | None]]
 """Every cell of the sweep, with its result if it is there."""
@@ -56,6 +57,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
             if place["seed"] == sweep["seeds"][0] and store.arrays_path(result["key"]).exists()
         ],
         keys=[result["key"] for _, result in finished],
+        runs=[run_summary(store, sweep, place, result) for place, result in cells],
+        conventions=finished[0][1]["protocol"] if finished else {},
     )
 
 
@@ -130,3 +133,35 @@ def sheet_row(store: Store, place: Place, result: Result) -> SheetSummary:
     if result["shown_light"] is not None:
         row["light"] = result["shown_light"]
     return row
+
+
+def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None) -> RunSummary:
+    """One cell with its figures and its provenance."""
+    run = RunSummary(
+        row=place["row"],
+        scene=place["scene"],
+        seed=place["seed"],
+        key=place["key"],
+        state=state_of(store, place),
+        figures={},
+        seconds={},
+        work={},
+        losses={},
+        surfels=None,
+        view=None,
+        light=None,
+        arrays=None,
+        made_from={},
+        sessions={},
+    )
+    if result is None:
+        return run
+    metrics, arrays = result["metrics"], store.arrays_path(result["key"])
+    run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["seconds"] = {**result["seconds"]}  # type: ignore[dict-item]
+    run["work"], run["losses"], run["surfels"] = result["work"], result["losses"], result["surfels"]
+    run["view"], run["light"] = result["shown_view"], result["shown_light"]
+    run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None
+    run["made_from"] = result["cell"]
+    run["sessions"] = {stage: [{**session} for session in sessions] for stage, sessions in result["sessions"].items()}
+    return run

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from .contact_sheet import write_contact_sheet
 from .latex import document, table
+from .page import write_page
 from .plain import csv, markdown
 from .summary import read_summary
 
@@ -28,4 +29,5 @@ def write_reports(out: Path) -> list[Path]:
         written.append(out / name)
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
+    written.append(write_page(summary, out))
     return written

@@ -5,9 +5,9 @@ The harness writes it from the store; the reports only read. ``SCHEMA`` rises wh
 
 import json
 from pathlib import Path
-from typing import Literal, NotRequired, TypedDict
+from typing import Any, Literal, NotRequired, TypedDict
 
-SCHEMA = "radiogs-bench/summary/1"
+SCHEMA = "radiogs-bench/summary/2"
 
 
 class Interval(TypedDict):
@@ -62,6 +62,34 @@ class SheetSummary(TypedDict):
     light: NotRequired[str]
 
 
+class RunSummary(TypedDict):
+    """One cell of the run: its place in the table, its figures, what it took, and where it comes from."""
+
+    row: str
+    scene: str
+    seed: int
+    key: str
+    state: str
+    """``finished``, or how far it is, or why it failed; what follows is empty or None unless it is finished."""
+    figures: dict[str, float | None]
+    """By column; None where there is no finite figure."""
+    seconds: dict[str, float]
+    """By stage: initialise, invert, evaluate."""
+    work: dict[str, dict[str, int]]
+    """Deterministic work counters by stage."""
+    losses: dict[str, dict[str, float]]
+    """The last step's weighted losses by stage."""
+    surfels: int | None
+    view: str | None
+    light: str | None
+    arrays: str | None
+    """The array file (relative to OUT), as in ``SheetSummary``; None where there is none."""
+    made_from: dict[str, Any]
+    """Everything that the key is the hash of."""
+    sessions: dict[str, list[dict[str, Any]]]
+    """Dates, commits, versions, machines and memory of the processes that made it, by stage."""
+
+
 class Summary(TypedDict):
     """The whole run."""
 
@@ -85,6 +113,10 @@ class Summary(TypedDict):
     sheet: list[SheetSummary]
     keys: list[str]
     """Keys of the results that the figures come from."""
+    runs: list[RunSummary]
+    """Every cell, in the order in which they are run."""
+    conventions: dict[str, Any]
+    """What the metric protocol does, spelled out; empty before the first result."""
 
 
 def read_summary(out: Path) -> Summary:

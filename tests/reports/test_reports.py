@@ -8,77 +8,27 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 from PIL import Image
 
+from made_up_run import summary, write_run
 from radiogs_reports import write_reports
 from radiogs_reports.latex import escape, table
 from radiogs_reports.plain import csv, markdown
 from radiogs_reports.ranks import ranks
-from radiogs_reports.summary import SCHEMA, CellSummary, Summary, read_summary
-
-
-def cell(mean: float | None, difference: float | None = None, reason: str | None = None) -> CellSummary:
-    interval = None if difference is None else {"mean": difference, "low": difference - 0.5, "high": difference + 0.5}
-    return {"mean": mean, "count": 2, "difference": interval, "reason": reason}  # type: ignore[typeddict-item]
-
-
-def summary() -> Summary:
-    return {
-        "schema": SCHEMA,
-        "suite": "ablations",
-        "title": "Ablation & more",
-        "protocol": "default",
-        "preset": "tiny",
-        "scenes": ["my_scene"],
-        "seeds": [0, 1],
-        "reference": "ours",
-        "columns": [
-            {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2},
-            {"key": "normal/mae", "label": "Normal MAE", "unit": "degrees", "direction": "down", "decimals": 2},
-            {"key": "nvs/lpips", "label": "NVS LPIPS", "unit": "", "direction": "down", "decimals": 3},
-        ],
-        "rows": [
-            {"key": "ours", "latex": "Ours", "text": "Ours", "seconds": 61.2},
-            {"key": "no-rad", "latex": r"$\lambda_{rad}=0$", "text": "lambda_rad = 0", "seconds": 40.0},
-        ],
-        "cells": {
-            "ours": {"nvs/psnr": cell(31.234), "normal/mae": cell(7.5), "nvs/lpips": cell(None, reason="no_weights")},
-            "no-rad": {
-                "nvs/psnr": cell(30.0, -1.234),
-                "normal/mae": cell(7.0, -0.5),
-                "nvs/lpips": cell(None, reason="no_weights"),
-            },
-        },
-        "published": {"ours": {"nvs/psnr": 37.86}, "no-rad": {"nvs/psnr": 35.82}},
-        "published_data": "TensoIR, four scenes",
-        "machine": "a CPU, 2 threads",
-        "sheet": [{"row": "ours", "scene": "my_scene", "view": "test_004", "arrays": "cells/abc.npz", "light": "sky"}],
-        "keys": ["abc", "def"],
-    }
+from radiogs_reports.summary import read_summary
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    (tmp_path / "summary.json").write_text(json.dumps(summary()))
-    (tmp_path / "cells").mkdir()
-    generator = np.random.default_rng(0)
-    channels = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
-    arrays = {
-        f"{side}/{name}": generator.random((16, 16, count), dtype=np.float32)
-        for side in ("render", "truth")
-        for name, count in channels.items()
-    }
-    np.savez(tmp_path / "cells" / "abc.npz", allow_pickle=False, **arrays)
-    return tmp_path
+    return write_run(tmp_path, summary())
 
 
 def test_reports_are_rebuilt_byte_for_byte(run: Path) -> None:
     first = {path.name: path.read_bytes() for path in write_reports(run)}
     assert {path.name: path.read_bytes() for path in write_reports(run)} == first
     assert set(first) == {
-        "ablations.tex", "ablations_table.tex", "ablations.md", "ablations.csv", "contact_sheet.png",
+        "ablations.tex", "ablations_table.tex", "ablations.md", "ablations.csv", "contact_sheet.png", "report.html",
     }  # fmt: skip
 
 

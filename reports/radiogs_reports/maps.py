@@ -1,0 +1,102 @@
+"""The maps of one view as pictures: what a cell keeps beside its result, in display colours."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib import colormaps
+from numpy.typing import NDArray
+
+INDIRECT_GAIN = 4.0
+"""Indirect light is shown four times brighter, or it would be too dark to judge."""
+
+ERROR_RANGE = 0.25
+"""Mean absolute difference over the channels, in display units, that has the brightest colour."""
+
+ANGLE_RANGE = 45.0
+"""Angle between normals, in degrees, that has the brightest colour."""
+
+Image = NDArray[np.float64]
+"""[height, width, channels]."""
+
+
+def as_is(image: Image) -> Image:
+    """A map that is stored in display units."""
+    return image
+
+
+def display(linear: Image) -> Image:
+    """Linear RGB as sRGB (IEC 61966-2-1)."""
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def linear(displayed: Image) -> Image:
+    """The inverse of ``display``."""
+    return np.where(displayed <= 0.04045, displayed / 12.92, ((np.maximum(displayed, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+def normal_colour(normal: Image) -> Image:
+    """World normals, -1 to 1, as colours; black where there is no surface."""
+    return np.where((normal == 0).all(-1, keepdims=True), 0, normal * 0.5 + 0.5)
+
+
+def difference(mine: Image, theirs: Image) -> Image:
+    """Mean absolute difference over the channels of two displayed maps, as a share of ``ERROR_RANGE``, clipped."""
+    return np.clip(np.abs(mine - theirs).mean(-1, keepdims=True) / ERROR_RANGE, 0, 1)
+
+
+def angle(mine: Image, theirs: Image) -> Image:
+    """Angle between two maps of normals, as a share of ``ANGLE_RANGE``, clipped.
+
+    Zero where neither has a surface, full where only one has. atan2, because acos is NaN a rounding error above one.
+    """
+    cross = np.linalg.norm(np.cross(mine, theirs), axis=-1, keepdims=True)
+    degrees = np.degrees(np.arctan2(cross, (mine * theirs).sum(-1, keepdims=True)))
+    bare_mine, bare_theirs = ((image == 0).all(-1, keepdims=True) for image in (mine, theirs))
+    degrees = np.where(bare_mine ^ bare_theirs, ANGLE_RANGE, np.where(bare_mine & bare_theirs, 0, degrees))
+    return np.clip(degrees / ANGLE_RANGE, 0, 1)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How a kind of map is called and shown; ``error_unit`` says what the brightest colour of its error means."""
+
+    label: str
+    shown: Callable[[Image], Image]
+    error_unit: str = f"mean absolute difference as displayed, 0 to {ERROR_RANGE:g}"
+
+
+KINDS: Mapping[str, Kind] = {
+    "image": Kind("image", as_is),
+    "albedo": Kind("albedo (as sRGB)", display),
+    "normal": Kind("normal", normal_colour, f"angle, 0 to {ANGLE_RANGE:g} degrees"),
+    "roughness": Kind("roughness", as_is),
+    "indirect": Kind(f"indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
+    "relit": Kind("relit", as_is),
+}
+"""In the order in which they are shown."""
+
+
+def error(kind: str, mine: Image, theirs: Image) -> Image:
+    """Error of a map against the truth, 0 to 1, one channel; see the kind's ``error_unit``."""
+    if kind == "normal":
+        return angle(mine, theirs)
+    return difference(*(np.clip(KINDS[kind].shown(image), 0, 1) for image in (mine, theirs)))
+
+
+def read_maps(path: Path) -> dict[str, Image]:
+    """The arrays of a cell under ``render/<map>`` and ``truth/<map>``."""
+    with np.load(path) as archive:
+        return {name: archive[name].astype(np.float64) for name in archive.files}
+
+
+def false_colour(values: Image) -> Image:
+    """0 to 1 as matplotlib's inferno."""
+    return colormaps["inferno"](np.clip(values[..., 0], 0, 1))[..., :3]
+
+
+def levels(image: Image) -> NDArray[np.uint8]:
+    """A displayed map in 8 bits, three channels."""
+    rounded = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
+    return rounded.repeat(3, -1) if rounded.shape[2] == 1 else rounded[..., :3]

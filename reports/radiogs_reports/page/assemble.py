@@ -1,0 +1,97 @@
+"""The page's parts put together: template, style, script, plotting library, data, pictures."""
+
+from importlib import resources
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup
+
+from .. import maps
+from ..front import COSTS, cost_of, points
+from ..plain import note
+from ..summary import Summary
+from .embedding import content_security_policy, json_for_script
+from .pictures import Album, album, scale_bar
+from .tables import cells_table, suite_table
+
+SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
+"""In the order in which they run; each is a closed block that needs none of the others."""
+
+STYLES = ("page", "tables", "comparison")
+
+
+def write_page(summary: Summary, out: Path) -> Path:
+    """Write ``report.html`` into ``out``; returns its path. The same stored results give the same bytes."""
+    path = out / "report.html"
+    path.write_text(page(summary, album(summary["runs"], out)), encoding="utf-8")
+    return path
+
+
+def page(summary: Summary, pictures: Album) -> str:
+    """The whole page."""
+    script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
+    style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
+    templates = Environment(
+        loader=FunctionLoader(lambda name: part("templates", name)),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return templates.get_template("page.html").render(
+        summary=summary,
+        tables=[suite_table(summary), cells_table(summary)],
+        note=note(summary),
+        lacking=lacking(summary),
+        finished=sum(run["state"] == "finished" for run in summary["runs"]),
+        kinds=maps.KINDS,
+        costs=COSTS,
+        scale_bar=scale_bar(),
+        pictures=pictures,
+        data=json_for_script(data(summary, pictures)),
+        json_for_script=json_for_script,
+        policy=content_security_policy(script, style),
+        script=Markup(script),
+        style=Markup(style),
+    )
+
+
+def part(*path: str) -> str:
+    """A file that lies beside this module."""
+    place: Traversable = resources.files(__package__)
+    return place.joinpath(*path).read_text(encoding="utf-8")
+
+
+def data(summary: Summary, pictures: Album) -> dict[str, Any]:
+    """What the script reads: the cells, and the points of the scatter by metric and cost."""
+    columns = [column for column in summary["columns"] if any(run["figures"].get(column["key"]) is not None
+               for run in summary["runs"])]  # fmt: skip
+    return {
+        "columns": columns,
+        "costs": COSTS,
+        "rows": [{"key": row["key"], "text": row["text"]} for row in summary["rows"]],
+        "reference": summary["reference"],
+        "points": {
+            column["key"]: {cost: [point._asdict() for point in points(summary, column, cost)] for cost in COSTS}
+            for column in columns
+        },
+        "runs": [
+            {**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}, "truth": pictures.truth_of.get(run["key"])}
+            for run in summary["runs"]
+        ],
+        "kinds": {name: {"label": kind.label, "unit": kind.error_unit} for name, kind in maps.KINDS.items()},
+        "conventions": summary["conventions"],
+    }
+
+
+def lacking(summary: Summary) -> dict[str, list[str]]:
+    """Why figures are lacking: the columns by reason."""
+    reasons: dict[str, list[str]] = {}
+    for column in summary["columns"]:
+        for row in summary["rows"]:
+            reason = summary["cells"][row["key"]][column["key"]]["reason"]
+            if reason is not None and column["label"] not in reasons.setdefault(reason, []):
+                reasons[reason].append(column["label"])
+    return reasons

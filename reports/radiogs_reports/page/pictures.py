@@ -1,0 +1,119 @@
+"""Every cell's maps and error maps as pictures inside the page, within a budget of bytes.
+
+A picture is a PNG without loss at the largest scale that fits; true maps that cells share are stored once.
+"""
+
+import base64
+import hashlib
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from .. import maps
+from ..summary import RunSummary
+
+BUDGET = 20 * 2**20
+"""Bytes of all pictures; the rest of the page is far below 5 MiB, so that it stays below 25 MB."""
+
+
+LEGIBLE = 32
+"""Pixels: a picture is made no smaller; then some cells show none."""
+
+
+@dataclass(frozen=True)
+class Album:
+    """The pictures of a page, as data addresses.
+
+    ``views[key]`` holds a cell's rendered maps and errors, ``truths[name]`` true maps, ``truth_of[key]`` the name of
+    a cell's. ``factor`` is by how much width and height were divided; 1 is as stored.
+    """
+
+    views: dict[str, dict[str, dict[str, str]]]
+    truths: dict[str, dict[str, str]]
+    truth_of: dict[str, str]
+    factor: int
+
+    @property
+    def size(self) -> int:
+        """Bytes of all pictures."""
+        pictures = [each for view in self.views.values() for group in view.values() for each in group.values()]
+        return sum(map(len, pictures)) + sum(len(each) for group in self.truths.values() for each in group.values())
+
+
+def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
+    """The pictures of the cells that have arrays: smaller if they do not fit, then fewer, later seeds first to go.
+
+    The scale is judged by the first cell (bytes fall with the square of the factor), then kept to by measuring.
+    """
+    shown = sorted((run for run in runs if run["arrays"] is not None), key=lambda run: run["seed"])
+    if not shown:
+        return Album({}, {}, {}, 1)
+    largest = max(max(image.shape) for image in maps.read_maps(out / str(shown[0]["arrays"])).values())
+    expected = len(shown) * bound(shown[:1], out, 1).size
+    factor = 1
+    while expected / factor**2 > budget and largest // (2 * factor) >= LEGIBLE:
+        factor *= 2
+    while (made := bound(shown, out, factor)).size > budget:
+        if largest // (2 * factor) >= LEGIBLE:
+            factor *= 2
+        else:
+            shown = shown[: len(shown) // 2]
+    return made
+
+
+def bound(runs: list[RunSummary], out: Path, factor: int) -> Album:
+    """The pictures of these cells, width and height divided by a factor."""
+    made = Album({}, {}, {}, factor)
+    for run in runs:
+        arrays = maps.read_maps(out / str(run["arrays"]))
+        view: dict[str, dict[str, str]] = {"mine": {}, "error": {}}
+        truth = {}
+        for name, kind in maps.KINDS.items():
+            mine, theirs = arrays.get(f"render/{name}"), arrays.get(f"truth/{name}")
+            if mine is None:
+                continue
+            view["mine"][name] = picture(reduced(kind.shown(mine), factor))
+            if theirs is not None:
+                truth[name] = picture(reduced(kind.shown(theirs), factor))
+                view["error"][name] = false_colours(reduced(maps.error(name, mine, theirs), factor))
+        name = hashlib.sha256("".join(truth.values()).encode()).hexdigest()[:12]
+        made.views[run["key"]], made.truths[name], made.truth_of[run["key"]] = view, truth, name
+    return made
+
+
+def reduced(image: maps.Image, factor: int) -> maps.Image:
+    """The means of blocks of factor x factor pixels; what is left over at the right and below is cut off."""
+    factor = min(factor, *image.shape[:2])
+    height, width, channels = image.shape[0] // factor, image.shape[1] // factor, image.shape[2]
+    blocks = image[: height * factor, : width * factor].reshape(height, factor, width, factor, channels)
+    return np.clip(blocks, 0, 1).mean((1, 3))
+
+
+def picture(image: maps.Image) -> str:
+    """A displayed map as a data address; one channel where the three are the same."""
+    levels = maps.levels(image)
+    grey = bool((levels == levels[..., :1]).all())
+    return data_address(Image.fromarray(levels[..., 0] if grey else levels))
+
+
+def false_colours(error: maps.Image) -> str:
+    """An error map, 0 to 1, in false colours: a palette of 256, a third of the bytes of three channels."""
+    levels = np.rint(error[..., 0] * 255).astype(np.uint8)
+    coloured = Image.fromarray(levels).convert("P")
+    coloured.putpalette(maps.levels(maps.false_colour(np.linspace(0, 1, 256)[:, None, None])).tobytes())
+    return data_address(coloured)
+
+
+def scale_bar() -> str:
+    """The false colours from 0 on the left to 1 on the right."""
+    return false_colours(np.linspace(0, 1, 256)[None, :, None])
+
+
+def data_address(image: Image.Image) -> str:
+    """A picture as a data address; the bytes depend on nothing but its content."""
+    packed = io.BytesIO()
+    image.save(packed, "PNG", optimize=True)
+    return "data:image/png;base64," + base64.b64encode(packed.getvalue()).decode("ascii")

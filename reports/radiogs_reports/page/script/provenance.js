@@ -1,0 +1,71 @@
+// Where a cell comes from, in a dialogue; the protocol's conventions, in the page. Text only: names never become markup.
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const dialog = document.getElementById("provenance");
+  const texts = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
+  const runs = new Map(data.runs.map((run) => [run.key, run]));
+
+  function element(name, text, className) {
+    const made = document.createElement(name);
+    if (text !== undefined) made.textContent = text;
+    if (className) made.className = className;
+    return made;
+  }
+
+  function shown(value) {
+    if (value === null) return "none";
+    if (typeof value === "number" && !Number.isInteger(value)) return Number(value.toPrecision(6)).toString();
+    return typeof value === "number" ? value.toLocaleString("en") : String(value);
+  }
+
+  function listed(content) {
+    const list = element("dl", undefined, "tree");
+    for (const [name, value] of Object.entries(content)) {
+      const line = element("div");
+      line.append(element("dt", name.replaceAll("_", " ")));
+      const place = element("dd");
+      if (value !== null && typeof value === "object") {
+        if (Object.keys(value).length) place.append(listed(value));
+        else place.textContent = "none";
+      } else place.textContent = shown(value);
+      line.append(place);
+      list.append(line);
+    }
+    return list;
+  }
+
+  function part(title, content) {
+    const made = element("section");
+    made.append(element("h3", title), listed(content));
+    return made;
+  }
+
+  function open(run) {
+    document.getElementById("provenance-head").textContent = `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
+    const body = document.getElementById("provenance-body");
+    body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
+    if (run.arrays !== null) {
+      const button = element("button", "Show its images");
+      button.type = "button";
+      button.addEventListener("click", () => {
+        dialog.close();
+        document.dispatchEvent(new CustomEvent("showcell", { detail: run.key }));
+      });
+      body.append(button);
+    }
+    const parts = { "What the key is made of": run.made_from, Figures: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses };
+    for (const [title, content] of Object.entries(parts)) {
+      if (Object.keys(content).length) body.append(part(title, content));
+    }
+    for (const [stage, sessions] of Object.entries(run.sessions)) {
+      sessions.forEach((session, place) => body.append(part(`Session ${place + 1} of ${stage}`, session)));
+    }
+    dialog.showModal();
+    body.scrollTop = 0;
+  }
+
+  for (const button of document.querySelectorAll("button.open")) {
+    button.addEventListener("click", () => open(runs.get(button.dataset.key)));
+  }
+  document.getElementById("conventions").append(listed(data.conventions));
+})();

@@ -1,0 +1,213 @@
+// Quality against cost: rows as large marks with intervals and the front, cells as small ones; hover or arrow keys.
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const box = document.getElementById("scatter");
+  const said = document.getElementById("scatter-said");
+  const qualitySelect = document.getElementById("scatter-quality");
+  const costSelect = document.getElementById("scatter-cost");
+  const REACH = 28; // pixels from a mark within which it is hovered
+  const LOGARITHMIC_FROM = 8; // ratio of the largest to the smallest cost
+
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const colourOf = (place) => colour(`--row-${place % 8}`);
+  const textOf = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
+
+  let plot = null;
+  let marks = [];
+  let current = -1;
+
+  function option(value, text) {
+    const made = document.createElement("option");
+    made.value = value;
+    made.textContent = text;
+    return made;
+  }
+
+  function collect(column, cost) {
+    const rows = data.points[column.key][cost].map((point) => ({ ...point, large: true }));
+    const cells = data.runs
+      .filter((run) => typeof run.figures[column.key] === "number" && run.cost[cost] !== null)
+      .map((run) => ({ row: run.row, cost: run.cost[cost], quality: run.figures[column.key], run, large: false }));
+    return [...rows, ...cells].sort((one, other) => one.cost - other.cost);
+  }
+
+  function digits(value) {
+    return value >= 1000 ? Math.round(value).toLocaleString("en") : Number(value.toPrecision(3)).toString();
+  }
+
+  function describe(mark, column, cost) {
+    const unit = column.unit ? ` ${column.unit}` : "";
+    const name = mark.large ? `${textOf[mark.row]}, mean` : `${textOf[mark.row]}, ${mark.run.scene}, seed ${mark.run.seed}`;
+    const reach = mark.large && mark.reach !== null ? ` ± ${mark.reach.toFixed(column.decimals)}` : "";
+    const amount = cost === "seconds" ? `${digits(mark.cost)} s` : `${digits(mark.cost)} ${cost}`;
+    const front = mark.large && mark.on_front ? "; on the front" : "";
+    return `${name}: ${column.label} ${mark.quality.toFixed(column.decimals)}${reach}${unit} for ${amount}${front}`;
+  }
+
+  function seriesOf(large) {
+    return data.rows.map((row, place) => ({
+      label: row.text,
+      paths: () => null,
+      points: {
+        show: true,
+        size: large ? 13 : 6,
+        width: large ? 2 : 1,
+        stroke: colourOf(place),
+        fill: large ? colourOf(place) : "transparent",
+      },
+    }));
+  }
+
+  function padded(low, high, logarithmic) {
+    if (logarithmic) return [low / 1.15, high * 1.15];
+    const room = (high - low || Math.abs(high) || 1) * 0.1;
+    return [low - room, high + room];
+  }
+
+  function drawFront(chart, column) {
+    const place = (mark) => [chart.valToPos(mark.cost, "x", true), chart.valToPos(mark.quality, "y", true)];
+    const context = chart.ctx;
+    context.save();
+    context.lineWidth = devicePixelRatio;
+    const front = marks.filter((mark) => mark.large && mark.on_front);
+    context.strokeStyle = colour("--faint");
+    context.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
+    context.beginPath();
+    front.forEach((mark, step) => (step ? context.lineTo(...place(mark)) : context.moveTo(...place(mark))));
+    context.stroke();
+    context.setLineDash([]);
+    for (const mark of marks) {
+      if (!mark.large || mark.reach === null) continue;
+      const [across, low] = [place(mark)[0], chart.valToPos(mark.quality - mark.reach, "y", true)];
+      const high = chart.valToPos(mark.quality + mark.reach, "y", true);
+      context.strokeStyle = colourOf(data.rows.findIndex((row) => row.key === mark.row));
+      context.beginPath();
+      context.moveTo(across, low);
+      context.lineTo(across, high);
+      context.stroke();
+    }
+    context.restore();
+  }
+
+  function show(place, column, cost) {
+    current = place;
+    const tip = box.querySelector(".tip");
+    const ring = box.querySelector(".ring");
+    tip.hidden = ring.hidden = place < 0;
+    if (place < 0) return;
+    const mark = marks[place];
+    const across = plot.valToPos(mark.cost, "x");
+    const down = plot.valToPos(mark.quality, "y");
+    tip.textContent = describe(mark, column, cost);
+    ring.style.transform = `translate(${across}px, ${down}px)`;
+    const room = plot.over.clientWidth - tip.offsetWidth;
+    const below = down < tip.offsetHeight + 20; // near the upper edge the text goes below the mark
+    tip.style.transform = `translate(${Math.max(0, Math.min(room, across - tip.offsetWidth / 2))}px, ${below ? down + 14 : down - tip.offsetHeight - 14}px)`;
+  }
+
+  function nearest(event) {
+    const frame = plot.over.getBoundingClientRect();
+    let best = -1;
+    let least = REACH;
+    marks.forEach((mark, place) => {
+      const across = plot.valToPos(mark.cost, "x") - (event.clientX - frame.left);
+      const down = plot.valToPos(mark.quality, "y") - (event.clientY - frame.top);
+      const distance = Math.hypot(across, down);
+      if (distance < least) [best, least] = [place, distance];
+    });
+    return best;
+  }
+
+  function draw() {
+    const column = data.columns.find((each) => each.key === qualitySelect.value);
+    const cost = costSelect.value;
+    plot?.destroy();
+    plot = null;
+    said.textContent = "";
+    if (!column) return;
+    marks = collect(column, cost);
+    current = -1;
+    if (!marks.length) {
+      said.textContent = `No cell has both ${column.label} and ${data.costs[cost]}.`;
+      return;
+    }
+    const costs = marks.map((mark) => mark.cost);
+    const [low, high] = [costs[0], costs[costs.length - 1]];
+    const logarithmic = high / low >= LOGARITHMIC_FROM;
+    const extents = marks.flatMap((mark) => [mark.quality - (mark.reach ?? 0), mark.quality + (mark.reach ?? 0)]);
+    const values = (large) =>
+      data.rows.map((row) => marks.map((mark) => (mark.large === large && mark.row === row.key ? mark.quality : null)));
+    const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
+    const better = column.direction === "up" ? "higher is better" : "lower is better";
+    const unit = column.unit ? `, ${column.unit}` : "";
+    plot = new uPlot(
+      {
+        width: box.clientWidth,
+        height: Math.min(440, Math.max(280, box.clientWidth * 0.55)),
+        legend: { show: false },
+        cursor: { show: false },
+        scales: {
+          x: { time: false, distr: logarithmic ? 3 : 1, range: padded(low, high, logarithmic) },
+          y: { range: padded(Math.min(...extents), Math.max(...extents), false) },
+        },
+        axes: [
+          { ...axis, label: data.costs[cost], labelSize: 26, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) },
+          { ...axis, label: `${column.label}${unit} (${better})`, labelSize: 26, size: 64 },
+        ],
+        series: [{}, ...seriesOf(false), ...seriesOf(true)],
+        hooks: { drawAxes: [(chart) => drawFront(chart, column)] },
+      },
+      [costs, ...values(false), ...values(true)],
+      box,
+    );
+    for (const name of ["ring", "tip"]) {
+      const made = document.createElement("div");
+      made.className = name;
+      made.hidden = true;
+      plot.over.append(made);
+    }
+    const hover = (event) => show(nearest(event), column, cost);
+    plot.over.addEventListener("pointermove", hover);
+    plot.over.addEventListener("pointerdown", hover);
+    plot.over.addEventListener("pointerleave", () => show(-1, column, cost));
+    box.onkeydown = (event) => {
+      const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+      if (event.key === "Escape") show(-1, column, cost);
+      if (!step) return;
+      event.preventDefault();
+      show(current < 0 && step < 0 ? marks.length - 1 : (current + step + marks.length) % marks.length, column, cost);
+      said.textContent = describe(marks[current], column, cost);
+    };
+  }
+
+  function legend() {
+    const list = document.getElementById("scatter-legend");
+    list.replaceChildren(
+      ...data.rows.map((row, place) => {
+        const item = document.createElement("li");
+        const dot = document.createElement("span");
+        dot.className = "dot";
+        dot.style.backgroundColor = colourOf(place);
+        item.append(dot, row.text);
+        return item;
+      }),
+    );
+  }
+
+  qualitySelect.append(...data.columns.map((column) => option(column.key, column.label)));
+  costSelect.append(...Object.entries(data.costs).map(([key, text]) => option(key, text)));
+  qualitySelect.addEventListener("change", draw);
+  costSelect.addEventListener("change", draw);
+  document.addEventListener("themechange", () => {
+    legend();
+    draw();
+  });
+  let width = box.clientWidth;
+  new ResizeObserver(() => {
+    if (box.clientWidth === width) return;
+    width = box.clientWidth;
+    draw();
+  }).observe(box);
+  legend();
+  draw();
+})();

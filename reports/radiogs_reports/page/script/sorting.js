@@ -1,0 +1,50 @@
+// Tables sort by a click on a heading: best first, then the other way. What does not exist stays last both ways.
+(() => {
+  function valueOf(row, place, by) {
+    const cell = row.cells[place];
+    const text = cell.dataset[by];
+    if (text === undefined) return null;
+    return cell.classList.contains("number") ? Number(text) : text;
+  }
+
+  function compare(first, second) {
+    if (typeof first === "number") return first - second;
+    return first.localeCompare(second, "en", { numeric: true });
+  }
+
+  function sort(table, place, descending, asked) {
+    const body = table.tBodies[0];
+    const rows = [...body.rows];
+    const has = rows.some((row) => row.cells[place].dataset[asked] !== undefined);
+    const by = has ? asked : "value"; // a column without published figures sorts by what it has
+    const sign = descending ? -1 : 1;
+    rows.sort((one, other) => {
+      const first = valueOf(one, place, by);
+      const second = valueOf(other, place, by);
+      if (first === null || second === null) return (first === null) - (second === null);
+      return sign * compare(first, second);
+    });
+    body.append(...rows);
+    [...table.tHead.rows[0].cells].forEach((head, other) => {
+      if (other === place) head.setAttribute("aria-sort", descending ? "descending" : "ascending");
+      else head.removeAttribute("aria-sort");
+    });
+  }
+
+  for (const table of document.querySelectorAll("table.sortable")) {
+    const heads = [...table.tHead.rows[0].cells];
+    const select = document.querySelector(`select.sort-by[data-table="${table.dataset.name}"]`);
+    const asked = () => (select ? select.value : "value");
+    heads.forEach((head, place) => {
+      head.querySelector("button").addEventListener("click", () => {
+        const sorted = head.getAttribute("aria-sort");
+        const bestIsHigh = head.textContent.includes("↑");
+        sort(table, place, sorted === null ? bestIsHigh : sorted === "ascending", asked());
+      });
+    });
+    select?.addEventListener("change", () => {
+      const place = heads.findIndex((head) => head.hasAttribute("aria-sort"));
+      if (place >= 0) sort(table, place, heads[place].getAttribute("aria-sort") === "descending", asked());
+    });
+  }
+})();

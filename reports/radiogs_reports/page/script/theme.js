@@ -1,0 +1,37 @@
+// Light, dark or as the system has it; kept for the next visit where the browser lets a file keep anything.
+(() => {
+  const names = { system: "as the system", light: "light", dark: "dark" };
+  const order = Object.keys(names);
+  const button = document.getElementById("theme");
+
+  function kept() {
+    try {
+      return localStorage.getItem("radiogs-bench-theme");
+    } catch {
+      return null; // storage is forbidden for this file
+    }
+  }
+
+  function keep(theme) {
+    try {
+      localStorage.setItem("radiogs-bench-theme", theme);
+    } catch {
+      return; // then the choice lasts as long as the page
+    }
+  }
+
+  function apply(theme) {
+    document.documentElement.dataset.theme = theme;
+    button.textContent = `Colours: ${names[theme]}`;
+    document.dispatchEvent(new Event("themechange"));
+  }
+
+  let theme = order.includes(kept()) ? kept() : "system";
+  button.addEventListener("click", () => {
+    theme = order[(order.indexOf(theme) + 1) % order.length];
+    keep(theme);
+    apply(theme);
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => apply(theme));
+  apply(theme);
+})();

@@ -1,0 +1,154 @@
+"""Tables of the page as plain values; the template turns them into markup and the script sorts them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..plain import ARROWS
+from ..ranks import ranks
+from ..summary import CellSummary, ColumnSummary, RowSummary, RunSummary, Summary
+
+
+@dataclass(frozen=True)
+class Head:
+    """A column's heading; ``numeric`` columns sort by number and are set flush right."""
+
+    label: str
+    unit: str = ""
+    arrow: str = ""
+    numeric: bool = True
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What stands in a cell of a table: the text and the number it sorts by, and what stands below it.
+
+    ``opens`` is the key of a cell whose provenance the entry opens.
+    """
+
+    text: str
+    value: float | str | None
+    difference: str = ""
+    difference_value: float | None = None
+    published: str = ""
+    published_value: float | None = None
+    reason: str = ""
+    rank: int = 0
+    opens: str = ""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: ``rows`` are entries under ``heads``, the first of them the row's name."""
+
+    name: str
+    caption: str
+    heads: list[Head]
+    rows: list[list[Entry]]
+
+    @property
+    def compared(self) -> bool:
+        """Whether there is a published figure or a difference, by which it can be sorted too."""
+        return any(entry.difference or entry.published for row in self.rows for entry in row)
+
+
+def heads_of(columns: Sequence[ColumnSummary]) -> list[Head]:
+    """The headings of figures."""
+    return [Head(column["label"], column["unit"], ARROWS[column["direction"]]) for column in columns]
+
+
+def suite_table(summary: Summary) -> Table:
+    """The suite's own table: means, differences with intervals, published figures, and what a cell costs."""
+    placed = {column["key"]: ranks(summary, column) for column in summary["columns"]}
+    rows = []
+    for row in summary["rows"]:
+        published = summary["published"].get(row["key"], {})
+        figures = [
+            figure(
+                summary["cells"][row["key"]][column["key"]],
+                column,
+                published.get(column["key"]),
+                placed[column["key"]].get(row["key"], 0),
+            )
+            for column in summary["columns"]
+        ]
+        rows.append([Entry(row["text"], row["text"]), *figures, seconds_of(row)])
+    heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
+    return Table("means", summary["title"], heads, rows)
+
+
+def figure(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int) -> Entry:
+    """One figure with its difference to the reference row and the published one."""
+    digits = column["decimals"]
+    interval = cell["difference"]
+    difference = ""
+    if interval is not None:
+        difference = f"{interval['mean']:+.{digits}f}"
+        if interval["low"] is not None and interval["high"] is not None:
+            difference += f" ± {(interval['high'] - interval['low']) / 2:.{digits}f}"
+    return Entry(
+        text="n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}",
+        value=cell["mean"],
+        difference=difference,
+        difference_value=None if interval is None else interval["mean"],
+        published="" if published is None else f"{published:.{digits}f}",
+        published_value=published,
+        reason=cell["reason"] or "",
+        rank=rank if rank <= 3 else 0,
+    )
+
+
+def seconds_of(row: RowSummary) -> Entry:
+    """Mean seconds of training a cell of the row."""
+    if row["seconds"] is None:
+        return Entry("n/a", None, reason="no cell of the row is finished")
+    return Entry(f"{row['seconds']:.1f}", row["seconds"])
+
+
+def cells_table(summary: Summary) -> Table:
+    """Every cell with its figures; its name opens its provenance."""
+    texts = {row["key"]: row["text"] for row in summary["rows"]}
+    heads = [
+        Head("row", numeric=False),
+        Head("scene", numeric=False),
+        Head("seed"),
+        *heads_of(summary["columns"]),
+        Head("training", "s", ARROWS["down"]),
+        Head("surfels"),
+        Head("state", numeric=False),
+    ]
+    rows = [
+        [
+            Entry(texts[run["row"]], texts[run["row"]], opens=run["key"]),
+            Entry(run["scene"], run["scene"]),
+            Entry(str(run["seed"]), run["seed"]),
+            *(plain_figure(run, column) for column in summary["columns"]),
+            training(run),
+            count(run),
+            Entry(run["state"], run["state"]),
+        ]
+        for run in summary["runs"]
+    ]
+    return Table("cells", "Every cell of the run", heads, rows)
+
+
+def plain_figure(run: RunSummary, column: ColumnSummary) -> Entry:
+    """A cell's own figure."""
+    value = run["figures"].get(column["key"])
+    if value is None:
+        return Entry("n/a", None, reason=run["state"] if not run["figures"] else "the cell has no such figure")
+    return Entry(f"{value:.{column['decimals']}f}", value)
+
+
+def training(run: RunSummary) -> Entry:
+    """A cell's seconds of training."""
+    if not run["seconds"]:
+        return Entry("n/a", None, reason=run["state"])
+    spent = run["seconds"]["initialise"] + run["seconds"]["invert"]
+    return Entry(f"{spent:.1f}", spent)
+
+
+def count(run: RunSummary) -> Entry:
+    """How many surfels a cell's model has."""
+    if run["surfels"] is None:
+        return Entry("n/a", None, reason=run["state"])
+    return Entry(str(run["surfels"]), run["surfels"])

@@ -1,0 +1,111 @@
+"""A made-up run, for tests of the reports: its summary, and the arrays of its cells."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from radiogs_reports.summary import SCHEMA, CellSummary, RunSummary, Summary
+
+CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
+
+
+def cell(mean: float | None, difference: float | None = None, reason: str | None = None) -> CellSummary:
+    interval = None if difference is None else {"mean": difference, "low": difference - 0.5, "high": difference + 0.5}
+    return {"mean": mean, "count": 2, "difference": interval, "reason": reason}  # type: ignore[typeddict-item]
+
+
+def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | None]) -> RunSummary:
+    """A finished cell; it took 10 s longer for every dB, if it has one."""
+    seconds = 10 * (figures.get("nvs/psnr") or 30.0) - 280
+    return {
+        "row": row,
+        "scene": scene,
+        "seed": seed,
+        "key": key,
+        "state": "finished",
+        "figures": figures,
+        "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
+        "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},
+        "losses": {"invert": {"radiance": 0.125}},
+        "surfels": 600,
+        "view": "test_004",
+        "light": "sky",
+        "arrays": f"cells/{key}.npz",
+        "made_from": {"seed": seed, "variant": {"detach": "none"}, "method_code": "0123456789"},
+        "sessions": {"invert": [{"date": "2026-01-02T03:04:05+00:00", "git": {"commit": "fedcba", "dirty": False}}]},
+    }
+
+
+def unfinished(row: str, scene: str, seed: int, key: str) -> RunSummary:
+    """A cell that is still to be run."""
+    nothing: dict[str, Any] = {"surfels": None, "view": None, "light": None, "arrays": None}
+    empty: dict[str, Any] = {name: {} for name in ("figures", "seconds", "work", "losses", "made_from", "sessions")}
+    place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do"}
+    return {**place, **nothing, **empty}  # type: ignore[typeddict-item]
+
+
+def summary() -> Summary:
+    return {
+        "schema": SCHEMA,
+        "suite": "ablations",
+        "title": "Ablation & more",
+        "protocol": "default",
+        "preset": "tiny",
+        "scenes": ["my_scene"],
+        "seeds": [0, 1],
+        "reference": "ours",
+        "columns": [
+            {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2},
+            {"key": "normal/mae", "label": "Normal MAE", "unit": "degrees", "direction": "down", "decimals": 2},
+            {"key": "nvs/lpips", "label": "NVS LPIPS", "unit": "", "direction": "down", "decimals": 3},
+        ],
+        "rows": [
+            {"key": "ours", "latex": "Ours", "text": "Ours", "seconds": 61.2},
+            {"key": "no-rad", "latex": r"$\lambda_{rad}=0$", "text": "lambda_rad = 0", "seconds": 40.0},
+        ],
+        "cells": {
+            "ours": {"nvs/psnr": cell(31.234), "normal/mae": cell(7.5), "nvs/lpips": cell(None, reason="no_weights")},
+            "no-rad": {
+                "nvs/psnr": cell(30.0, -1.234),
+                "normal/mae": cell(7.0, -0.5),
+                "nvs/lpips": cell(None, reason="no_weights"),
+            },
+        },
+        "published": {"ours": {"nvs/psnr": 37.86}, "no-rad": {"nvs/psnr": 35.82}},
+        "published_data": "TensoIR, four scenes",
+        "machine": "a CPU, 2 threads",
+        "sheet": [{"row": "ours", "scene": "my_scene", "view": "test_004", "arrays": "cells/abc.npz", "light": "sky"}],
+        "keys": ["abc", "def"],
+        "runs": [
+            run("ours", "my_scene", 0, "abc", {"nvs/psnr": 31.0, "normal/mae": 7.4, "nvs/lpips": None}),
+            run("no-rad", "my_scene", 0, "def", {"nvs/psnr": 30.0, "normal/mae": 7.0, "nvs/lpips": None}),
+            unfinished("ours", "my_scene", 1, "123"),
+        ],
+        "conventions": {"name": "default", "psnr": {"channels": "joint"}},
+    }
+
+
+def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
+    """The folder of the run as the harness leaves it; maps are ``size`` pixels wide and high."""
+    (folder / "summary.json").write_text(json.dumps(made))
+    (folder / "cells").mkdir(exist_ok=True)
+    for place, cell_of in enumerate(made["runs"]):
+        if cell_of["arrays"] is not None:
+            np.savez(folder / cell_of["arrays"], allow_pickle=False, **arrays(place, size))
+    return folder
+
+
+def arrays(seed: int, size: int = 16) -> dict[str, Any]:
+    """Maps of a cell: the truth of all cells is one, what is rendered differs; normals have unit length."""
+    generators = {"truth": np.random.default_rng(99), "render": np.random.default_rng(seed)}
+    maps = {
+        f"{side}/{name}": generator.random((size, size, count), dtype=np.float32)
+        for side, generator in generators.items()
+        for name, count in CHANNELS.items()
+    }
+    for side in generators:
+        normal = maps[f"{side}/normal"] * 2 - 1
+        maps[f"{side}/normal"] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+    return maps

@@ -1,0 +1,182 @@
+"""The page as a file: complete, self-contained, repeatable, and safe against names that are markup."""
+
+import base64
+import hashlib
+import html
+import io
+import json
+import re
+from html.parser import HTMLParser
+from importlib import resources
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from made_up_run import arrays, summary, write_run
+from radiogs_reports.maps import levels
+from radiogs_reports.page import write_page
+from radiogs_reports.page.assemble import page
+from radiogs_reports.page.embedding import json_for_script
+from radiogs_reports.page.pictures import album, reduced
+from radiogs_reports.summary import Summary
+
+VENDORED = {
+    "uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
+    "uPlot.min.css": "df630c6a8d6f8eeaff264b50f73ce5b114f646ffd9a0bb74f049b0a00135fa04",
+}
+EVIL = "</script><img src=x onerror=\"document.title='taken'\"><!--'\u2028&amp;"
+
+
+class Elements(HTMLParser):
+    """Every element with its attributes, and the text of scripts and styles by their id or name."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: dict[str, str] = {}
+        self._inside = ""
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        found = dict(attributes)
+        self.elements.append((tag, found))
+        if tag in ("script", "style"):
+            self._inside = found.get("id") or tag
+            self.texts[self._inside] = ""
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("script", "style"):
+            self._inside = ""
+
+    def handle_data(self, data: str) -> None:
+        if self._inside:
+            self.texts[self._inside] += data
+
+
+def page_of(folder: Path, made: Summary) -> str:
+    return write_page(made, write_run(folder, made)).read_text(encoding="utf-8")
+
+
+@pytest.fixture
+def text(tmp_path: Path) -> str:
+    return page_of(tmp_path, summary())
+
+
+def test_every_figure_stands_in_a_table_with_the_published_one(text: str) -> None:
+    plain = html.unescape(re.sub(r"<[^>]+>", " ", text))
+    for figure in ("31.23", "-1.23 ± 0.50", "paper 37.86", "n/a", "to do"):
+        assert figure in plain
+    assert 'title="no_weights"' in text
+    assert 'data-published="35.82"' in text
+
+
+def test_nothing_in_the_page_points_outside_it(text: str) -> None:
+    for tag, attributes in Elements(text).elements:
+        for name in ("src", "href", "action", "srcset", "data", "poster"):
+            value = attributes.get(name)
+            assert value is None or value.startswith(("#", "data:")), (tag, value)
+    assert "@import" not in text
+    assert not re.search(r"url\((?!data:)", text)
+
+
+def test_the_policy_lets_only_the_pages_own_script_and_style_pass(text: str) -> None:
+    found = Elements(text)
+    policy = next(a["content"] for tag, a in found.elements if a.get("http-equiv") == "Content-Security-Policy")
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    for kind in ("script", "style"):
+        digest = base64.b64encode(hashlib.sha256(found.texts[kind].encode()).digest()).decode()
+        assert f"{kind}-src 'sha256-{digest}'" in policy
+    assert not any(name.startswith("on") or name == "style" for _, a in found.elements for name in a)
+
+
+def test_names_cannot_become_markup_or_code(tmp_path: Path) -> None:
+    made, tame = summary(), summary()
+    for each, name in ((made, EVIL), (tame, "tame")):
+        each["title"] = each["machine"] = each["protocol"] = each["published_data"] = name
+        each["scenes"] = [name]
+        each["rows"][0]["text"] = each["columns"][0]["label"] = each["columns"][0]["unit"] = name
+        each["cells"]["ours"]["nvs/lpips"]["reason"] = name
+        each["conventions"] = {name: name}
+        for run in each["runs"]:
+            run["scene"] = run["state"] = name
+    evil, harmless = Elements(page_of(tmp_path, made)), Elements(page_of(tmp_path, tame))
+    assert [tag for tag, _ in evil.elements] == [tag for tag, _ in harmless.elements]
+    assert json.loads(evil.texts["data"])["runs"][0]["scene"] == EVIL
+
+
+def test_json_in_a_script_is_the_same_json_without_a_character_that_could_end_it() -> None:
+    content = {EVIL: [EVIL, 1.5, None, {"ä": True}]}
+    embedded = json_for_script(content)
+    assert json.loads(embedded) == content
+    assert not set("<>&\u2028\u2029") & set(embedded)
+
+
+def test_the_page_is_rebuilt_byte_for_byte(tmp_path: Path) -> None:
+    made = summary()
+    first = write_page(made, write_run(tmp_path, made)).read_bytes()
+    assert write_page(made, tmp_path).read_bytes() == first
+
+
+def test_pictures_are_the_stored_maps_without_loss_and_shared_truths_stand_once(tmp_path: Path) -> None:
+    made = album(summary()["runs"], write_run(tmp_path, summary()))
+    assert made.factor == 1
+    assert made.views.keys() == {"abc", "def"}
+    assert len(made.truths) == 1
+    stored = arrays(0)["render/image"].astype(np.float64)
+    assert np.array_equal(decoded(made.views["abc"]["mine"]["image"]), levels(stored))
+    assert decoded(made.views["abc"]["mine"]["roughness"]).ndim == 2
+    assert decoded(made.views["abc"]["error"]["normal"]).shape == (16, 16, 3)
+
+
+def test_pictures_shrink_until_they_fit_their_budget(tmp_path: Path) -> None:
+    folder = write_run(tmp_path, summary(), size=128)
+    full = album(summary()["runs"], folder)
+    small = album(summary()["runs"], folder, budget=full.size // 3)
+    assert small.size <= full.size // 3
+    assert small.factor == 2
+    assert small.views.keys() == full.views.keys()
+    assert decoded(small.views["abc"]["mine"]["image"]).shape == (64, 64, 3)
+
+
+def test_pictures_that_could_not_be_seen_are_left_out_and_counted(tmp_path: Path) -> None:
+    made = summary()
+    folder = write_run(tmp_path, made)
+    few = album(made["runs"], folder, budget=album(made["runs"], folder).size * 2 // 3)
+    assert few.views.keys() == {"abc"}
+    assert few.factor == 1
+    assert album(made["runs"], folder, budget=1).views == {}
+    assert "1 of 2 finished cells have pictures here" in page(made, few)
+
+
+def test_reduced_maps_are_means_of_blocks() -> None:
+    image = np.arange(35, dtype=np.float64).reshape(5, 7, 1) / 35
+    small = reduced(image, 2)
+    assert small.shape == (2, 3, 1)
+    assert small[1, 2, 0] == pytest.approx(image[2:4, 4:6].mean())
+    assert reduced(image, 99).shape == (1, 1, 1)
+
+
+def test_a_run_without_results_is_a_page_too(tmp_path: Path) -> None:
+    made = summary()
+    made["runs"] = [made["runs"][2]]
+    made["keys"], made["sheet"], made["conventions"], made["machine"] = [], [], {}, ""
+    for row in made["cells"].values():
+        for figure in row.values():
+            figure.update(mean=None, difference=None, reason="nothing is finished")
+    assert "0 of 1 finished" in page_of(tmp_path, made)
+
+
+def test_the_plotting_library_is_the_published_one_with_its_licence() -> None:
+    folder = resources.files("radiogs_reports.page").joinpath("vendor", "uplot")
+    for name, digest in VENDORED.items():
+        assert hashlib.sha256(folder.joinpath(name).read_bytes()).hexdigest() == digest
+    assert "The MIT License (MIT)" in folder.joinpath("LICENSE").read_text()
+
+
+def decoded(address: str) -> np.ndarray:
+    packed = base64.b64decode(address.removeprefix("data:image/png;base64,"))
+    with Image.open(io.BytesIO(packed)) as image:
+        return np.asarray(image.convert("RGB") if image.mode == "P" else image)
