@@ -1,0 +1,260 @@
+"""The page in headless Chromium: tables sort, the slider moves, nothing leaves the page, nothing is complained of."""
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from made_up_run import run, summary, write_run
+from radiogs_reports.page import write_page
+from radiogs_reports.summary import Summary
+
+playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra dev)")
+CHROMIUM = shutil.which("chromium")
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: chromium)")
+
+DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
+OPENED_IN = 2000
+"""Milliseconds for 200 cells; measured 400 to 550 on two cores."""
+
+LARGEST = 25_000_000
+EVIL = "<img src=x onerror=\"document.title='taken'\">"
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator["playwright.Browser"]:
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+class Watched:
+    """An opened page, and what it said and asked for."""
+
+    def __init__(self, browser: "playwright.Browser", path: Path, **settings: object) -> None:
+        self.said: list[str] = []
+        self.asked: list[str] = []
+        self.page = browser.new_page(**settings)
+        self.page.set_default_timeout(10_000)
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.goto(path.as_uri())
+        self.own = path.as_uri()
+
+    def column(self, table: str, place: int) -> list[str]:
+        return self.page.eval_on_selector_all(
+            f'table[data-name="{table}"] tbody tr',
+            f"rows => rows.map(row => row.cells[{place}].firstChild.textContent)",
+        )
+
+    def close(self) -> None:
+        """Leave, having checked that the page was quiet."""
+        self.page.close()
+        assert self.said == []
+        assert [url for url in self.asked if url != self.own and not url.startswith("data:")] == []
+
+
+def made_up() -> Summary:
+    made = summary()
+    made["rows"].append({"key": "third", "latex": "Third", "text": "third", "seconds": 9.5})
+    made["cells"]["third"] = {
+        key: {**figure, "mean": None, "difference": None} for key, figure in made["cells"]["ours"].items()
+    }
+    made["cells"]["third"]["normal/mae"] = {"mean": 11.0, "count": 1, "difference": None, "reason": None}
+    made["published"]["third"] = {"nvs/psnr": 40.0}
+    return made
+
+
+@pytest.fixture
+def opened(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
+    made = made_up()
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)), viewport=DESK)
+    yield watched
+    watched.close()
+
+
+def test_tables_sort_by_click_best_first_and_what_is_lacking_stays_last(opened: Watched) -> None:
+    head = opened.page.locator('table[data-name="means"] thead button')
+    head.nth(1).click()
+    assert opened.column("means", 1) == ["31.23", "30.00", "n/a"]
+    head.nth(1).click()
+    assert opened.column("means", 1) == ["30.00", "31.23", "n/a"]
+    head.nth(2).click()  # an angle: the smallest is the best; 11.00 sorts as a number
+    assert opened.column("means", 2) == ["7.00", "7.50", "11.00"]
+    sorted_by = opened.page.locator('table[data-name="means"] th[aria-sort]')
+    assert [each.get_attribute("aria-sort") for each in sorted_by.all()] == ["ascending"]
+
+
+def test_tables_sort_by_keyboard_and_by_published_figures(opened: Watched) -> None:
+    opened.page.locator('table[data-name="means"] thead button').nth(1).focus()
+    opened.page.keyboard.press("Enter")
+    assert opened.column("means", 1) == ["31.23", "30.00", "n/a"]
+    opened.page.locator('select[data-table="means"]').select_option("published")
+    assert opened.column("means", 0) == ["third", "Ours", "lambda_rad = 0"]  # 40.00, 37.86, 35.82
+    opened.page.keyboard.press("Shift+Tab")
+    opened.page.locator('table[data-name="cells"] thead button').nth(2).press("Space")
+    assert opened.column("cells", 2) == ["0", "0", "1"]
+
+
+def test_the_slider_moves_the_edge_by_keyboard_and_by_pointer(opened: Watched) -> None:
+    slider, clip = opened.page.locator("#compare-slider"), opened.page.locator("#compare-clip")
+    assert clip.evaluate("each => each.style.clipPath") == "inset(0px 50% 0px 0px)"
+    slider.press("ArrowLeft")
+    assert clip.evaluate("each => each.style.clipPath") == "inset(0px 50.5% 0px 0px)"
+    stage = opened.page.locator("#compare-stage")
+    stage.scroll_into_view_if_needed()
+    frame = stage.bounding_box()
+    assert frame is not None
+    opened.page.mouse.move(frame["x"] + frame["width"] / 2, frame["y"] + 20)
+    opened.page.mouse.down()
+    opened.page.mouse.move(frame["x"] + frame["width"] / 4, frame["y"] + 20)
+    opened.page.mouse.up()
+    assert float(slider.input_value()) == pytest.approx(25, abs=0.6)
+
+
+def test_zoom_is_one_for_all_pictures_and_keeps_them_in_their_frame(opened: Watched) -> None:
+    opened.page.locator("#error-stage").press("+")
+    transforms = opened.page.eval_on_selector_all(".layer", "all => all.map(each => each.style.transform)")
+    assert transforms == ["translate(-25%, -25%) scale(1.5)"] * 3
+    for _ in range(9):
+        opened.page.locator("#compare-stage").press("ArrowRight")
+    transforms = opened.page.eval_on_selector_all(".layer", "all => all.map(each => each.style.transform)")
+    assert transforms == ["translate(-50%, -25%) scale(1.5)"] * 3
+    opened.page.locator("#zoom-none").click()
+    assert opened.page.locator("#zoom-said").text_content() == "1.0 times"
+
+
+def test_the_pictures_are_those_of_the_chosen_cell_and_map(opened: Watched, tmp_path: Path) -> None:
+    opened.page.locator("#compare-cell").select_option("def")
+    opened.page.locator("#compare-map").select_option("relit")
+    shown = opened.page.evaluate("""() => {
+        const image = document.getElementById('compare-right-image');
+        const canvas = document.createElement('canvas');
+        [canvas.width, canvas.height] = [image.naturalWidth, image.naturalHeight];
+        canvas.getContext('2d').drawImage(image, 0, 0);
+        return [...canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data];
+    }""")
+    with np.load(tmp_path / "cells" / "def.npz") as stored:
+        expected = np.rint(stored["render/relit"] * 255)
+    assert np.array_equal(np.array(shown).reshape(16, 16, 4)[..., :3], expected)
+    assert opened.page.locator("#compare-left option").all_text_contents() == ["ground truth", "Ours, my_scene, seed 0"]
+    opened.page.locator("#compare-left").select_option("abc")
+    assert "Ours, my_scene, seed 0" in (opened.page.locator("#compare-left-name").text_content() or "")
+
+
+def test_marks_of_the_scatter_speak_when_hovered_and_by_arrow_keys(opened: Watched) -> None:
+    box = opened.page.locator("#scatter")
+    box.press("ArrowRight")
+    first = opened.page.locator("#scatter-said").text_content() or ""
+    assert first == "lambda_rad = 0, mean: NVS PSNR 30.00 ± 0.50 dB for 21 s; on the front"
+    box.press("ArrowLeft")
+    assert opened.page.locator("#scatter-said").text_content() != first
+    ring = opened.page.locator("#scatter .ring").bounding_box()
+    box.press("Escape")
+    assert ring is not None
+    tip = opened.page.locator("#scatter .tip")
+    assert not tip.is_visible()
+    opened.page.mouse.move(ring["x"] + 10, ring["y"] + 10)
+    assert "NVS PSNR" in (tip.text_content() or "")
+    assert tip.is_visible()
+
+
+def test_a_cell_tells_where_it_comes_from_and_shows_its_images(opened: Watched) -> None:
+    opened.page.locator('table[data-name="cells"] button.open').nth(1).press("Enter")
+    dialog = opened.page.locator("dialog")
+    text = dialog.inner_text()
+    for part in ("def", "fedcba", "0123456789", "2026-01-02", "radiance"):
+        assert part in text
+    dialog.get_by_text("Show its images").click()
+    assert not dialog.is_visible()
+    assert opened.page.locator("#compare-cell").input_value() == "def"
+
+
+def test_everything_is_reached_by_the_tab_key_in_reading_order(opened: Watched) -> None:
+    order = []
+    for _ in range(60):
+        opened.page.keyboard.press("Tab")
+        place = opened.page.evaluate("""() => {
+            const each = document.activeElement;
+            return each === document.body ? null
+                : [each.closest('section')?.getBoundingClientRect().top + scrollY || 0,
+                   each.id || each.className || each.textContent];
+        }""")
+        if place is None:
+            break
+        order.append(place)
+    names = [name for _, name in order]
+    for wanted in ("theme", "sort-by", "sort", "scatter", "compare-stage", "compare-slider", "zoom-in", "open"):
+        assert wanted in names
+    tops = [top for top, _ in order]  # of the part of the page that each stands in
+    assert tops == sorted(tops)
+    assert len(set(tops)) == 6
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_colours_follow_the_system_until_the_switch_says_otherwise(
+    browser: "playwright.Browser", tmp_path: Path, scheme: str
+) -> None:
+    made = summary()
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)), color_scheme=scheme)
+
+    def lightness() -> int:
+        colour = watched.page.evaluate("getComputedStyle(document.body).backgroundColor")
+        return int(colour.removeprefix("rgb(").split(",")[0])
+
+    assert (lightness() > 128) == (scheme == "light")
+    watched.page.locator("#theme").click()
+    assert lightness() > 128
+    watched.page.locator("#theme").click()
+    assert lightness() < 128
+    watched.close()
+
+
+@pytest.mark.parametrize("size", [DESK, PHONE])
+def test_the_page_is_never_wider_than_the_window(
+    browser: "playwright.Browser", tmp_path: Path, size: dict[str, int]
+) -> None:
+    made = made_up()
+    made["scenes"] = ["a_scene_with_a_very_long_name_" * 3]
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)), viewport=size)
+    assert watched.page.evaluate("document.documentElement.scrollWidth") <= size["width"]
+    watched.close()
+
+
+def test_names_that_are_markup_stay_text(browser: "playwright.Browser", tmp_path: Path) -> None:
+    made = summary()
+    made["title"] = EVIL
+    made["rows"][0]["text"] = made["columns"][0]["label"] = EVIL
+    for each in made["runs"]:
+        each["scene"] = each["state"] = EVIL
+    made["conventions"] = {EVIL: EVIL}
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)))
+    watched.page.locator("button.open").first.click()
+    watched.page.locator("#scatter").evaluate("each => each.focus()")
+    assert watched.page.title() == f"{EVIL} · radiogs-bench"
+    assert watched.page.locator("img[onerror], img[src='x']").count() == 0
+    watched.close()
+
+
+@pytest.mark.slow
+def test_200_cells_open_at_once_in_a_file_that_can_be_sent(browser: "playwright.Browser", tmp_path: Path) -> None:
+    made = summary()
+    made["runs"] = [
+        run(row["key"], f"scene_{scene}", seed, f"{row['key']}{scene}x{seed}", {"nvs/psnr": 30 + seed / 10})
+        for scene in range(10)
+        for seed in range(10)
+        for row in made["rows"]
+    ]
+    path = write_page(made, write_run(tmp_path, made, size=64))
+    assert path.stat().st_size < LARGEST
+    watched = Watched(browser, path, viewport=DESK)
+    taken = watched.page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd")
+    assert watched.page.locator('table[data-name="cells"] tbody tr').count() == 200
+    assert watched.page.locator("#compare-right-image").evaluate("each => each.naturalWidth") > 0
+    watched.close()
+    assert taken < OPENED_IN
+    print(f"{path.stat().st_size / 1e6:.1f} MB, open in {taken:.0f} ms")  # noqa: T201
