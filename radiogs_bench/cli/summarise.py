@@ -6,7 +6,6 @@ from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
     ColumnSummary,
-    Interval,
     RowSummary,
     RunSummary,
     SheetSummary,
@@ -14,10 +13,11 @@ from radiogs_reports.summary import (
 )
 
 from ..schema import Result, training_seconds
-from ..statistics import Estimate, Sample, estimate, paired_difference
+from ..statistics import Sample, estimate, paired_difference
 from ..store import Store
 from ..suites import MEASURES, Metric
 from ..sweep import Place, Sweep, state_of
+from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]
 """Every cell of the sweep, with its result if it is there."""
@@ -58,6 +58,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         ],
         keys=[result["key"] for _, result in finished],
         runs=[run_summary(store, sweep, place, result) for place, result in cells],
+        paper=paper_tables(store, sweep),
         conventions=finished[0][1]["protocol"] if finished else {},
     )
 
@@ -96,16 +97,6 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
         else:
             reason = f"{place['scene']} has no ground truth for it" if metric is None else metric["reason"]
     return figures, reason
-
-
-def interval(difference: Estimate | None) -> Interval | None:
-    """A difference with the ends of its interval."""
-    if difference is None:
-        return None
-    mean, reach = difference.mean, difference.half_width
-    if reach is None:
-        return Interval(mean=mean, low=None, high=None)
-    return Interval(mean=mean, low=mean - reach, high=mean + reach)
 
 
 def row_seconds(cells: Finished, row: str) -> float | None:
@@ -156,9 +147,9 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     )
     if result is None:
         return run
-    metrics, arrays = result["metrics"], store.arrays_path(result["key"])
+    metrics, arrays = result["metrics"] | result["timings"], store.arrays_path(result["key"])
     run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
-    run["seconds"] = {**result["seconds"]}  # type: ignore[dict-item]
+    run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["surfels"] = result["work"], result["losses"], result["surfels"]
     run["view"], run["light"] = result["shown_view"], result["shown_light"]
     run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None

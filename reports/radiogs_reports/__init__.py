@@ -3,10 +3,12 @@
 from pathlib import Path
 
 from .contact_sheet import write_contact_sheet
+from .document import report_document
 from .latex import document, table
 from .page import write_page
+from .paper import paper_csv, paper_latex, paper_markdown
 from .plain import csv, markdown
-from .summary import read_summary
+from .summary import Summary, read_summary
 
 __all__ = ["write_reports"]
 
@@ -17,17 +19,33 @@ def write_reports(out: Path) -> list[Path]:
     The same stored results give the same bytes.
     """
     summary = read_summary(out)
-    texts = {
+    written = []
+    for name, text in texts(summary).items():
+        path = out / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
+    if summary["sheet"]:
+        written.append(write_contact_sheet(summary, out))
+    written.append(write_page(summary, out))
+    return written
+
+
+def texts(summary: Summary) -> dict[str, str]:
+    """Every report that is text, by its file's name."""
+    made = {
         f"{summary['suite']}_table.tex": table(summary),
         f"{summary['suite']}.tex": document(summary),
         f"{summary['suite']}.md": markdown(summary),
         f"{summary['suite']}.csv": csv(summary),
     }
-    written = []
-    for name, text in texts.items():
-        (out / name).write_text(text, encoding="utf-8")
-        written.append(out / name)
-    if summary["sheet"]:
-        written.append(write_contact_sheet(summary, out))
-    written.append(write_page(summary, out))
-    return written
+    inputs = [f"{summary['suite']}_table.tex"]
+    for each in summary["paper"]:
+        name = f"tables/{each['key']}"
+        made |= {
+            f"{name}.tex": paper_latex(each, summary),
+            f"{name}.md": paper_markdown(each, summary),
+            f"{name}.csv": paper_csv(each),
+        }
+        inputs.append(f"{name}.tex")
+    return made | {"report.tex": report_document(summary, inputs, [])}

@@ -26,9 +26,49 @@ PREAMBLE = r"""\documentclass{article}
 """
 
 
+GREEK = {
+    character: rf"$\{name}$"
+    for characters, names in (
+        ("αβγδεζηθικλμνξπρστυφχψω", "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho"
+         " sigma tau upsilon phi chi psi omega"),
+        ("ΓΔΘΛΞΠΣΥΦΨΩ", "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"),
+    )
+    for character, name in zip(characters, names.split(), strict=True)
+}  # fmt: skip
+
+SIGNS = {
+    "\u00d7": r"$\times$", "±": r"$\pm$", "\u2212": r"$-$", "°": r"$^\circ$", "≤": r"$\leq$", "≥": r"$\geq$",
+    "→": r"$\to$", "↑": r"$\uparrow$", "↓": r"$\downarrow$", "·": r"$\cdot$", "\u2013": "--", "—": "---",
+    "…": r"\dots{}", "\u2018": "`", "\u2019": "'", "\u201c": "``", "\u201d": "''", "\u00a0": "~",
+}  # fmt: skip
+
+LATIN = range(0xC0, 0x100)
+"""Letters that pdflatex prints as they are, in the T1 encoding."""
+
+
 def escape(text: str) -> str:
-    """Plain text as LaTeX."""
-    return re.sub(r"[\\&%$#_{}~^<>]", lambda match: SPECIAL[match[0]], text)
+    """Plain text as LaTeX that plain pdflatex compiles, whatever characters a name has."""
+    return "".join(_escaped(character) for character in text)
+
+
+def _escaped(character: str) -> str:
+    known = SPECIAL.get(character) or SIGNS.get(character) or GREEK.get(character)
+    if known is not None:
+        return known
+    if 32 <= ord(character) < 127 or ord(character) in LATIN:
+        return character
+    return rf"\texttt{{U+{ord(character):04X}}}"  # pdflatex has no such letter: named, never dropped
+
+
+def as_formula(text: str) -> str:
+    """Plain text as LaTeX in which symbols with an index, such as L_rad or N_g, are set as the paper sets them."""
+    parts = re.split(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?", text)
+    made = escape(parts[0])
+    for symbol, lower, upper, rest in zip(parts[1::4], parts[2::4], parts[3::4], parts[4::4], strict=True):
+        base = {"λ": r"\lambda"}.get(symbol, symbol)
+        raised = "" if upper is None else rf"^\mathrm{{{upper}}}"
+        made += rf"${base}_\mathrm{{{lower}}}{raised}$" + escape(rest)
+    return made
 
 
 def document(summary: Summary) -> str:
@@ -71,7 +111,7 @@ def table(summary: Summary) -> str:
         if any(lower):
             lines.append(f"{' & '.join(lower)} & \\\\")
     lines += [r"\bottomrule", r"\end{tabular}}"]
-    lines += [rf"\par\smallskip\footnotesize {_mark(place)} {escape(note)}" for place, note in enumerate(notes)]
+    lines += [rf"\par\smallskip\footnotesize {note_mark(place)} {escape(note)}" for place, note in enumerate(notes)]
     return "\n".join([*lines, r"\end{table}", ""])
 
 
@@ -83,7 +123,7 @@ def _figure(
         reason = cell["reason"] or "not measured"
         if reason not in notes:
             notes.append(reason)
-        return f"n/a{_mark(notes.index(reason))}{beside}"
+        return f"n/a{note_mark(notes.index(reason))}{beside}"
     colour = rf"\cellcolor[HTML]{{{RANK_COLOURS[rank]}}}" if rank in RANK_COLOURS else ""
     return f"{colour}{cell['mean']:.{column['decimals']}f}{beside}"
 
@@ -115,5 +155,7 @@ def _caption(summary: Summary) -> str:
     )
 
 
-def _mark(place: int) -> str:
-    return rf"$^{{{chr(ord('a') + place)}}}$"
+def note_mark(place: int) -> str:
+    """The mark of the note at a place: a to z, then aa and so on."""
+    letters = chr(ord("a") + place % 26)
+    return rf"$^{{{letters * (1 + place // 26)}}}$"

@@ -31,7 +31,7 @@ def markdown(summary: Summary) -> str:
     """A Markdown table: measured figures, and the published ones in columns of their own."""
     published = [column for column in summary["columns"] if _is_published(summary, column)]
     heads = ["", *map(heading, summary["columns"]), *(f"paper: {heading(column)}" for column in published), "s"]
-    lines = [f"# {summary['title']}", "", _row(heads), _row(["---"] * len(heads))]
+    lines = [f"# {summary['title']}", "", row_of(heads), row_of(["---"] * len(heads))]
     for row in summary["rows"]:
         figures = [measured(summary["cells"][row["key"]][c["key"]], c["decimals"]) for c in summary["columns"]]
         beside = [
@@ -39,15 +39,15 @@ def markdown(summary: Summary) -> str:
             for c in published
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
-        lines.append(_row([row["text"], *figures, *beside, seconds]))
+        lines.append(row_of([row["text"], *figures, *beside, seconds]))
     return "\n".join([*lines, "", note(summary), ""])
 
 
 def note(summary: Summary) -> str:
     """What the figures are, in a sentence each."""
     return (
-        f"Mean over {_count(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
-        f" {_count(len(summary['seeds']), 'seed')}; preset {summary['preset']}; metric protocol"
+        f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
+        f" {count_of(len(summary['seeds']), 'seed')}; preset {summary['preset']}; metric protocol"
         f" {summary['protocol']}. In brackets: paired difference to {_text(summary, summary['reference'])}, with its"
         f" 95 % t interval. Published figures: {summary['published_data']}. Machine: {summary['machine']}."
     )
@@ -82,11 +82,13 @@ def _is_published(summary: Summary, column: ColumnSummary) -> bool:
     return any(column["key"] in row for row in summary["published"].values())
 
 
-def _row(cells: list[str]) -> str:
+def row_of(cells: list[str]) -> str:
+    """A line of a Markdown table."""
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def _count(number: int, noun: str) -> str:
+def count_of(number: int, noun: str) -> str:
+    """Such as ``2 seeds``."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 

@@ -90,6 +90,50 @@ class RunSummary(TypedDict):
     """Dates, commits, versions, machines and memory of the processes that made it, by stage."""
 
 
+class PaperColumn(TypedDict):
+    """A column of a table of the paper; ``group`` is the heading that it shares with its neighbours."""
+
+    key: str
+    group: str
+    label: str
+    unit: str
+    direction: Literal["up", "down", "none"]
+    decimals: int
+    """Of measured figures: as many as the paper prints."""
+
+
+class PaperFigure(TypedDict):
+    """A figure of a table of the paper, measured and published."""
+
+    mean: float | None
+    count: int
+    difference: Interval | None
+    """Against the table's reference row, paired over (scene, seed)."""
+    reason: str | None
+    """Why nothing was measured."""
+    published: str | None
+    """As printed."""
+    absent: str | None
+    """Why nothing was published."""
+
+
+class PaperTable(TypedDict):
+    """A table of the paper, with all of its rows and columns, whichever of them the store has figures for."""
+
+    key: str
+    title: str
+    label: str
+    """The paper's LaTeX label."""
+    data: str
+    """What the published figures are the mean of."""
+    reference: str | None
+    columns: list[PaperColumn]
+    rows: list[dict[str, str]]
+    """``key``, ``text`` and ``remark`` (empty where there is none)."""
+    cells: dict[str, dict[str, PaperFigure]]
+    """By row, then column."""
+
+
 class Summary(TypedDict):
     """The whole run."""
 
@@ -115,6 +159,8 @@ class Summary(TypedDict):
     """Keys of the results that the figures come from."""
     runs: list[RunSummary]
     """Every cell, in the order in which they are run."""
+    paper: list[PaperTable]
+    """The tables of the paper that the store holds figures for, also of other suites than this run's."""
     conventions: dict[str, Any]
     """What the metric protocol does, spelled out; empty before the first result."""
 

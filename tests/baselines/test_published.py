@@ -147,6 +147,15 @@ def test_changes_are_differences_to_all_views() -> None:
                 assert figures[f"{task}/change"] == pytest.approx(difference, abs=0.0101)
 
 
+@pytest.mark.parametrize("key", TABLES)
+def test_printed_figures_keep_the_papers_digits(key: str) -> None:
+    table = published(key)
+    assert table.printed == stored(key)
+    assert {row: {name: float(text) for name, text in found.items()} for row, found in table.printed.items()} == (
+        table.figures
+    )
+
+
 def test_an_unknown_table_is_told_its_neighbours() -> None:
     with pytest.raises(UsageError, match="Did you mean 'ablation'"):
         published("ablations")

@@ -29,6 +29,7 @@ def test_reports_are_rebuilt_byte_for_byte(run: Path) -> None:
     assert {path.name: path.read_bytes() for path in write_reports(run)} == first
     assert set(first) == {
         "ablations.tex", "ablations_table.tex", "ablations.md", "ablations.csv", "contact_sheet.png", "report.html",
+        "report.tex", "strategies.tex", "strategies.md", "strategies.csv",
     }  # fmt: skip
 
 
@@ -83,13 +84,14 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
         read_summary(tmp_path)
 
 
-def test_the_document_compiles(run: Path) -> None:
+@pytest.mark.parametrize("name", ["ablations.tex", "report.tex"])
+def test_the_document_compiles(run: Path, name: str) -> None:
     if shutil.which("pdflatex") is None:
-        pytest.skip("pdflatex is not installed (Debian: texlive-latex-extra)")
+        pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended)")
     write_reports(run)
     made = subprocess.run(
-        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "ablations.tex"],
-        cwd=run, capture_output=True, text=True, check=False,
+        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", name],
+        cwd=run, capture_output=True, encoding="latin-1", check=False,
     )  # fmt: skip
     assert made.returncode == 0, made.stdout[-2000:]
     assert not re.search(r"Undefined control sequence|Overfull \\hbox", made.stdout)

@@ -23,7 +23,7 @@ class Column:
 
 @dataclass(frozen=True)
 class PublishedTable:
-    """A table of the paper: ``figures[row][column]``, as printed.
+    """A table of the paper: ``figures[row][column]``, and ``printed``, the same with the paper's very digits.
 
     ``label`` is its LaTeX label, ``source`` where it is printed, ``data`` what it averages over. Column keys read
     ``task/measure`` (``task/measure/scene``), ``labels`` says what the paper calls each row. A row may lack a column:
@@ -37,6 +37,7 @@ class PublishedTable:
     columns: dict[str, Column]
     labels: dict[str, str]
     figures: dict[str, dict[str, float]]
+    printed: dict[str, dict[str, str]]
     absent: dict[str, dict[str, str]] = field(default_factory=dict)
     remarks: dict[str, str] = field(default_factory=dict)
 
@@ -56,8 +57,10 @@ def published(table: str) -> PublishedTable:
             f"Did you mean '{near[0]}'?" if near else "",
             f"Tables: {', '.join(published_tables())}.",
         )
-    content = tomllib.loads(resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8"))
+    text = resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8")
+    content = tomllib.loads(text, parse_float=str)
     columns = {name: Column(**column) for name, column in content.pop("columns").items()}
     rows = content.pop("rows").items()
-    figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in rows}
-    return PublishedTable(columns=columns, figures=figures, **content)
+    printed = {row: {name: str(figure) for name, figure in found.items()} for row, found in rows}
+    figures = {row: {name: float(figure) for name, figure in found.items()} for row, found in printed.items()}
+    return PublishedTable(columns=columns, figures=figures, printed=printed, **content)

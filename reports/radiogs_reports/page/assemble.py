@@ -14,7 +14,7 @@ from ..plain import note
 from ..summary import Summary
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
-from .tables import cells_table, suite_table
+from .tables import cells_table, paper_table, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
 """In the order in which they run; each is a closed block that needs none of the others."""
@@ -43,6 +43,7 @@ def page(summary: Summary, pictures: Album) -> str:
     return templates.get_template("page.html").render(
         summary=summary,
         tables=[suite_table(summary), cells_table(summary)],
+        paper=[paper_table(table) for table in summary["paper"]],
         note=note(summary),
         lacking=lacking(summary),
         finished=sum(run["state"] == "finished" for run in summary["runs"]),

@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..paper.reading import change, measured
+from ..paper.reading import ranks as paper_ranks
 from ..plain import ARROWS
 from ..ranks import ranks
-from ..summary import CellSummary, ColumnSummary, RowSummary, RunSummary, Summary
+from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,34 @@ def seconds_of(row: RowSummary) -> Entry:
     if row["seconds"] is None:
         return Entry("n/a", None, reason="no cell of the row is finished")
     return Entry(f"{row['seconds']:.1f}", row["seconds"])
+
+
+def paper_table(table: PaperTable) -> Table:
+    """A table of the paper, measured beside published; what has no measured figure is there with its reason."""
+    rows = []
+    for row in table["rows"]:
+        entries = [Entry(row["text"], row["text"], reason=row["remark"])]
+        for column in table["columns"]:
+            cell = table["cells"][row["key"]][column["key"]]
+            entries.append(
+                Entry(
+                    text=measured(cell, column) or "n/a",
+                    value=cell["mean"],
+                    difference=change(cell, column, " ± "),
+                    difference_value=cell["difference"]["mean"] if cell["difference"] else None,
+                    published=cell["published"] or "",
+                    published_value=float(cell["published"]) if cell["published"] else None,
+                    reason=cell["reason"] or "",
+                    rank=paper_ranks(table, column, of_published=False).get(row["key"], 0),
+                )
+            )
+        rows.append(entries)
+    arrows = {**ARROWS, "none": ""}
+    heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], arrows[each["direction"]])
+             for each in table["columns"]]  # fmt: skip
+    return Table(
+        f"paper-{table['key']}", f"{table['title']} ({table['data']})", [Head("row", numeric=False), *heads], rows
+    )
 
 
 def cells_table(summary: Summary) -> Table:

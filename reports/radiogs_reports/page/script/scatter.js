@@ -67,7 +67,11 @@
   function drawFront(chart, column) {
     const place = (mark) => [chart.valToPos(mark.cost, "x", true), chart.valToPos(mark.quality, "y", true)];
     const context = chart.ctx;
+    const { left, top, width: across, height: tall } = chart.bbox;
     context.save();
+    context.beginPath();
+    context.rect(left, top, across, tall);
+    context.clip(); // a bar may be longer than the plot is high
     context.lineWidth = devicePixelRatio;
     const front = marks.filter((mark) => mark.large && mark.on_front);
     context.strokeStyle = colour("--faint");
@@ -78,12 +82,13 @@
     context.setLineDash([]);
     for (const mark of marks) {
       if (!mark.large || mark.reach === null) continue;
-      const [across, low] = [place(mark)[0], chart.valToPos(mark.quality - mark.reach, "y", true)];
+      const [middle] = place(mark);
+      const low = chart.valToPos(mark.quality - mark.reach, "y", true);
       const high = chart.valToPos(mark.quality + mark.reach, "y", true);
       context.strokeStyle = colourOf(data.rows.findIndex((row) => row.key === mark.row));
       context.beginPath();
-      context.moveTo(across, low);
-      context.lineTo(across, high);
+      context.moveTo(middle, low);
+      context.lineTo(middle, high);
       context.stroke();
     }
     context.restore();
@@ -134,7 +139,7 @@
     const costs = marks.map((mark) => mark.cost);
     const [low, high] = [costs[0], costs[costs.length - 1]];
     const logarithmic = high / low >= LOGARITHMIC_FROM;
-    const extents = marks.flatMap((mark) => [mark.quality - (mark.reach ?? 0), mark.quality + (mark.reach ?? 0)]);
+    const qualities = marks.map((mark) => mark.quality); // not the bars: with few pairs they dwarf what was measured
     const values = (large) =>
       data.rows.map((row) => marks.map((mark) => (mark.large === large && mark.row === row.key ? mark.quality : null)));
     const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
@@ -148,7 +153,7 @@
         cursor: { show: false },
         scales: {
           x: { time: false, distr: logarithmic ? 3 : 1, range: padded(low, high, logarithmic) },
-          y: { range: padded(Math.min(...extents), Math.max(...extents), false) },
+          y: { range: padded(Math.min(...qualities), Math.max(...qualities), false) },
         },
         axes: [
           { ...axis, label: data.costs[cost], labelSize: 26, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) },

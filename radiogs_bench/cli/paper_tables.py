@@ -1,0 +1,193 @@
+"""The tables of the paper that a store holds figures for, row by row and column by column as they are printed.
+
+A result belongs to a row if it was made by the row's variant under the row's share of the preset, with the sources, the
+protocol and the kind of device of the folder's last run, on a scene and a seed of it. So a store of the ablations also
+fills the rows that other tables share with it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
+
+from radiogs.budget import budget, scaled
+from radiogs.errors import UsageError
+from radiogs.variant import Variant
+from radiogs_baselines.published import PublishedTable, published, published_tables
+from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
+
+from ..cell import TRAINING
+from ..schema import Result, training_seconds
+from ..statistics import Estimate, Sample, estimate, paired_difference
+from ..store import Store
+from ..suites import MEASURES, SUITES, TASKS, Row, Suite
+from ..sweep import Sweep
+
+OURS = Row("ours", "Ours", "Ours", Variant())
+"""The full method: the one row that tables have which no suite runs yet."""
+
+MEASURED_APART = {"hours": "", "megabytes": "", "samples": "N", "change": "change"}
+"""Headings of measures that are no metric; where there is none, the unit is the heading."""
+
+GROUPS = {**TASKS, "training": "Training"}
+
+WHOLE_VIEWS = "100"
+"""The rows of table ``views`` that changes are relative to end in this share."""
+
+Rows = Mapping[str, list[Result]]
+"""Results by row of a table."""
+
+
+def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
+    """Every table of the paper that has at least one measured figure, in the order of their keys."""
+    own = {place["key"]: place for place in sweep["cells"]}
+    results = list(store.results())
+    mine = [result for result in results if result["key"] in own]
+    if not mine:
+        return []
+    alike = [result for result in results if belongs(result, mine, sweep["seeds"])]
+    tables = []
+    for key in published_tables():
+        suite = next((suite for suite in SUITES.values() if suite.published == key), None)
+        if key == sweep["published"]:
+            rows: Rows = {
+                row["key"]: [result for result in mine if own[result["key"]]["row"] == row["key"]]
+                for row in sweep["rows"]
+            }
+        else:
+            rows = rows_by_content(alike, suite.rows if suite else (OURS,), sweep["preset"])
+        table = filled(key, published(key), rows, suite)
+        if any(figure["mean"] is not None for row in table["cells"].values() for figure in row.values()):
+            tables.append(table)
+    return tables
+
+
+def belongs(result: Result, mine: Iterable[Result], seeds: Iterable[int]) -> bool:
+    """Whether a result was made as this run's were, on a scene and a seed of it."""
+    made_alike = any(
+        all(result["cell"][name] == other["cell"][name] for name in SHARED_BY_A_RUN)
+        and result["scene"] == other["scene"]
+        for other in mine
+    )
+    return made_alike and result["cell"]["seed"] in seeds
+
+
+SHARED_BY_A_RUN = ("checksum", "device", "protocol", "method_code", "evaluation_code")
+
+
+def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str) -> Rows:
+    """The results of each row of a suite; a row that the preset is too small for has none."""
+    found = {}
+    for row in rows:
+        try:
+            made_from = {"variant": asdict(row.variant), "budget": asdict(scaled(budget(preset), row.budget))}
+        except UsageError:
+            continue
+        made_from |= {"experiment": TRAINING, "settings": {}}
+        found[row.key] = [
+            result for result in results if all(result["cell"][name] == content for name, content in made_from.items())
+        ]
+    return found
+
+
+def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> PaperTable:
+    """The table with what was measured."""
+    reference = suite.reference if suite else OURS.key
+    return PaperTable(
+        key=key,
+        title=table.title,
+        label=table.label,
+        data=table.data,
+        reference=reference if rows.get(reference) else None,
+        columns=[paper_column(name, table) for name in table.columns],
+        rows=[
+            {"key": row, "text": text, "remark": table.remarks.get(row, "")} for row, text in table.labels.items()
+        ],
+        cells={
+            row: {
+                column: paper_figure(table, rows, row, column, reference, suite) for column in table.columns
+            }
+            for row in table.labels
+        },
+    )  # fmt: skip
+
+
+def paper_column(name: str, table: PublishedTable) -> PaperColumn:
+    """A column's headings, and with how many digits the paper prints it."""
+    task, measure, *scene = name.split("/")
+    known, column = MEASURES.get(measure), table.columns[name]
+    heading = known.label if known else MEASURED_APART[measure]
+    printed = [figures[name] for figures in table.printed.values() if name in figures]
+    return PaperColumn(
+        key=name,
+        group=GROUPS[task],
+        label=" ".join([*scene, heading]).strip(),
+        unit=column.unit,
+        direction=column.direction,
+        decimals=max(len(text.partition(".")[2]) for text in printed),
+    )
+
+
+def paper_figure(
+    table: PublishedTable, rows: Rows, row: str, column: str, reference: str, suite: Suite | None
+) -> PaperFigure:
+    """One figure, measured and published."""
+    mine = sample(rows, row, column)
+    mean = estimate(list(mine.values()))
+    difference = None if row == reference else paired_difference(mine, sample(rows, reference, column))
+    return PaperFigure(
+        mean=None if mean is None else mean.mean,
+        count=0 if mean is None else mean.count,
+        difference=interval(difference),
+        reason=None if mean is not None else why_not(rows, row, column, suite),
+        published=table.printed[row].get(column),
+        absent=table.absent.get(row, {}).get(column),
+    )
+
+
+def sample(rows: Rows, row: str, column: str) -> Sample:
+    """A row's figures by (scene, seed)."""
+    task, measure, *scenes = column.split("/")
+    if measure == "change":
+        mine = sample(rows, row, f"{task}/psnr")
+        whole = sample(rows, f"{row.rpartition('-')[0]}-{WHOLE_VIEWS}", f"{task}/psnr")
+        return {} if row.endswith(WHOLE_VIEWS) else {pair: mine[pair] - whole[pair] for pair in mine if pair in whole}
+    found = {}
+    for result in rows.get(row, []):
+        value = value_of(result, task, measure)
+        if value is not None and (not scenes or result["scene"] in scenes):
+            found[result["scene"], result["cell"]["seed"]] = value
+    return found
+
+
+def value_of(result: Result, task: str, measure: str) -> float | None:
+    """A result's figure: a metric, or the hours of training."""
+    if measure == "hours":
+        return training_seconds(result) / 3600
+    metric = (result["metrics"] | result["timings"]).get(f"{task}/{measure}")
+    return None if metric is None else metric["value"]
+
+
+def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
+    """Why a figure was not measured."""
+    _, measure, *scenes = column.split("/")
+    results = rows.get(row, [])
+    if results:
+        metrics = [result["metrics"] | result["timings"] for result in results]
+        reasons = [found[column]["reason"] for found in metrics if column in found]
+        if reasons and reasons[0]:
+            return str(reasons[0])
+        if measure == "change" and row.endswith(WHOLE_VIEWS):
+            return "The change is relative to this row."
+        return f"the run has no scene {scenes[0]}" if scenes else "the run does not measure it"
+    if suite is not None and any(row == each.key for each in suite.rows):
+        return f"not in this store; radiogs-bench run {suite.name} measures it"
+    return "no suite runs this row"
+
+
+def interval(difference: Estimate | None) -> Interval | None:
+    """A difference with the ends of its 95 % interval."""
+    if difference is None:
+        return None
+    mean, reach = difference.mean, difference.half_width
+    return Interval(
+        mean=mean, low=None if reach is None else mean - reach, high=None if reach is None else mean + reach
+    )

@@ -1,0 +1,165 @@
+"""The paper's tables: the same rows and columns, nothing blank, LaTeX that holds together, figures that agree."""
+
+import csv
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+from made_up_run import paper_table, summary, write_run
+from radiogs_reports import texts, write_reports
+from radiogs_reports.latex import as_formula, escape
+from radiogs_reports.paper import paper_csv, paper_latex, paper_markdown
+from radiogs_reports.paper.reading import caption, measured, ranks
+
+TABLE, SUMMARY = paper_table(), summary()
+LATEX = paper_latex(TABLE, SUMMARY)
+
+
+def spanned(line: str) -> int:
+    """How many columns a line of a tabular fills."""
+    cells = re.split(r"(?<!\\)&", line)
+    return sum(int(span[1]) if (span := re.match(r"\s*\\multicolumn\{(\d+)\}", cell)) else 1 for cell in cells)
+
+
+def assert_holds_together(text: str) -> None:
+    """Environments and braces are balanced, every line of every tabular fills its columns, nothing special is bare."""
+    bare = re.sub(r"(?m)(?<!\\)%.*$", "", text)
+    open_environments: list[str] = []
+    for kind, name in re.findall(r"\\(begin|end)\{(\w+\*?)\}", bare):
+        if kind == "begin":
+            open_environments.append(name)
+        else:
+            assert open_environments.pop() == name
+    assert open_environments == []
+    depth = 0
+    for brace in re.findall(r"(?<!\\)[{}]", bare):
+        depth += 1 if brace == "{" else -1
+        assert depth >= 0
+    assert depth == 0
+    assert len(re.findall(r"(?<!\\)\$", bare)) % 2 == 0
+    outside = re.sub(r"(?<!\\)\$.*?(?<!\\)\$", "", bare, flags=re.S)
+    outside = re.sub(r"\\(label|input|includegraphics)(\[[^]]*\])?\{[^}]*\}", "", outside)
+    assert not re.search(r"(?<!\\)[_^~#]", outside.replace("~\\textcolor", ""))
+    assert outside.isascii()
+    for layout, body in re.findall(r"\\begin\{tabular\}\{(\w+)\}(.*?)\\end\{tabular\}", bare, flags=re.S):
+        lines = [line for line in body.splitlines() if line.rstrip().endswith(r"\\")]
+        assert lines
+        assert {spanned(line) for line in lines} == {len(layout)}
+
+
+def cells_of(text: str) -> list[list[str]]:
+    """The cells of the table's lines below its heading."""
+    body = text.split(r"\midrule")[1].split(r"\bottomrule")[0]
+    return [
+        [cell.strip() for cell in re.split(r"(?<!\\)&", line.rstrip().removesuffix(r"\\"))]
+        for line in body.splitlines()
+        if line.endswith(r"\\")
+    ]
+
+
+def test_every_text_of_a_run_in_latex_holds_together() -> None:
+    made = {name: text for name, text in texts(SUMMARY).items() if name.endswith(".tex")}
+    assert made.keys() == {"ablations.tex", "ablations_table.tex", "report.tex", "tables/strategies.tex"}
+    for text in made.values():
+        assert_holds_together(text)
+
+
+@pytest.mark.parametrize(
+    "broken",
+    [
+        r"\begin{tabular}{lc} a & b & c \\ \end{tabular}",
+        r"\begin{table} \end{tabular}",
+        "under_score",
+        "{",
+        r"$x",
+        "λ",
+    ],
+)
+def test_what_does_not_hold_together_is_found(broken: str) -> None:
+    with pytest.raises((AssertionError, IndexError)):
+        assert_holds_together(broken.replace(r" \\ ", " \\\\\n"))
+
+
+def test_rows_and_columns_are_the_papers_and_no_cell_is_blank() -> None:
+    lines = cells_of(LATEX)
+    assert [line[0] for line in lines if line[0]] == [as_formula(row["text"]) for row in TABLE["rows"]]
+    for line in lines:
+        if "difference" not in line[1]:
+            assert all(line[2:]), line
+    assert r"\multicolumn{2}{c}{NVS}" in LATEX
+    assert r"PSNR $\uparrow$ & LPIPS $\downarrow$ & h $\downarrow$ & N (rays) \\" in LATEX
+
+
+def test_every_missing_figure_has_its_reason_below_the_table() -> None:
+    marks = set(re.findall(r"n/a\$\^\{(\w+)\}\$", LATEX))
+    assert marks == {"a", "b"}
+    assert r"$^{a}$ not in this store; 100 \% lost \& gone." in LATEX
+    assert r"$^{b}$ The paper prints a dash." in LATEX
+    assert r"paper}$^{c}$" in LATEX
+    assert "$^{c}$ Printed otherwise in table 3." in LATEX
+
+
+def test_measured_and_published_figures_are_ranked_each_among_themselves() -> None:
+    psnr, lpips, hours, samples = TABLE["columns"]
+    assert ranks(TABLE, psnr, of_published=False) == {"ours": 1, "detach": 2}
+    assert ranks(TABLE, psnr, of_published=True) == {"ours": 1, "detach": 2, "split-sum": 3}
+    assert ranks(TABLE, lpips, of_published=False) == {"ours": 1, "detach": 1}
+    assert ranks(TABLE, hours, of_published=False) == {"detach": 1, "ours": 2}
+    assert ranks(TABLE, samples, of_published=True) == {}
+    assert r"\cellcolor[HTML]{FF9999}31.623" in LATEX
+    assert r"\cellcolor[HTML]{FF9999}\textcolor{darkgray}{37.858}" in LATEX
+
+
+def test_one_measured_row_alone_has_no_rank() -> None:
+    alone = paper_table()
+    alone["cells"]["detach"]["nvs/psnr"]["mean"] = None
+    assert ranks(alone, alone["columns"][0], of_published=False) == {}
+
+
+def test_a_small_figure_is_not_printed_as_zero() -> None:
+    assert measured(TABLE["cells"]["detach"]["training/hours"], TABLE["columns"][2]) == "0.00047"
+    assert measured(TABLE["cells"]["ours"]["training/hours"], TABLE["columns"][2]) == "2.0"
+
+
+def test_the_caption_says_seeds_interval_and_where_published_figures_come_from() -> None:
+    text = caption(TABLE, SUMMARY)
+    for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval over 2 pairs", "TensoIR_Ind", "Ours_100 %"):
+        assert part in text
+
+
+def test_markdown_and_csv_carry_the_figures_of_the_latex() -> None:
+    text = paper_markdown(TABLE, SUMMARY)
+    assert "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500) | 0.2500 (+0.0000 ± 0.5000) | 0.00047 | 64 |" in text
+    assert "|  | paper [3] | 37.252 | 0.0275 | 1.1 | 64 |" in text
+    assert "1. not in this store; 100 % lost & gone" in text
+    records = list(csv.DictReader(io.StringIO(paper_csv(TABLE))))
+    assert len(records) == 12
+    for record in records:
+        figure = TABLE["cells"][record["row"]][record["column"]]
+        assert record["published"] == (figure["published"] or "")
+        assert (float(record["mean"]) if record["mean"] else None) == figure["mean"]
+        assert bool(record["mean"]) != bool(record["not_measured"])
+
+
+def test_symbols_with_an_index_are_set_as_formulas_and_names_are_not() -> None:
+    assert as_formula("λ_rad = 0") == r"$\lambda_\mathrm{rad}$ = 0"
+    assert as_formula("Detach L_G^PBR & N_g") == r"Detach $L_\mathrm{G}^\mathrm{PBR}$ \& $N_\mathrm{g}$"
+    assert as_formula("TensoIR_Ind") == r"TensoIR\_Ind"
+
+
+def test_every_character_becomes_something_that_pdflatex_prints() -> None:
+    assert escape("±\u2212…") == r"$\pm$$-$\dots{}"
+    assert escape("Ωλ") == r"$\Omega$$\lambda$"
+    assert escape("한") == r"\texttt{U+D55C}"
+    assert escape("ß") == "ß"
+    assert "\n" not in escape("a\nb")
+
+
+def test_the_reports_lie_in_a_folder_of_tables(tmp_path: Path) -> None:
+    written = write_reports(write_run(tmp_path, SUMMARY))
+    assert {tmp_path / "tables" / f"strategies.{kind}" for kind in ("tex", "md", "csv")} <= set(written)
+    document = (tmp_path / "report.tex").read_text()
+    for name in re.findall(r"\\input\{([^}]*)\}", document):
+        assert (tmp_path / name).exists()
