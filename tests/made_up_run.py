@@ -158,14 +158,15 @@ def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
 
 
 def arrays(seed: int, size: int = 16) -> dict[str, Any]:
-    """Maps of a cell: the truth of all cells is one, what is rendered differs; normals have unit length."""
+    """Maps of a cell, and its light: the truth of all cells is one, the rest differs; normals have unit length."""
     generators = {"truth": np.random.default_rng(99), "render": np.random.default_rng(seed)}
     maps = {
         f"{side}/{name}": generator.random((size, size, count), dtype=np.float32)
         for side, generator in generators.items()
         for name, count in CHANNELS.items()
     }
-    for side in generators:
+    for side, generator in generators.items():
+        maps[f"{side}/environment"] = generator.random((4, 8, 3), dtype=np.float32)
         normal = maps[f"{side}/normal"] * 2 - 1
         maps[f"{side}/normal"] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
     return maps

@@ -1,9 +1,12 @@
 """Tables and figures, made from stored results alone."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from .contact_sheet import write_contact_sheet
 from .document import report_document
+from .figures import Drawn, write_figures
+from .figures.canvas import FOLDER
 from .latex import document, table
 from .page import write_page
 from .paper import paper_csv, paper_latex, paper_markdown
@@ -19,8 +22,9 @@ def write_reports(out: Path) -> list[Path]:
     The same stored results give the same bytes.
     """
     summary = read_summary(out)
+    figures = write_figures(summary, out)
     written = []
-    for name, text in texts(summary).items():
+    for name, text in texts(summary, figures).items():
         path = out / name
         path.parent.mkdir(exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -28,11 +32,11 @@ def write_reports(out: Path) -> list[Path]:
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
     written.append(write_page(summary, out))
-    return written
+    return [*written, *(path for drawn in figures for path in (drawn.png, drawn.pdf))]
 
 
-def texts(summary: Summary) -> dict[str, str]:
-    """Every report that is text, by its file's name."""
+def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
+    """Every report that is text, by its file's name; ``figures`` stand in the document of everything."""
     made = {
         f"{summary['suite']}_table.tex": table(summary),
         f"{summary['suite']}.tex": document(summary),
@@ -48,4 +52,5 @@ def texts(summary: Summary) -> dict[str, str]:
             f"{name}.csv": paper_csv(each),
         }
         inputs.append(f"{name}.tex")
-    return made | {"report.tex": report_document(summary, inputs, [])}
+    shown = [(f"{FOLDER}/{drawn.pdf.name}", drawn.caption) for drawn in figures]
+    return made | {"report.tex": report_document(summary, inputs, shown)}

@@ -51,7 +51,8 @@ def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
     shown = sorted((run for run in runs if run["arrays"] is not None), key=lambda run: run["seed"])
     if not shown:
         return Album({}, {}, {}, 1)
-    largest = max(max(image.shape) for image in maps.read_maps(out / str(shown[0]["arrays"])).values())
+    stored = maps.read_maps(out / str(shown[0]["arrays"]))
+    largest = max(max(stored[f"render/{name}"].shape) for name in maps.KINDS if f"render/{name}" in stored)
     expected = len(shown) * bound(shown[:1], out, 1).size
     factor = 1
     while expected / factor**2 > budget and largest // (2 * factor) >= LEGIBLE:

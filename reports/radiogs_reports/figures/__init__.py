@@ -1,0 +1,23 @@
+"""Figures for papers and talks, as PNG and as PDF."""
+
+from pathlib import Path
+
+from ..summary import Summary
+from .canvas import Drawn, save
+from .cost import cost_figure
+from .environment import environment_figures
+from .illumination import illumination_figures
+from .qualitative import qualitative_figures
+
+__all__ = ["Drawn", "write_figures"]
+
+
+def write_figures(summary: Summary, out: Path) -> list[Drawn]:
+    """Write every figure that the stored results give into ``out``/figures; the same results give the same bytes."""
+    figures = [
+        *cost_figure(summary),
+        *qualitative_figures(summary, out),
+        *illumination_figures(summary, out),
+        *environment_figures(summary, out),
+    ]
+    return [save(figure, out) for figure in figures]

@@ -1,0 +1,85 @@
+"""What all figures share: type, sizes, and files whose bytes depend on nothing but what is drawn."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from .. import maps
+
+FOLDER = "figures"
+DOTS_PER_INCH = 150
+
+STYLE: dict[Any, Any] = {
+    "font.family": "DejaVu Sans",  # comes with matplotlib, and has the Greek letters of the rows' names
+    "font.size": 8,
+    "axes.titlesize": 8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "pdf.fonttype": 42,  # outlines that journals accept, text that can be searched
+}
+
+COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5b4bb7", "#444444")
+"""For rows, in order; dark enough on white, told apart without red and green (after Okabe and Ito)."""
+
+MARKERS = "osD^vPX*"
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """A figure that is still to be saved; ``name`` is its file's without ending, ``caption`` plain text."""
+
+    name: str
+    caption: str
+    figure: Figure
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A saved figure."""
+
+    png: Path
+    pdf: Path
+    caption: str
+
+
+def blank(width: float, height: float) -> Figure:
+    """An empty figure of so many inches, apart from matplotlib's global state."""
+    figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def save(sketch: Sketch, out: Path) -> Drawn:
+    """Write a figure as PNG and PDF, without the date and the version that matplotlib would put into them."""
+    folder = out / FOLDER
+    folder.mkdir(exist_ok=True)
+    png, pdf = folder / f"{sketch.name}.png", folder / f"{sketch.name}.pdf"
+    with rc_context(STYLE):
+        sketch.figure.savefig(png, metadata={"Software": None})
+        sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
+    return Drawn(png, pdf, sketch.caption)
+
+
+def file_name(*parts: str) -> str:
+    """Parts of a name as one that every system and LaTeX take."""
+    return "-".join(re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "_" for part in parts)
+
+
+def show(axes: Axes, image: maps.Image) -> None:
+    """A displayed map, pixel by pixel, without axes."""
+    axes.imshow(maps.levels(image), interpolation="nearest")
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+def name_row(axes: Axes, text: str) -> None:
+    """What a row of pictures shows, to its left."""
+    axes.set_ylabel(text, fontsize=8)

@@ -1,0 +1,83 @@
+"""Quality against cost, a panel for each metric."""
+
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from ..front import COSTS, Point, cost_of, points
+from ..plain import ARROWS
+from ..summary import ColumnSummary, Summary
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank
+
+PANELS_ACROSS = 3
+PANEL = (2.6, 2.3)
+LOGARITHMIC_FROM = 8.0
+"""Ratio of the largest to the smallest cost from which the axis is logarithmic."""
+
+
+def cost_figure(summary: Summary) -> list[Sketch]:
+    """A figure for each kind of cost that differs between rows; none where a suite costs the same all over."""
+    made = []
+    for cost, label in COSTS.items():
+        panels = [(column, points(summary, column, cost)) for column in summary["columns"]]
+        panels = [(column, found) for column, found in panels if found]
+        if len({point.cost for _, found in panels for point in found}) > 1:
+            made.append(_figure(summary, cost, label, panels))
+    return made
+
+
+def _figure(summary: Summary, cost: str, label: str, panels: list[tuple[ColumnSummary, list[Point]]]) -> Sketch:
+    lines = -(-len(panels) // PANELS_ACROSS)
+    across = min(len(panels), PANELS_ACROSS)
+    rows = {row["key"]: place for place, row in enumerate(summary["rows"])}
+    with rc_context(STYLE):
+        figure = blank(PANEL[0] * across, PANEL[1] * lines + 0.5)
+        grid = figure.subplots(lines, across, squeeze=False).ravel()
+        for axes, (column, found) in zip(grid, panels, strict=False):
+            _panel(axes, summary, column, cost, found, rows)
+            axes.set_xlabel(label)
+        for axes in grid[len(panels) :]:
+            axes.set_visible(False)
+        handles = [
+            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=row["text"])
+            for place, row in enumerate(summary["rows"])
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), frameon=False)
+    caption = (
+        f"Quality against {label}. Large marks: means of rows, filled where no other row beats them at both; small"
+        " marks: single cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a"
+        " panel; line: the front."
+    )
+    return Sketch(f"cost-{cost}", caption, figure)
+
+
+def _panel(
+    axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found: list[Point], rows: dict[str, int]
+) -> None:
+    qualities = [point.quality for point in found]
+    costs = [point.cost for point in found]
+    for run in summary["runs"]:
+        quality, spent = run["figures"].get(column["key"]), cost_of(run, cost)
+        if quality is None or spent is None:
+            continue
+        qualities.append(quality)
+        costs.append(spent)
+        place = rows[run["row"]] % 8
+        axes.plot(spent, quality, MARKERS[place], color=COLOURS[place], markersize=2.5, alpha=0.5, linewidth=0)
+    best = sorted((point.cost, point.quality) for point in found if point.on_front)
+    axes.plot(*zip(*best, strict=True), linestyle="--", color="#888888", linewidth=0.8, zorder=1)
+    for point in found:
+        place = rows[point.row] % 8
+        axes.errorbar(
+            point.cost, point.quality, point.reach, fmt=MARKERS[place], color=COLOURS[place], markersize=6,
+            markerfacecolor=COLOURS[place] if point.on_front else "white", elinewidth=0.8,
+        )  # fmt: skip
+    room = 0.1 * (max(qualities) - min(qualities) or abs(max(qualities)) or 1.0)
+    low, high = min(qualities) - room, max(qualities) + room
+    axes.set_ylim((low, high) if column["direction"] == "up" else (high, low))  # better is higher up in every panel
+    if max(costs) / min(costs) >= LOGARITHMIC_FROM:
+        axes.set_xscale("log")
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    axes.set_title(f"{column['label']} {ARROWS[column['direction']]}{unit}")
+    axes.grid(color="#e4e4e4", linewidth=0.5)
+    axes.set_axisbelow(True)

@@ -1,0 +1,89 @@
+"""A grid for each scene and map: the truth and every row, a crop where rows differ most, and the errors."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from scipy.ndimage import uniform_filter
+
+from .. import maps
+from ..summary import Summary
+from .canvas import STYLE, Sketch, blank, file_name, name_row, show
+from .views import SceneViews, scene_views
+
+SHOWN = ("image", "albedo", "normal", "indirect", "relit")
+CROP = 3
+"""A crop is a third of the picture's width and height."""
+
+TILE = 1.25
+BOX = "#ffd400"
+
+
+def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
+    """A figure for every scene and every kind of map that its rows have."""
+    return [
+        _figure(views, kind)
+        for views in scene_views(summary, out)
+        for kind in SHOWN
+        if all(kind in found for _, found in views.rows)
+    ]
+
+
+def crop_place(images: list[maps.Image]) -> tuple[slice, slice]:
+    """The window of a third of the picture in which the images vary most (mean variance over the images)."""
+    variance = np.var(np.stack(images), axis=0).mean(-1)
+    height, width = (max(1, size // CROP) for size in variance.shape)
+    means = uniform_filter(variance, (height, width), mode="constant")
+    # A window of size s around index i begins at i - s // 2; only whole windows count.
+    inside = means[
+        height // 2 : variance.shape[0] - (height - 1) // 2, width // 2 : variance.shape[1] - (width - 1) // 2
+    ]
+    top, left = np.unravel_index(int(np.argmax(inside)), inside.shape)
+    return slice(int(top), int(top) + height), slice(int(left), int(left) + width)
+
+
+def _figure(views: SceneViews, name: str) -> Sketch:
+    kind = maps.KINDS[name]
+    truth = views.truth.get(name)
+    shown = [np.clip(kind.shown(found[name]), 0, 1) for _, found in views.rows]
+    images = shown if truth is None else [np.clip(kind.shown(truth), 0, 1), *shown]
+    labels = [label for label, _ in views.rows]
+    labels = labels if truth is None else ["truth", *labels]
+    place = crop_place(shown if len(shown) > 1 else images)
+    lines = 2 if truth is None else 3
+    with rc_context(STYLE):
+        figure = blank(TILE * len(images) + 0.4, TILE * lines + 0.5)
+        grid = figure.subplots(lines, len(images), squeeze=False)
+        for column, (label, image) in enumerate(zip(labels, images, strict=True)):
+            show(grid[0, column], image)
+            grid[0, column].set_title(label)
+            down, across = place
+            grid[0, column].add_patch(
+                Rectangle(
+                    (across.start - 0.5, down.start - 0.5), across.stop - across.start, down.stop - down.start,
+                    fill=False, edgecolor=BOX, linewidth=1,
+                )
+            )  # fmt: skip
+            show(grid[1, column], image[place])
+        name_row(grid[0, 0], kind.label)
+        name_row(grid[1, 0], "crop")
+        if truth is not None:
+            _errors(figure, grid[2], truth, views, name)
+    light = f" under {views.light}" if name == "relit" and views.light else ""
+    caption = f"{views.scene}, view {views.view}, {kind.label}{light}. The box is where the rows differ most."
+    if truth is not None:
+        caption += f" Error: {kind.error_unit}."
+    return Sketch(file_name(views.scene, name), caption, figure)
+
+
+def _errors(figure: Figure, line: np.ndarray, truth: maps.Image, views: SceneViews, name: str) -> None:
+    for axes, (_, found) in zip(line[1:], views.rows, strict=True):
+        show(axes, maps.false_colour(maps.error(name, found[name], truth)))
+    scale = np.linspace(1, 0, 64)[:, None, None].repeat(6, 1)
+    show(line[0], maps.false_colour(scale))
+    largest = f"{maps.ANGLE_RANGE:g}°" if name == "normal" else f"{maps.ERROR_RANGE:g}"
+    line[0].set_yticks([0, 63], [largest, "0"])
+    line[0].tick_params(length=0)
+    name_row(line[0], "error")
