@@ -78,10 +78,12 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
     found = {}
     for row in rows:
         try:
-            made_from = {"variant": asdict(row.variant), "budget": asdict(scaled(budget(preset), row.budget))}
+            share = scaled(budget(preset), row.budget)
         except UsageError:
             continue
-        made_from |= {"experiment": TRAINING, "settings": {}}
+        made_from = {
+            "variant": asdict(row.variant), "budget": asdict(share), "experiment": TRAINING, "settings": {},
+        }  # fmt: skip
         found[row.key] = [
             result for result in results if all(result["cell"][name] == content for name, content in made_from.items())
         ]

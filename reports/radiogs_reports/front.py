@@ -10,6 +10,12 @@ COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays trac
 """What a row costs, by key: seconds differ between machines, rays do not."""
 
 
+EVALUATION = "evaluate"
+"""The stage that is no part of what a result cost; all others are."""
+
+Direction = Literal["up", "down", "zero"]
+
+
 class Point(NamedTuple):
     """Cost and quality of a row; ``reach`` is the half-width of the interval of its difference to the reference."""
 
@@ -23,9 +29,9 @@ class Point(NamedTuple):
 def cost_of(run: RunSummary, cost: str) -> float | None:
     """What one finished cell cost in training; None where it is not known, or nothing."""
     if cost == "seconds":
-        spent = sum(run["seconds"].get(stage, 0.0) for stage in ("initialise", "invert"))
+        spent = sum(seconds for stage, seconds in run["seconds"].items() if stage != EVALUATION)
     else:
-        spent = float(sum(run["work"].get(stage, {}).get(cost, 0) for stage in ("initialise", "invert")))
+        spent = float(sum(work.get(cost, 0) for stage, work in run["work"].items() if stage != EVALUATION))
     return spent or None
 
 
@@ -47,10 +53,12 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
 
 
-def front(places: list[tuple[float, float]], direction: Literal["up", "down"]) -> set[int]:
+def front(places: list[tuple[float, float]], direction: Direction) -> set[int]:
     """Indices of the (cost, quality) pairs that no other one dominates: cheaper or as cheap, better or as good,
     and one of them strictly.
     """  # fmt: skip
+    if direction == "zero":
+        places = [(cost, abs(quality)) for cost, quality in places]
     sign = -1.0 if direction == "up" else 1.0
     signed = [(cost, sign * quality) for cost, quality in places]
     return {

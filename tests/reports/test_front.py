@@ -19,6 +19,9 @@ def test_the_front_is_what_no_other_beats_at_both() -> None:
     }
     assert front(places, "up") == set(range(60)) - beaten
     assert front([(cost, -quality) for cost, quality in places], "down") == front(places, "up")
+    signs = [generator.choice((-1.0, 1.0)) for _ in places]
+    around = [(cost, sign * (9 - quality)) for sign, (cost, quality) in zip(signs, places, strict=True)]
+    assert front(around, "zero") == front(places, "up")
 
 
 def test_a_point_is_the_mean_cost_and_quality_of_a_row() -> None:

@@ -72,6 +72,16 @@ def test_every_figure_stands_in_a_table_with_the_published_one(text: str) -> Non
     assert 'data-published="35.82"' in text
 
 
+def test_where_zero_is_the_best_figures_sort_by_their_distance_to_it(tmp_path: Path) -> None:
+    made = summary()
+    made["columns"][0]["direction"] = "zero"
+    made["cells"]["no-rad"]["nvs/psnr"]["mean"] = -3.25
+    text = page_of(tmp_path, made)
+    assert 'data-value="3.25"' in text
+    assert "-3.25" in text
+    assert 'aria-label="closer to zero is better"' in text
+
+
 def test_nothing_in_the_page_points_outside_it(text: str) -> None:
     for tag, attributes in Elements(text).elements:
         for name in ("src", "href", "action", "srcset", "data", "poster"):

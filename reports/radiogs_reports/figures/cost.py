@@ -74,7 +74,8 @@ def _panel(
         )  # fmt: skip
     room = 0.1 * (max(qualities) - min(qualities) or abs(max(qualities)) or 1.0)
     low, high = min(qualities) - room, max(qualities) + room
-    axes.set_ylim((low, high) if column["direction"] == "up" else (high, low))  # better is higher up in every panel
+    upside_down = column["direction"] == "down"  # better is higher up, but where zero is the best
+    axes.set_ylim((high, low) if upside_down else (low, high))
     if max(costs) / min(costs) >= LOGARITHMIC_FROM:
         axes.set_xscale("log")
     unit = f" ({column['unit']})" if column["unit"] else ""

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..front import cost_of
 from ..paper.reading import change, measured
 from ..paper.reading import ranks as paper_ranks
 from ..plain import ARROWS
@@ -89,7 +90,7 @@ def figure(cell: CellSummary, column: ColumnSummary, published: float | None, ra
             difference += f" ± {(interval['high'] - interval['low']) / 2:.{digits}f}"
     return Entry(
         text="n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}",
-        value=cell["mean"],
+        value=sorted_by(cell["mean"], column),
         difference=difference,
         difference_value=None if interval is None else interval["mean"],
         published="" if published is None else f"{published:.{digits}f}",
@@ -97,6 +98,11 @@ def figure(cell: CellSummary, column: ColumnSummary, published: float | None, ra
         reason=cell["reason"] or "",
         rank=rank if rank <= 3 else 0,
     )
+
+
+def sorted_by(value: float | None, column: ColumnSummary) -> float | None:
+    """What a figure sorts by: itself, or how far it is from zero where zero is the best."""
+    return abs(value) if value is not None and column["direction"] == "zero" else value
 
 
 def seconds_of(row: RowSummary) -> Entry:
@@ -166,14 +172,14 @@ def plain_figure(run: RunSummary, column: ColumnSummary) -> Entry:
     value = run["figures"].get(column["key"])
     if value is None:
         return Entry("n/a", None, reason=run["state"] if not run["figures"] else "the cell has no such figure")
-    return Entry(f"{value:.{column['decimals']}f}", value)
+    return Entry(f"{value:.{column['decimals']}f}", sorted_by(value, column))
 
 
 def training(run: RunSummary) -> Entry:
     """A cell's seconds of training."""
-    if not run["seconds"]:
+    spent = cost_of(run, "seconds")
+    if spent is None:
         return Entry("n/a", None, reason=run["state"])
-    spent = run["seconds"]["initialise"] + run["seconds"]["invert"]
     return Entry(f"{spent:.1f}", spent)
 
 

@@ -143,7 +143,7 @@
     const values = (large) =>
       data.rows.map((row) => marks.map((mark) => (mark.large === large && mark.row === row.key ? mark.quality : null)));
     const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
-    const better = column.direction === "up" ? "higher is better" : "lower is better";
+    const better = { up: "higher is better", down: "lower is better", zero: "closer to zero is better" }[column.direction];
     const unit = column.unit ? `, ${column.unit}` : "";
     plot = new uPlot(
       {
