@@ -18,6 +18,7 @@ from radiogs.scene import Scene, View
 from .cell import Cell
 from .figures import Figures
 from .frame_time import frame_milliseconds
+from .light_maps import light_maps
 from .metrics import Value, protocol
 from .run_cell import Evaluation
 from .scoring import (
@@ -45,6 +46,7 @@ def evaluate(
     ``advance`` is told (done, total) images. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
     view, on black, [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect
     (linear), and relit (under the first light); those that the scene has no truth for are left out under ``truth/``.
+    Beside them lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known.
     Raises DataError for a damaged map.
     """
     rules = protocol(cell.protocol)
@@ -71,7 +73,10 @@ def evaluate(
 
     timings = Figures(rules, figures.views)
     _time(timings, "nvs", renderer.render, scene.test, device)
-    score_light(figures, scene, EnvironmentMap(model.environment.detach().cpu()))
+    found = EnvironmentMap(model.environment.detach().cpu())
+    score_light(figures, scene, found)
+    if scene.training_light is not None:
+        arrays |= light_maps(found, scene.training_light)
     score_depth(figures, scene, kept)
     scale = score_albedo(figures, scene, kept)
     arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)

@@ -14,7 +14,7 @@ def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[t
     Paths are relative to the folder that the document lies in. Compiles with plain pdflatex, in one pass but for
     references.
     """
-    parts = [PREAMBLE, f"\\section*{{{escape(summary['title'])}}}\n"]
+    parts = [PREAMBLE, f"% {escape(summary['title'])}\n"]
     parts += [f"\\input{{{name}}}\n\\clearpage\n" for name in tables]
     for name, caption in figures:
         parts.append(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
+from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import Summary
@@ -11,6 +12,7 @@ from .canvas import STYLE, Sketch, blank, file_name, show
 from .views import SceneViews, scene_views
 
 WIDTH = 2.6
+ACROSS = 3
 WHITE = 0.95
 """The share of the true map's texels that are not burnt out as shown: a sun may be, the sky not."""
 
@@ -24,34 +26,40 @@ def environment_figures(summary: Summary, out: Path) -> list[Sketch]:
     ]
 
 
-def fitted(mine: maps.Image, theirs: maps.Image) -> maps.Image:
-    """A map times the factor of each channel that brings it closest to another (least squares over solid angle).
+def factors(mine: maps.Image, theirs: maps.Image) -> NDArray[np.float64]:
+    """The factor of each channel that brings a map closest to another (least squares over solid angle), [3].
 
-    Light and albedo are known up to such a factor only. A black map stays black.
+    Light and albedo are known up to such a factor only. Zero for a black channel.
     """
     height = mine.shape[0]
     weight = np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None, None]
     products, squares = (weight * mine * theirs).sum((0, 1)), (weight * mine**2).sum((0, 1))
-    return mine * np.divide(products, squares, out=np.zeros_like(products), where=squares > 0)
+    return np.divide(products, squares, out=np.zeros_like(products), where=squares > 0)
 
 
 def _figure(views: SceneViews) -> Sketch:
     truth = views.truth["environment"]
     white = float(np.quantile(truth.max(-1), WHITE)) or 1.0
+    tiles = [("truth", truth)]
+    for label, found in views.rows:
+        scale = factors(found["environment"], truth)
+        times = ", ".join(f"{each:.2g}" for each in scale)
+        tiles.append((f"{label}\nRGB times {times}", scale * found["environment"]))
+    across = min(len(tiles), ACROSS)
+    lines = -(-len(tiles) // across)
     with rc_context(STYLE):
-        figure = blank(2 * WIDTH, (WIDTH / 2 + 0.25) * (1 + len(views.rows)))
-        grid = figure.subplots(1 + len(views.rows), 2, squeeze=False)
-        show(grid[0, 0], maps.display(truth / white))
-        grid[0, 0].set_title("truth")
-        grid[0, 1].set_visible(False)
-        for place, (label, found) in enumerate(views.rows, start=1):
-            mine = found["environment"]
-            show(grid[place, 0], maps.display(mine / white))
-            show(grid[place, 1], maps.display(fitted(mine, truth) / white))
-            grid[place, 0].set_title(f"{label}, as found")
-            grid[place, 1].set_title(f"{label}, scaled to the truth")
+        figure = blank(across * WIDTH, lines * (WIDTH / 2 + 0.45))
+        grid = figure.subplots(lines, across, squeeze=False).ravel()
+        for axes, (label, radiance) in zip(grid, tiles, strict=False):
+            show(axes, maps.display(radiance / white))
+            axes.set_title(label)
+            for spine in axes.spines.values():  # a white sky would end nowhere
+                spine.set(visible=True, linewidth=0.5, edgecolor="#888888")
+        for axes in grid[len(tiles) :]:
+            axes.set_visible(False)
     caption = (
-        f"Recovered light of {views.scene}, latitude-longitude, Z up, centre column towards +X. All at one exposure;"
-        " right: with the factor of each channel that fits the truth best, as albedo and light are known up to one."
+        f"Recovered light of {views.scene}, latitude-longitude, Z up, centre column towards +X; all at the exposure of"
+        " the truth, each times the factor of each channel that fits it best, because albedo and light are known up to"
+        " one."
     )
     return Sketch(file_name(views.scene, "environment"), caption, figure)
