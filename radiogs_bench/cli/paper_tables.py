@@ -181,7 +181,7 @@ def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
             return "The change is relative to this row."
         return f"the run has no scene {scenes[0]}" if scenes else "the run does not measure it"
     if suite is not None and any(row == each.key for each in suite.rows):
-        return f"not in this store; radiogs-bench run {suite.name} measures it"
+        return f"not in this store by this run's preset and code; radiogs-bench run {suite.name} measures it"
     return "no suite runs this row"
 
 

@@ -63,7 +63,7 @@ def test_other_tables_have_the_rows_that_they_share_and_say_how_to_get_the_other
     assert init["nvs-init"]["nvs/psnr"]["mean"] == pytest.approx(sum(stored(sweep, asked, "nvs-init")) / 2)
     lacking = init["nvs-init-no-rad"]["nvs/psnr"]
     assert lacking["mean"] is None
-    assert lacking["reason"] == "not in this store; radiogs-bench run init measures it"
+    assert lacking["reason"] == "not in this store by this run's preset and code; radiogs-bench run init measures it"
     assert tables["ng"]["cells"]["ng-2048"]["nvs/psnr"]["mean"] is not None
     assert tables["ng"]["cells"]["ng-1024"]["nvs/psnr"]["mean"] is None
     assert tables["tensoir"]["cells"]["gs-ir"]["nvs/psnr"]["reason"] == "no suite runs this row"

@@ -92,6 +92,32 @@ def test_rows_and_columns_are_the_papers_and_no_cell_is_blank() -> None:
     assert r"PSNR $\uparrow$ & LPIPS $\downarrow$ & h $\downarrow$ & N (rays) \\" in LATEX
 
 
+def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None:
+    table = paper_table()
+    table["key"] = "views"
+    figures = table["cells"].pop("detach")
+    keys = ("ours-100", "no-rad-100", "ours-50", "no-rad-50")
+    table["rows"] = [
+        {"key": key, "text": f"{method}, {key.rpartition('-')[2]} % of the views", "remark": ""}
+        for key, method in zip(keys, ("Ours", "Ours w/o L_rad") * 2, strict=True)
+    ]
+    table["cells"] = {key: {name: {**each} for name, each in figures.items()} for key in keys}
+    table["cells"]["no-rad-50"]["nvs/psnr"].update(mean=12.345, published="-0.54")
+    table["reference"] = "ours-100"
+    text = paper_latex(table, SUMMARY)
+    assert_holds_together(text)
+    lines = cells_of(text)
+    assert [line[0] for line in lines if line[0]] == [r"100 \% of the views", r"50 \% of the views"]
+    assert {len(line) for line in lines} == {2 + 2 * len(table["columns"])}
+    assert text.count(r"Ours w/o $L_\mathrm{rad}$ $\uparrow$") == 1
+    measured_line = next(line for line in lines if line[0].startswith("50"))
+    assert "30.123" in measured_line[2]
+    assert "12.345" in measured_line[3]
+    assert "paired difference to Ours, 100" in text
+    assert r"\textcolor{darkgray}{$-$0.54}" in text
+    assert "| 50 % of the views | measured | 30.123" in paper_markdown(table, SUMMARY)
+
+
 def test_every_missing_figure_has_its_reason_below_the_table() -> None:
     marks = set(re.findall(r"n/a\$\^\{(\w+)\}\$", LATEX))
     assert marks == {"a", "b"}

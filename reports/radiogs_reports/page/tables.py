@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..front import cost_of
+from ..paper.layout import as_printed
 from ..paper.reading import change, measured
 from ..paper.reading import ranks as paper_ranks
 from ..plain import ARROWS
@@ -114,6 +115,7 @@ def seconds_of(row: RowSummary) -> Entry:
 
 def paper_table(table: PaperTable) -> Table:
     """A table of the paper, measured beside published; what has no measured figure is there with its reason."""
+    table = as_printed(table)
     rows = []
     for row in table["rows"]:
         entries = [Entry(row["text"], row["text"], reason=row["remark"])]

@@ -2,6 +2,7 @@
 
 from ..latex import ARROWS, RANK_COLOURS, as_formula, escape, note_mark
 from ..summary import PaperColumn, PaperTable, Summary
+from .layout import as_printed
 from .reading import caption, change, groups, measured, ranks
 
 
@@ -12,12 +13,14 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     paper's. A figure that does not exist is n/a with its reason in a note.
     """
     notes: list[str] = []
+    below = as_formula(caption(table, summary))
+    table = as_printed(table)
     columns = table["columns"]
     lines = [
         f"% {escape(table['key'])}: made by radiogs-bench; the paper's {escape(table['label'])}",
         r"\begin{table}[p]",
         r"\centering",
-        f"\\caption{{{as_formula(caption(table, summary))}}}",
+        f"\\caption{{{below}}}",
         f"\\label{{measured:{table['key']}}}",
         r"\setbox0=\hbox{%",  # shrunk to the line's width if it is wider, never enlarged
         f"\\begin{{tabular}}{{ll{'c' * len(columns)}}}",
@@ -50,7 +53,8 @@ def _lines_of(table: PaperTable, row: dict[str, str], notes: list[str]) -> list[
         upper.append(f"{_colour(mine)}{text}" if text else _missing(figure["reason"] or "not measured", notes))
         difference = change(figure, column, r" \pm ")
         middle.append(rf"\scriptsize ${difference}$" if difference else "")
-        published = figure["published"] or _missing(figure["absent"] or "not published", notes)
+        printed = (figure["published"] or "").replace("-", "$-$")
+        published = printed or _missing(figure["absent"] or "not published", notes)
         lower.append(rf"{_colour(theirs)}\textcolor{{darkgray}}{{{published}}}")
     label = as_formula(row["text"])
     remark = _noted(row["remark"], notes) if row["remark"] else ""
@@ -78,7 +82,7 @@ def _colour(rank: int | None) -> str:
 def _heading(column: PaperColumn) -> str:
     unit = f" ({column['unit']})" if column["unit"] not in ("", "dB", "deg") else ""
     arrow = f" {ARROWS[column['direction']]}" if column["direction"] != "none" else ""
-    return f"{escape(column['label'] + unit if column['label'] else column['unit'])}{arrow}"
+    return f"{as_formula(column['label'] + unit if column['label'] else column['unit'])}{arrow}"
 
 
 def _spanning(group: str, count: int) -> str:

@@ -4,6 +4,7 @@ import pandas as pd
 
 from ..plain import ARROWS, row_of
 from ..summary import PaperColumn, PaperTable, Summary
+from .layout import as_printed
 from .reading import caption, change, measured
 
 
@@ -17,6 +18,8 @@ def heading(column: PaperColumn) -> str:
 def paper_markdown(table: PaperTable, summary: Summary) -> str:
     """A line of measured figures and one of the paper's for each row; reasons of what is lacking in notes below."""
     notes: list[str] = []
+    below = caption(table, summary)
+    table = as_printed(table)
     lines = [
         f"# {table['title']}", "", row_of(["", "", *map(heading, table["columns"])]),
         row_of(["---"] * (2 + len(table["columns"]))),
@@ -31,8 +34,8 @@ def paper_markdown(table: PaperTable, summary: Summary) -> str:
             lower.append(figure["published"] or _missing(figure["absent"] or "not published", notes))
         remark = f" {_noted(row['remark'], notes)}" if row["remark"] else ""
         lines += [row_of([row["text"], "measured", *upper]), row_of(["", f"paper{remark}", *lower])]
-    below = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
-    return "\n".join([*lines, "", caption(table, summary), "", *below, *([""] if below else [])])
+    noted = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
+    return "\n".join([*lines, "", below, "", *noted, *([""] if noted else [])])
 
 
 def paper_csv(table: PaperTable) -> str:
