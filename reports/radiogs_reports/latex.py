@@ -14,6 +14,10 @@ SPECIAL = {
     "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
 }  # fmt: skip
 
+BOX_BEGIN = r"\setbox0=\hbox{%"
+BOX_END = r"\medskip\leavevmode\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\box0}\else\box0\fi"
+"""Around a tabular: shrunk to the line's width where it is wider, never enlarged."""
+
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
 \usepackage[utf8]{inputenc}
@@ -92,7 +96,7 @@ def table(summary: Summary) -> str:
         r"\centering",
         f"\\caption{{{_caption(summary)}}}",
         f"\\label{{tab:{summary['suite']}}}",
-        r"\resizebox{\linewidth}{!}{%",
+        BOX_BEGIN,
         f"\\begin{{tabular}}{{l{'c' * len(summary['columns'])}r}}",
         r"\toprule",
         f"Method & {heads} & Training \\\\",
@@ -110,7 +114,7 @@ def table(summary: Summary) -> str:
         lines.append(f"{' & '.join(upper)} & {seconds} \\\\")
         if any(lower):
             lines.append(f"{' & '.join(lower)} & \\\\")
-    lines += [r"\bottomrule", r"\end{tabular}}"]
+    lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [rf"\par\smallskip\footnotesize {note_mark(place)} {escape(note)}" for place, note in enumerate(notes)]
     return "\n".join([*lines, r"\end{table}", ""])
 

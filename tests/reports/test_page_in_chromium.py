@@ -17,7 +17,7 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not instal
 
 DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 OPENED_IN = 2000
-"""Milliseconds for 200 cells; measured 400 to 550 on two cores."""
+"""Milliseconds for 200 cells; measured 470 to 850 on two busy cores."""
 
 LARGEST = 25_000_000
 EVIL = "<img src=x onerror=\"document.title='taken'\">"

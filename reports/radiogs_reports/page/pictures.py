@@ -1,9 +1,11 @@
 """Every cell's maps and error maps as pictures inside the page, within a budget of bytes.
 
-A picture is a PNG without loss at the largest scale that fits; true maps that cells share are stored once.
+A picture is a WebP without loss (half the bytes of a PNG) at the largest scale that fits; true maps that cells share
+are stored once.
 """
 
 import base64
+import dataclasses
 import hashlib
 import io
 from dataclasses import dataclass
@@ -53,7 +55,8 @@ def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
         return Album({}, {}, {}, 1)
     stored = maps.read_maps(out / str(shown[0]["arrays"]))
     largest = max(max(stored[f"render/{name}"].shape) for name in maps.KINDS if f"render/{name}" in stored)
-    expected = len(shown) * bound(shown[:1], out, 1).size
+    first = bound(shown[:1], out, 1)
+    expected = len(shown) * dataclasses.replace(first, truths={}).size
     factor = 1
     while expected / factor**2 > budget and largest // (2 * factor) >= LEGIBLE:
         factor *= 2
@@ -94,27 +97,17 @@ def reduced(image: maps.Image, factor: int) -> maps.Image:
 
 
 def picture(image: maps.Image) -> str:
-    """A displayed map as a data address; one channel where the three are the same."""
-    levels = maps.levels(image)
-    grey = bool((levels == levels[..., :1]).all())
-    return data_address(Image.fromarray(levels[..., 0] if grey else levels))
+    """A displayed map as a data address; the bytes depend on nothing but its content."""
+    packed = io.BytesIO()
+    Image.fromarray(maps.levels(image)).save(packed, "WEBP", lossless=True, quality=100, method=4)
+    return "data:image/webp;base64," + base64.b64encode(packed.getvalue()).decode("ascii")
 
 
 def false_colours(error: maps.Image) -> str:
-    """An error map, 0 to 1, in false colours: a palette of 256, a third of the bytes of three channels."""
-    levels = np.rint(error[..., 0] * 255).astype(np.uint8)
-    coloured = Image.fromarray(levels).convert("P")
-    coloured.putpalette(maps.levels(maps.false_colour(np.linspace(0, 1, 256)[:, None, None])).tobytes())
-    return data_address(coloured)
+    """An error map, 0 to 1, in false colours."""
+    return picture(maps.false_colour(error))
 
 
 def scale_bar() -> str:
     """The false colours from 0 on the left to 1 on the right."""
     return false_colours(np.linspace(0, 1, 256)[None, :, None])
-
-
-def data_address(image: Image.Image) -> str:
-    """A picture as a data address; the bytes depend on nothing but its content."""
-    packed = io.BytesIO()
-    image.save(packed, "PNG", optimize=True)
-    return "data:image/png;base64," + base64.b64encode(packed.getvalue()).decode("ascii")

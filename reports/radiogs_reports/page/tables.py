@@ -50,6 +50,13 @@ class Table:
     rows: list[list[Entry]]
 
     @property
+    def reasons(self) -> list[str]:
+        """Why entries are n/a, each reason once: a hint at the mouse alone would be out of many people's reach."""
+        return list(
+            dict.fromkeys(entry.reason.rstrip(".") for row in self.rows for entry in row if entry.value is None)
+        )
+
+    @property
     def compared(self) -> bool:
         """Whether there is a published figure or a difference, by which it can be sorted too."""
         return any(entry.difference or entry.published for row in self.rows for entry in row)

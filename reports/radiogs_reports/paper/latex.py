@@ -1,6 +1,6 @@
 """A table of the paper in LaTeX: booktabs, the paper's rank colours, measured and published line below line."""
 
-from ..latex import ARROWS, RANK_COLOURS, as_formula, escape, note_mark
+from ..latex import ARROWS, BOX_BEGIN, BOX_END, RANK_COLOURS, as_formula, escape, note_mark
 from ..summary import PaperColumn, PaperTable, Summary
 from .layout import as_printed
 from .reading import caption, change, groups, measured, ranks
@@ -22,7 +22,7 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
         r"\centering",
         f"\\caption{{{below}}}",
         f"\\label{{measured:{table['key']}}}",
-        r"\setbox0=\hbox{%",  # shrunk to the line's width if it is wider, never enlarged
+        BOX_BEGIN,
         f"\\begin{{tabular}}{{ll{'c' * len(columns)}}}",
         r"\toprule",
         " & & " + " & ".join(_spanning(group, count) for group, count in groups(table)) + r" \\",
@@ -35,7 +35,7 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     lines += [
         r"\bottomrule",
         r"\end{tabular}}",
-        r"\medskip\leavevmode\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\box0}\else\box0\fi",
+        BOX_END,
     ]
     lines += [
         rf"\par\smallskip\footnotesize {note_mark(place)} {as_formula(note)}." for place, note in enumerate(notes)
