@@ -59,7 +59,7 @@ class Perfect:
 
     def __init__(self, model: Model, *further: Any) -> None:
         self.light = None
-        if len(further) == 4:  # as Relit: light, albedo scale, budget, seed
+        if len(further) > 2:  # as relight: light, albedo scale, cameras, budget, seed, mode
             self.light = next(name for name, light in self.scene.lights.items() if light is further[0])
             self.scales.append(further[1])
 
@@ -86,7 +86,7 @@ def values(
     monkeypatch.setattr(Perfect, "wrong", wrong or {}, raising=False)
     monkeypatch.setattr(Perfect, "scales", [], raising=False)
     monkeypatch.setattr(module, "Renderer", Perfect)
-    monkeypatch.setattr(module, "Relit", Perfect)
+    monkeypatch.setattr(module, "relight", Perfect)
     told: list[tuple[int, int]] = []
     cell = replace(fake_cell(), protocol=protocol)
     result = evaluate(MODEL, scene, cell, CPU, lambda done, total: told.append((done, total)))
@@ -104,6 +104,7 @@ def test_a_perfect_model_has_perfect_figures(monkeypatch: pytest.MonkeyPatch) ->
     assert found.albedo_scale == pytest.approx(SCALE.tolist())
     assert all(torch.allclose(scale, SCALE) for scale in Perfect.scales)
     assert found.views == ["view_0", "view_1", "view_2"]
+    assert all(time > 0 for task in ("nvs", "render") for time in found.timings[f"{task}/ms"]["views"])
 
 
 def test_a_known_error_has_the_psnr_of_its_square(monkeypatch: pytest.MonkeyPatch) -> None:
