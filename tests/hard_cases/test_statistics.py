@@ -97,7 +97,7 @@ def estimates(light: EnvironmentMap, roughness: float, spread: int, drawn: int, 
     repeats = 2000
     normal = normalize(torch.tensor([[0.3, -0.4, 0.8]], dtype=F64), dim=-1).expand(repeats, 3)
     wo = normalize(normal + torch.tensor([0.5, 0.1, 0.0], dtype=F64), dim=-1)
-    direction, weight = relighting_directions(normal, light, spread, drawn, seeded(seed))
+    direction, weight = relighting_directions(normal, LightSampler(light), spread, drawn, seeded(seed))
     samples = spread + drawn
     parts = shade(
         normal, torch.full((repeats, 3), 0.6, dtype=F64), torch.full((repeats,), roughness, dtype=F64), wo[:, None],
