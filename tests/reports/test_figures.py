@@ -14,7 +14,7 @@ from radiogs_reports.figures import write_figures
 from radiogs_reports.figures.canvas import file_name
 from radiogs_reports.figures.cost import cost_figure
 from radiogs_reports.figures.environment import factors
-from radiogs_reports.figures.illumination import direct
+from radiogs_reports.figures.illumination import direct, illumination_figures
 from radiogs_reports.figures.qualitative import crop_place
 from radiogs_reports.figures.views import scene_views
 from radiogs_reports.maps import display, linear
@@ -30,44 +30,45 @@ def two_rows() -> Summary:
     return made
 
 
-def test_every_figure_is_there_as_png_and_pdf_and_stands_in_the_document(tmp_path: Path) -> None:
-    written = write_reports(write_run(tmp_path, two_rows()))
-    figures = {path.relative_to(tmp_path).as_posix() for path in written if path.parent.name == "figures"}
-    assert figures == {f"figures/{name}.{kind}" for name in NAMES for kind in ("png", "pdf")}
-    included = re.findall(r"\\includegraphics\[.*?\]\{(.*?)\}", (tmp_path / "report.tex").read_text())
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with all reports; they take seconds to make, and are only looked at."""
+    folder = tmp_path_factory.mktemp("run")
+    write_reports(write_run(folder, two_rows()))
+    return folder
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (folder / "figures").iterdir()}
+
+
+def test_every_figure_is_there_as_png_and_pdf_and_stands_in_the_document(reports: Path) -> None:
+    assert content(reports).keys() == {f"{name}.{kind}" for name in NAMES for kind in ("png", "pdf")}
+    included = re.findall(r"\\includegraphics\[.*?\]\{(.*?)\}", (reports / "report.tex").read_text())
     assert set(included) == {f"figures/{name}.pdf" for name in NAMES}
 
 
-def test_figures_are_rebuilt_byte_for_byte_and_carry_no_date(tmp_path: Path) -> None:
+def test_figures_are_rebuilt_byte_for_byte_and_carry_no_date(reports: Path, tmp_path: Path) -> None:
     made = two_rows()
-    folder = write_run(tmp_path, made)
-
-    def content() -> dict[str, bytes]:
-        return {
-            path.name: path.read_bytes() for drawn in write_figures(made, folder) for path in (drawn.png, drawn.pdf)
-        }
-
-    first = content()
-    assert content() == first
-    for name, packed in first.items():
+    write_figures(made, write_run(tmp_path, made))
+    assert content(tmp_path) == content(reports)
+    for name, packed in content(reports).items():
         assert b"CreationDate" not in packed, name
         assert b"atplotlib" not in packed[:2000], name
 
 
-def test_another_result_is_another_figure(tmp_path: Path) -> None:
+def test_another_result_is_another_figure(reports: Path, tmp_path: Path) -> None:
     made = two_rows()
-    folder = write_run(tmp_path, made)
-    before = {drawn.png.name: drawn.png.read_bytes() for drawn in write_figures(made, folder)}
-    np.savez(folder / "cells" / "def.npz", allow_pickle=False, **arrays(7))
-    after = {drawn.png.name: drawn.png.read_bytes() for drawn in write_figures(made, folder)}
+    np.savez(write_run(tmp_path, made) / "cells" / "def.npz", allow_pickle=False, **arrays(7))
+    write_figures(made, tmp_path)
+    before, after = content(reports), content(tmp_path)
     changed = {name for name in before if before[name] != after[name]}
-    assert changed == {f"{name}.png" for name in NAMES if name.startswith("my_scene")}
+    assert changed == {f"{name}.{kind}" for name in NAMES if name.startswith("my_scene") for kind in ("png", "pdf")}
 
 
-def test_a_figure_is_large_enough_for_print(tmp_path: Path) -> None:
-    made = two_rows()
-    for drawn in write_figures(made, write_run(tmp_path, made)):
-        with Image.open(drawn.png) as image:
+def test_a_figure_is_large_enough_for_print(reports: Path) -> None:
+    for name in NAMES:
+        with Image.open(reports / "figures" / f"{name}.png") as image:
             assert image.width > 500
             assert image.height > 250
 
@@ -138,6 +139,15 @@ def test_rows_that_show_different_views_are_refused(tmp_path: Path) -> None:
     made["sheet"][1]["view"] = "test_005"
     with pytest.raises(ValueError, match="test_004, test_005"):
         scene_views(made, write_run(tmp_path, made))
+
+
+def test_dollars_in_names_are_dollars(tmp_path: Path) -> None:
+    made = two_rows()
+    made["rows"][0]["text"], made["columns"][0]["label"] = r"$\undefined$ 5", "$^$"
+    for sketch in [*cost_figure(made), *illumination_figures(made, write_run(tmp_path, made))]:
+        sketch.figure.draw_without_rendering()  # raises where a name is taken for a formula
+    (figure,) = [sketch.figure for sketch in cost_figure(made) if sketch.name == "cost-seconds"]
+    assert figure.axes[0].get_title() == r"\$^\$ ↑ (dB)"
 
 
 def test_names_of_files_suit_every_system_and_latex() -> None:

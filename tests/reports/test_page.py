@@ -144,13 +144,13 @@ def test_pictures_are_the_stored_maps_without_loss_and_shared_truths_stand_once(
 
 
 def test_pictures_shrink_until_they_fit_their_budget(tmp_path: Path) -> None:
-    folder = write_run(tmp_path, summary(), size=128)
+    folder = write_run(tmp_path, summary(), size=64)
     full = album(summary()["runs"], folder)
     small = album(summary()["runs"], folder, budget=full.size // 3)
     assert small.size <= full.size // 3
     assert small.factor == 2
     assert small.views.keys() == full.views.keys()
-    assert decoded(small.views["abc"]["mine"]["image"]).shape == (64, 64, 3)
+    assert decoded(small.views["abc"]["mine"]["image"]).shape == (32, 32, 3)
 
 
 def test_pictures_that_could_not_be_seen_are_left_out_and_counted(tmp_path: Path) -> None:

@@ -19,14 +19,17 @@ from radiogs_reports.ranks import ranks
 from radiogs_reports.summary import read_summary
 
 
-@pytest.fixture
-def run(tmp_path: Path) -> Path:
-    return write_run(tmp_path, summary())
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with all reports; they take seconds to make."""
+    folder = write_run(tmp_path_factory.mktemp("run"), summary())
+    write_reports(folder)
+    return folder
 
 
-def test_reports_are_rebuilt_byte_for_byte(run: Path) -> None:
-    first = {path.name: path.read_bytes() for path in write_reports(run)}
-    assert {path.name: path.read_bytes() for path in write_reports(run)} == first
+def test_reports_are_rebuilt_byte_for_byte(run: Path, tmp_path: Path) -> None:
+    first = {path.name: path.read_bytes() for path in write_reports(write_run(tmp_path, summary()))}
+    assert {name: next(run.rglob(name)).read_bytes() for name in first} == first
     assert {name for name in first if not name.endswith((".png", ".pdf"))} | {"contact_sheet.png"} == {
         "ablations.tex", "ablations_table.tex", "ablations.md", "ablations.csv", "contact_sheet.png", "report.html",
         "report.tex", "strategies.tex", "strategies.md", "strategies.csv",
@@ -68,7 +71,6 @@ def test_markdown_and_csv_carry_the_same_figures() -> None:
 
 
 def test_the_contact_sheet_is_large_enough_to_judge(run: Path) -> None:
-    write_reports(run)
     with Image.open(run / "contact_sheet.png") as sheet:
         assert sheet.width > 7 * 160
         assert sheet.height > 2 * 160
@@ -88,7 +90,6 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
 def test_the_document_compiles(run: Path, name: str) -> None:
     if shutil.which("pdflatex") is None:
         pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended)")
-    write_reports(run)
     made = subprocess.run(
         ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", name],
         cwd=run, capture_output=True, encoding="latin-1", check=False,

@@ -71,6 +71,11 @@ def file_name(*parts: str) -> str:
     return "-".join(re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "_" for part in parts)
 
 
+def plain(text: str) -> str:
+    """Text that matplotlib prints as it is: a pair of dollars would otherwise be a formula."""
+    return text.replace("$", r"\$")
+
+
 def show(axes: Axes, image: maps.Image) -> None:
     """A displayed map, pixel by pixel, without axes."""
     axes.imshow(maps.levels(image), interpolation="nearest")

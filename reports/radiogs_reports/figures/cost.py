@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from ..front import COSTS, Point, cost_of, points
 from ..plain import ARROWS
 from ..summary import ColumnSummary, Summary
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
@@ -39,7 +39,7 @@ def _figure(summary: Summary, cost: str, label: str, panels: list[tuple[ColumnSu
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         handles = [
-            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=row["text"])
+            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=plain(row["text"]))
             for place, row in enumerate(summary["rows"])
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), frameon=False)
@@ -79,6 +79,6 @@ def _panel(
     if max(costs) / min(costs) >= LOGARITHMIC_FROM:
         axes.set_xscale("log")
     unit = f" ({column['unit']})" if column["unit"] else ""
-    axes.set_title(f"{column['label']} {ARROWS[column['direction']]}{unit}")
+    axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"))
     axes.grid(color="#e4e4e4", linewidth=0.5)
     axes.set_axisbelow(True)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from .. import maps
 from ..summary import Summary
+from .canvas import plain
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class SceneViews:
 
 def scene_views(summary: Summary, out: Path) -> list[SceneViews]:
     """Every scene that has arrays. Raises ValueError if the rows of a scene do not show one view."""
-    labels = {row["key"]: row["text"] for row in summary["rows"]}
+    labels = {row["key"]: plain(row["text"]) for row in summary["rows"]}
     found = []
     for scene in summary["scenes"]:
         entries = [entry for entry in summary["sheet"] if entry["scene"] == scene]
