@@ -23,6 +23,7 @@ from radiogs.light import EnvironmentMap
 from radiogs.rendering import (
     DIFFUSE_DIRECT,
     DIFFUSE_INDIRECT,
+    SOLID_ALPHA,
     SPECULAR_DIRECT,
     SPECULAR_INDIRECT,
     shade_surfels,
@@ -181,7 +182,10 @@ def transported(surfels: Surfels, lighting: Lighting, incident: Incident, camera
         "direct": direct,
         "indirect": indirect,
     }
-    return {name: image.cpu() for name, image in splat(camera, surfels, channels, depth_unit=1.0).images.items()}
+    seen = splat(camera, surfels, channels, depth_unit=1.0)
+    # Whole, as the tracer makes what a ray meets: a few per cent of a solid surface are gaps between Gaussians.
+    whole = torch.where(seen.alpha > SOLID_ALPHA, seen.alpha, 1.0)[..., None]
+    return {name: (image / whole).cpu() for name, image in seen.images.items()}
 
 
 def traced(view: View) -> dict[str, Image]:

@@ -54,11 +54,16 @@ class Rig:
 
 @dataclass(frozen=True)
 class Pictures:
-    """How many views of a scene are rendered, of how many pixels a side."""
+    """How many views of a scene are rendered, of how many pixels a side, and how long the paths of light are.
+
+    ``depth`` counts the light as a vertex: 8 ends at the light after seven surfaces. Deep white basins keep on
+    scattering: in ``bowl`` a depth of 8 lacks about 5 % of the indirect light.
+    """
 
     size: int = 64
     train: int = 32
     test: int = 8
+    depth: int = 8
 
 
 @dataclass(frozen=True)

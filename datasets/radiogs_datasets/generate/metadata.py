@@ -33,6 +33,7 @@ def describe(
     recipe: Recipe,
     scene: mi.Scene,
     camera: Pinhole,
+    depth: int,
     samples: Mapping[str, int],
     seed: int,
     indirect_share: float,
@@ -50,10 +51,10 @@ def describe(
         "seed": seed,
         "samples": dict(samples),
         "sampler": "multijitter",
-        "depth": render.GLOBAL_DEPTH,
-        "noise_floor_db": round(noise_floor(scene, camera, samples["test"]), 2),
+        "depth": depth,
+        "noise_floor_db": round(noise_floor(scene, camera, samples["test"], depth), 2),
         "indirect_share": round(indirect_share, 4),
-        **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, camera).items()},
+        **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, camera, depth).items()},
         "lights": {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").iterdir())
         },
@@ -61,18 +62,16 @@ def describe(
     }
 
 
-def noise_floor(scene: mi.Scene, camera: Pinhole, samples: int) -> float:
+def noise_floor(scene: mi.Scene, camera: Pinhole, samples: int, depth: int) -> float:
     """PSNR in dB between two renderings with different seeds, in display colour, multiplied by alpha."""
     first, second = (
-        srgb_encode(
-            torch.from_numpy(render.radiance(scene, camera, samples, render.GLOBAL_DEPTH, seed)[..., :3])
-        ).clamp(0, 1)
+        srgb_encode(torch.from_numpy(render.radiance(scene, camera, samples, depth, seed)[..., :3])).clamp(0, 1)
         for seed in NOISE_SEEDS
     )
     return -10 * math.log10(float((first - second).double().square().mean()))
 
 
-def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole) -> dict[str, float]:
+def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: int) -> dict[str, float]:
     """Parts of the energy that a view sees under a light.
 
     specular: what one surface scatters in its specular lobe (all albedos set to zero), of all light. shadowed: what
@@ -80,7 +79,7 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole) -> dict[
     each solid is convex and so does not shadow itself.
     """
     whole = render.build(recipe, light)
-    full, direct = (_energy(whole, camera, depth) for depth in (render.GLOBAL_DEPTH, render.DIRECT_DEPTH))
+    full, direct = (_energy(whole, camera, depth) for depth in (depth, render.DIRECT_DEPTH))
     black = tuple(replace(solid, material=replace(solid.material, albedo=(0.0, 0.0, 0.0))) for solid in recipe.solids)
     specular = _energy(render.build(replace(recipe, solids=black), light), camera, render.DIRECT_DEPTH)
     seen = render.surface(whole, camera)

@@ -14,7 +14,6 @@ from .catalogue import Box, Recipe, Sphere
 from .disney_bsdf import PLUGIN, register
 from .probe import VARIANT
 
-GLOBAL_DEPTH = 8
 DIRECT_DEPTH = 2
 """Mitsuba counts the light as a vertex: depth 2 ends at the light after one surface."""
 

@@ -74,7 +74,7 @@ def _write_all(
             view = folder / f"{split.name}_{place:03}"
             view.mkdir()
             camera = pinhole(recipe.rig, number, pictures.size)
-            energy += _write_view(lights, camera, split, seed * total + number, view)
+            energy += _write_view(lights, camera, split, pictures.depth, seed * total + number, view)
             frames.append({"file_path": f"./{view.name}/rgba", "transform_matrix": camera.to_world.tolist()})
             if progress is not None:
                 progress(view.name, number + 1, total)
@@ -82,7 +82,9 @@ def _write_all(
         (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
     scored = pinhole(recipe.rig, test.first, pictures.size)
     samples = {split.name: split.samples for split in (train, test)}
-    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, samples, seed, float(energy[0] / energy[1]), folder)
+    metadata = describe(
+        recipe, lights[TRAINING_LIGHT], scored, pictures.depth, samples, seed, float(energy[0] / energy[1]), folder
+    )
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
 
@@ -97,10 +99,10 @@ def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
 
 
 def _write_view(
-    lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, seed: int, folder: Path
+    lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, depth: int, seed: int, folder: Path
 ) -> NDArray[np.float64]:
     """Write one view; returns the sums of its indirect and of its total radiance under the training light."""
-    full, direct = _shoot(lights[TRAINING_LIGHT], camera, split, seed)
+    full, direct = _shoot(lights[TRAINING_LIGHT], camera, split, depth, seed)
     seen = render.surface(lights[TRAINING_LIGHT], camera)
     # One alpha for every map of the view.
     alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
@@ -114,17 +116,17 @@ def _write_view(
         write_exr(folder / "direct.exr", np.where(alpha > 0, direct, 0))
         write_exr(folder / "indirect.exr", indirect)
         for light in lights.keys() - {TRAINING_LIGHT}:
-            relit, direct = _shoot(lights[light], camera, split, seed)
+            relit, direct = _shoot(lights[light], camera, split, depth, seed)
             _write_display(folder / f"rgba_{light}.png", relit, alpha)
             write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, relit[..., :3] - direct, 0))
     return np.array([indirect.sum(), full[..., :3].sum()], dtype=np.float64)
 
 
 def _shoot(
-    scene: mi.Scene, camera: Pinhole, split: Split, seed: int
+    scene: mi.Scene, camera: Pinhole, split: Split, depth: int, seed: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Radiance with alpha, and the part of it that met one surface only."""
-    full = render.radiance(scene, camera, split.samples, render.GLOBAL_DEPTH, seed)
+    full = render.radiance(scene, camera, split.samples, depth, seed)
     direct = render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)
     return full, direct[..., :3]
 
