@@ -1,0 +1,63 @@
+"""The gate with the real method: an unchanged tree passes, one changed line of the method that matters does not."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+METHOD = Path(__file__).parents[2] / "method"
+
+CHANGES = {
+    "half of N_s": (
+        "radiogs/budget.py",
+        'Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 8,',
+        'Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 4,',
+    ),
+    "V is one where the light is hidden": (
+        "radiogs/incident.py",
+        "visibility = torch.where(solid, 0.0, hits.transmittance)",
+        "visibility = torch.where(solid, 1.0, 1 - hits.transmittance)",
+    ),
+    "L_rad towards the camera alone": (
+        "radiogs/radiometric.py",
+        "outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)",
+        "outgoing = to_camera[:, None]",
+    ),
+}
+
+
+def run(method: Path, folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """The program with another copy of the method."""
+    found_first = os.pathsep.join([str(method), *sys.path])
+    command = [sys.executable, "-m", "radiogs_bench", *arguments]
+    environment = os.environ | {"PYTHONPATH": found_first}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+
+
+def gate(method: Path, folder: Path, *further: str) -> "subprocess.CompletedProcess[str]":
+    """Run the suite of two rows with a method, from the beginning, and compare it with the baseline."""
+    out = f"results_of_{method.name}"
+    done = run(method, folder, "run", "indirect", "--preset", "smoke", "--threads", "1", "--out", out)
+    assert done.returncode == 0, done.stderr
+    return run(method, folder, "gate", out, "--baseline", "baseline.json", *further)
+
+
+@pytest.mark.slow
+def test_an_unchanged_tree_passes_and_every_change_that_matters_is_stopped(tmp_path: Path) -> None:
+    assert gate(METHOD, tmp_path, "--update").returncode == 0
+    copy = tmp_path / "copy"
+    shutil.copytree(METHOD, copy)
+    again = gate(copy, tmp_path)
+    assert again.returncode == 0, again.stdout
+    for what, (file, before, after) in CHANGES.items():
+        changed = tmp_path / what.replace(" ", "_")
+        shutil.copytree(METHOD, changed)
+        source = (changed / file).read_text()
+        assert source.count(before) == 1, f"{file} no longer has: {before}"
+        (changed / file).write_text(source.replace(before, after))
+        stopped = gate(changed, tmp_path)
+        assert stopped.returncode == 1, f"{what}: {stopped.stdout}{stopped.stderr}"
+        assert "regression: corner ours seed 0: " in stopped.stdout, what
