@@ -43,7 +43,7 @@ from .cell import Cell
 from .figures import Figures
 from .metrics import Value, protocol
 from .metrics.values import PSNR_CAP
-from .provenance import session
+from .provenance import forget_peaks, session
 from .schema import RESULT_SCHEMA, Result
 from .scoring import Image, coverage, displayed, truth
 from .train import Bench
@@ -112,6 +112,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     made = setup(scene, settings.get("spacing", SPACING)).to(device)
     cameras = [view.camera for view in scene.train]
     work.clear()
+    forget_peaks(device)
     started = time.perf_counter()
     stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
     losses: Mapping[str, float] = {}
