@@ -1,12 +1,13 @@
 """Bringing the stages of a cell to their end: continued where they stood, shared where they are the same."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypedDict, TypeVar
 
 import torch
 
+from radiogs.errors import NumericalFailure
 from radiogs.kernels.counters import work
 from radiogs.model import Model
 from radiogs.scene import Scene
@@ -142,7 +143,7 @@ def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> L
 
     due = time.perf_counter() + bench.checkpoint_seconds
     while stage.iteration < stage.iterations:
-        losses = dict(stage.step())
+        losses = dict(_step(bench, name, stage, ledger_now))
         bench.progress.advance(title, stage.iteration, stage.iterations)
         over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
         if not over and (bench.interruption.requested or time.perf_counter() >= due):
@@ -152,6 +153,20 @@ def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> L
             ended = time.perf_counter()
             due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
     return ledger_now()
+
+
+def _step(bench: Bench, name: str, stage: Stage, ledger_now: Callable[[], Ledger]) -> Mapping[str, float]:
+    """One step; a non-finite value in it is raised again after the state that leads to it was kept."""
+    try:
+        return stage.step()
+    except NumericalFailure as failure:
+        kept = f"{name}.broken"
+        bench.store.put_tensors(kept, {"state": stage.state(), "ledger": ledger_now()})
+        raise NumericalFailure(
+            failure.what,
+            failure.why,
+            f"{failure.remedy} The state in which that step began is kept as {bench.store.folder / kept}.pt.",
+        ) from failure
 
 
 def _checkpoint(name: str) -> str:

@@ -19,11 +19,17 @@ def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> 
             continue  # finite entries whose sum overflows
         fire(broken_training=1)
         raise NumericalFailure(
-            f"{name} is not finite in stage '{stage}' at iteration {iteration}: entry {int(bad[0, 0])}"
-            f" ({len(bad)} values in all)",
+            f"{name} is not finite in stage '{stage}' at iteration {iteration}{_where(name, value, bad)}",
             "Training on would spread it to every surfel.",
-            "The last checkpoint is kept beside the run; continue from it with --verbose to see where it begins.",
+            "Look at what made that value: the last step, or what the stage began from.",
         )
+
+
+def _where(name: str, value: Tensor, bad: Tensor) -> str:
+    """The first bad row of a tensor: a surfel, but for the environment, whose rows are those of the map."""
+    if not value.dim():
+        return ""
+    return f": {'row' if 'environment' in name else 'surfel'} {int(bad[0, 0])} ({len(bad)} values in all)"
 
 
 def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]) -> None:
@@ -49,7 +55,12 @@ def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]
 
 
 def backward(stage: str, iteration: int, losses: Mapping[str, Tensor], parameters: Mapping[str, Tensor]) -> None:
-    """Add the losses up and propagate them; losses and gradients are checked before anyone steps on them."""
+    """Add the losses up and propagate them; losses and gradients are checked before anyone steps on them.
+
+    Where a loss is not finite because a parameter was not, that parameter and its surfel are named, not the loss.
+    """
+    if not all(bool(torch.isfinite(value)) for value in losses.values()):
+        require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})
     torch.stack(list(losses.values())).sum().backward()
     gradients = {

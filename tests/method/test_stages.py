@@ -144,7 +144,9 @@ def test_a_nan_in_one_surfel_is_named_with_its_iteration(initialised: dict[str, 
     stage.step()
     with torch.no_grad():
         stage.optimiser.tensors["albedo_logit"][17, 1] = torch.nan
-    with pytest.raises(NumericalFailure, match="'invert' at iteration 1"):
+    with pytest.raises(
+        NumericalFailure, match="'albedo_logit' is not finite in stage 'invert' at iteration 1: surfel 17"
+    ):
         stage.step()
 
 

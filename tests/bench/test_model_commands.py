@@ -1,0 +1,63 @@
+"""``train``, ``render`` and ``relight`` on a miniature: files, errors, and a second ``train`` that repeats nothing."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from radiogs.surfel_files import read_ply
+from radiogs_bench.cli.main import main
+from radiogs_bench.trained_folder import read_trained
+from radiogs_datasets.image_files import read_exr, read_png, write_hdr
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("trained")
+    assert main(["train", "convex", "--preset", "smoke", "--out", str(out)]) == 0
+    return out
+
+
+def test_the_model_is_written_in_full(folder: Path) -> None:
+    about, model = read_trained(folder, CPU)
+    assert about["scene"] == "convex"
+    assert about["surfels"] == len(model.surfels)
+    for name, value in read_ply(folder / "surfels.ply").parameters().items():
+        assert torch.equal(value, model.surfels.parameters()[name]), name
+    # EXR files hold half floats: eleven bits.
+    np.testing.assert_allclose(read_exr(folder / "environment.exr"), model.environment.numpy(), rtol=2**-11)
+
+
+def test_training_again_repeats_nothing(folder: Path) -> None:
+    kept = {path: path.stat().st_mtime_ns for path in folder.rglob("*.pt")}
+    assert main(["train", "convex", "--preset", "smoke", "--out", str(folder)]) == 0
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.pt")} == kept
+
+
+def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    assert main(["render", str(folder)]) == 0
+    seen = read_png(folder / "render" / "test_000.png")
+    assert read_exr(folder / "render" / "test_000_normal.exr").shape == (64, 64, 3)
+    for mode in ("pbr", "finetuned", "surfels"):
+        arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
+        assert main(arguments) == 0
+        relit = read_png(folder / "relight" / "dim" / mode / "test_000.png")
+        # Ten steps of fine-tuning dim the surfels only in part.
+        assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
+    assert capsys.readouterr().out.count("ms a frame") == 4
+
+
+def test_wrong_use_is_explained(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["render", str(tmp_path)]) == 3
+    assert main(["relight", str(folder), "--envmap", "light.png"]) == 2
+    assert main(["relight", str(folder), "--envmap", str(tmp_path / "no.hdr")]) == 3
+    assert main(["relight", str(folder), "--envmap", "x.hdr", "--albedo-scale", "1,2"]) == 2
+    about = json.loads((folder / "trained.json").read_text())
+    (tmp_path / "trained.json").write_text(json.dumps(about | {"checksum": "other"}))
+    assert main(["render", str(tmp_path)]) == 3
+    assert "nothing was trained" in capsys.readouterr().err
