@@ -53,8 +53,7 @@ class Cell:
     def initialisation_key(self) -> str:
         """Names the result of stage 1, which reads only a part of the variant and of the budget."""
         read = {name: value for name, value in asdict(self.budget).items() if name not in ("name", *INVERSE_ONLY)}
-        variant = {"initialise": self.variant.initialise, "view_share": self.variant.view_share}
-        return content_key(self._common() | variant | {"budget": read})
+        return content_key(self._common() | self.variant.of_initialisation() | {"budget": read})
 
     @cached_property
     def training_key(self) -> str:

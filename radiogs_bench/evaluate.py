@@ -57,7 +57,7 @@ def evaluate(
     total = len(scene.test) + sum(map(len, lit.values()))
     arrays = {f"truth/{name}": truth(shown, name) for name in SHOWN if shown.has(name)}
 
-    renderer = Renderer(model, cell.budget.incident_samples, cell.variant.shading)
+    renderer = Renderer(model, cell.budget.incident_samples, cell.variant)
     kept_maps = ("albedo", "alpha") if rules.depth is None else ("albedo", "alpha", "depth")
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):

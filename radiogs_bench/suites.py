@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from typing import Literal
 
 from radiogs.errors import UsageError
+from radiogs.profile import PROFILES, RELEASED
 from radiogs.variant import Variant
 
 from .cell import TRAINING
@@ -262,6 +263,20 @@ STRATEGIES = Suite(
     columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
 )
 
+PROFILES_SUITE = Suite(
+    name="profiles",
+    title="What the released code does otherwise than the paper",
+    published=None,
+    reference="paper",
+    rows=(
+        Row("paper", "Paper", "the paper", Variant()),
+        *(Row(name, name, name, Variant(deviations=(name,))) for name in RELEASED),
+        Row("released", "Released", "all of them", Variant(deviations=PROFILES["released"])),
+    ),
+    columns=(*QUALITY, Metric("roughness", "mse")),
+    scenes=("corner", "convex"),
+)
+
 RELIGHT_COST = Suite(
     name="relight-cost",
     title="Relighting: quality and milliseconds a frame",
@@ -302,7 +317,8 @@ FORWARD_PARITY = Suite(
 )  # fmt: skip
 
 SUITES: Mapping[str, Suite] = {
-    suite.name: suite for suite in (ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, RELIGHT_COST, FORWARD_PARITY)
+    suite.name: suite
+    for suite in (ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, FORWARD_PARITY)
 }
 
 

@@ -8,7 +8,7 @@ other programs.
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import Any, TypedDict, cast
 
 import torch
 
@@ -35,7 +35,7 @@ class Trained(TypedDict):
     """Of the scene's files when it was trained on."""
     preset: str
     seed: int
-    variant: dict[str, object]
+    variant: dict[str, Any]
     training_key: str
     surfels: int
 

@@ -9,8 +9,10 @@ from torch import Tensor
 from .kernels.bvh import SurfelBVH
 from .kernels.geometry import TRACE_TRANSMITTANCE_STOP
 from .kernels.trace import Hits, trace
+from .profile import FIXED_OFFSET
 from .sampling import hemisphere_directions
 from .surfels import Surfels
+from .variant import Variant
 
 SELF_OFFSET = 1.0
 """Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
@@ -43,14 +45,20 @@ class Incident:
             getattr(self, name)[index] = getattr(fresh, name).detach()
 
 
+def tracer_of(surfels: Surfels, variant: Variant) -> "SurfelTracer":
+    """The tracer that a variant traces these surfels with."""
+    return SurfelTracer(surfels, world_offset=FIXED_OFFSET if "fixed-offset" in variant.deviations else None)
+
+
 class SurfelTracer:
     """Traces rays from surfels to surfels; holds the bounding volumes, which ``follow`` refits.
 
-    ``offset``: how far from their own surfel rays start, in its standard deviations.
+    ``offset``: how far from their own surfel rays start, in its standard deviations; with ``world_offset``, that many
+    world units instead.
     """
 
-    def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET) -> None:
-        self.offset = offset
+    def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET, world_offset: float | None = None) -> None:
+        self.offset, self.world_offset = offset, world_offset
         self.follow(surfels)
         self.bvh = SurfelBVH.build(self.geometry.detach())
 
@@ -71,6 +79,8 @@ class SurfelTracer:
         samples = direction.shape[1]
         origin = self.geometry.centre[index].repeat_interleave(samples, 0)
         reach = self.offset * self.surfels.scale.detach().max(-1).values[index]
+        if self.world_offset is not None:
+            reach = torch.full_like(reach, self.world_offset)
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
             origin, direction.flatten(0, 1), reach.repeat_interleave(samples),
@@ -104,10 +114,13 @@ def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " r
 
 @torch.no_grad()
 def gather_incident(
-    tracer: SurfelTracer, surfels: Surfels, samples: int, generator: torch.Generator | None
+    tracer: SurfelTracer, surfels: Surfels, samples: int, generator: torch.Generator | None, floor: bool = False
 ) -> Incident:
-    """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off."""
-    direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
+    """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off.
+
+    ``floor``: see ``hemisphere_directions``.
+    """
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator, floor)
     return incident_along(tracer, direction, weight)
 
 

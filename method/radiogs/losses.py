@@ -16,15 +16,15 @@ MASK_CONFIDENCE = 1e-6
 
 
 def reconstruction(
-    image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]
+    image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"], weight: float = 0.8
 ) -> Float[Tensor, ""]:
-    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images.
+    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images; ``weight`` in the place of 0.8.
 
     Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
     image is not clipped, so that what is too bright keeps its gradient.
     """
     image = torch.where(target >= 1, image.clamp(max=1), image)
-    return 0.8 * (image - target).abs().mean() + 0.2 * (1 - structural_similarity(image, target))
+    return weight * (image - target).abs().mean() + 0.2 * (1 - structural_similarity(image, target))
 
 
 def structural_similarity(

@@ -35,6 +35,8 @@ def consistency_loss(
         to_camera = towards(camera, surfels)[index]
         outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)
         facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
+    if "light-detached" in variant.deviations:
+        environment = environment.detach()
     physical = shade(
         normal, surfels.albedo[index], surfels.roughness[index], outgoing,
         incident.direction, incident.weight, incident.visibility, incident.radiance, environment,

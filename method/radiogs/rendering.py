@@ -9,7 +9,7 @@ from torch import Tensor
 
 from .camera import Camera
 from .colour import srgb_encode
-from .incident import Incident, SurfelTracer, gather_incident
+from .incident import Incident, gather_incident, tracer_of
 from .kernels.rasterize import rasterize
 from .kernels.shade import shade
 from .losses import depth_normals
@@ -17,7 +17,7 @@ from .model import Model
 from .spherical_harmonics import surfel_radiance
 from .splitsum import PrefilteredLight, split_sum_radiance
 from .surfels import Surfels
-from .variant import Shading
+from .variant import Variant
 
 SOLID_ALPHA = 0.5
 """Coverage above which a pixel has a surface: its depth means something."""
@@ -143,11 +143,12 @@ class Renderer:
     For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel.
     """
 
-    def __init__(self, model: Model, samples: int, shading: Shading = "monte-carlo") -> None:
+    def __init__(self, model: Model, samples: int, variant: Variant) -> None:
         self.model, self.incident = model, None
-        if shading == "monte-carlo":
+        if variant.shading == "monte-carlo":
             with torch.no_grad():
-                self.incident = gather_incident(SurfelTracer(model.surfels), model.surfels, samples, generator=None)
+                tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
+                self.incident = gather_incident(tracer, model.surfels, samples, None, floor)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.

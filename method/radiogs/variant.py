@@ -3,6 +3,9 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from .errors import UsageError
+from .profile import FIRST_STAGE, RELEASED
+
 Relighting = Literal["pbr", "finetuned", "surfels"]
 """How a model is seen under another light: by rays whose L_ind is a split sum at what they meet ("pbr"), by rays whose
 L_ind is the radiance of surfels that were fine-tuned under that light ("finetuned"), or by splatting that radiance."""
@@ -26,6 +29,8 @@ class Variant:
     incident: how V and L_ind enter L_rad: traced in every step with gradient to the surfels met ("traced"), without
     ("detached"), or once, before stage 2 begins, and never again ("precomputed").
     relighting: see ``Relighting``.
+    deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
+    any other.
     """
 
     radiometric_weight: float = 0.2
@@ -35,6 +40,21 @@ class Variant:
     shading: Shading = "monte-carlo"
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     relighting: Relighting = "pbr"
+    deviations: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        unknown = set(self.deviations) - RELEASED.keys()
+        if unknown:
+            raise UsageError(
+                f"unknown deviation '{sorted(unknown)[0]}'",
+                "A deviation is something that the released code does otherwise than the paper.",
+                f"Deviations: {', '.join(RELEASED)}.",
+            )
+
+    def of_initialisation(self) -> dict[str, Any]:
+        """The fields that decide stage 1, as plain values."""
+        deviations = sorted(FIRST_STAGE.intersection(self.deviations))
+        return {"initialise": self.initialise, "view_share": self.view_share, "deviations": deviations}
 
     def of_training(self) -> dict[str, Any]:
         """The fields that decide the trained model, as plain values."""

@@ -28,6 +28,9 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make, or to continue in")
     training.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     training.add_argument("--seed", type=int, default=0, help="(default: 0)")
+    training.add_argument(
+        "--profile", choices=["paper", "released"], default="paper", help="whose formulas (default: the paper's)"
+    )
 
     rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
     rendering.set_defaults(command=render)
@@ -61,6 +64,7 @@ def factors(text: str) -> tuple[float, float, float]:
 def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
     from radiogs.budget import budget
+    from radiogs.profile import PROFILES
     from radiogs.variant import Variant
     from radiogs_datasets import load_scene
 
@@ -80,7 +84,7 @@ def train(options: argparse.Namespace) -> int:
     cell = Cell(
         scene=scene.name,
         checksum=scene.checksum,
-        variant=Variant(),
+        variant=Variant(deviations=PROFILES[options.profile]),
         budget=preset,
         seed=options.seed,
         device=options.device,
@@ -102,13 +106,15 @@ def render(options: argparse.Namespace) -> int:
     """Write the maps of every view: images as PNG, everything as EXR."""
     from radiogs.budget import budget
     from radiogs.rendering import Renderer
+    from radiogs.variant import Variant
 
     from ..trained_folder import read_trained
 
     device = chosen_device(options)
     about, model = read_trained(options.folder, device)
     scene = scene_of(about["scene"], about["checksum"])
-    renderer = Renderer(model, budget(about["preset"]).incident_samples)
+    variant = Variant(**about["variant"] | {"deviations": tuple(about["variant"]["deviations"])})
+    renderer = Renderer(model, budget(about["preset"]).incident_samples, variant)
     return write_views(renderer.render, scene, options.views, options.folder / "render", device)
 
 

@@ -74,7 +74,8 @@ class Initialisation:
         start = torch.Generator().manual_seed(seed)
         points, colour = initial_points(scene, chosen, budget.initial_surfels, start)
         surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, chosen), start)
-        surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour))
+        self.encode = "display-radiance" not in variant.deviations
+        surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if self.encode else colour)
         surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
         self.generator = torch.Generator(device).manual_seed(seed)
         light = {"log_environment": constant_light(budget.light_height, 1.0, device)}
@@ -117,7 +118,8 @@ class Initialisation:
         background = BACKGROUNDS[self.iteration % len(BACKGROUNDS)]
         target = view.over(background)
         for name, image in seen.images.items():
-            losses[name] = reconstruction(composite(image, seen.alpha, background), target)
+            display = srgb_encode(image) if self.encode else image
+            losses[name] = reconstruction(composite(display, seen.alpha, background), target)
         losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         losses["mask"] = MASK_WEIGHT * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= DISTORTION_FROM * self.iterations:
@@ -162,9 +164,9 @@ class Initialisation:
         self.pull = Pull(**state["pull"])
 
 
-def composite(linear: Tensor, alpha: Tensor, background: float) -> Tensor:
-    """A blended linear image in display sRGB, over a grey background."""
-    return srgb_encode(linear) + background * (1 - alpha)[..., None]
+def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:
+    """A blended image in display sRGB, over a grey background."""
+    return display + background * (1 - alpha)[..., None]
 
 
 def mean_distance(views: tuple[TrainingView, ...], centre: Tensor) -> float:

@@ -9,7 +9,7 @@ from torch import Tensor
 from ..budget import Budget
 from ..colour import LINEAR_KNEE, srgb_decode, srgb_encode
 from ..finite import backward
-from ..incident import Incident, SurfelTracer, gather_incident
+from ..incident import Incident, gather_incident, tracer_of
 from ..losses import (
     edge_aware_smoothness,
     environment_smoothness,
@@ -20,6 +20,7 @@ from ..losses import (
 )
 from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
+from ..profile import START_RADIANCE
 from ..radiometric import consistency_loss, split_sum_consistency_loss
 from ..rendering import shade_surfels, splat, towards
 from ..sampling import hemisphere_directions
@@ -86,12 +87,15 @@ class InverseRendering:
             "centre": POSITION_RATE * scene.extent,
             **{name: RATES[name] for name in ("rotation", "log_scale", "opacity_logit")},
         }
-        light = {"log_environment": constant_light(budget.light_height, white_light(self.views), device)}
+        light = {"log_environment": constant_light(budget.light_height, self._start_light(), device)}
         rates = RATES | RATES_OF_THIS_STAGE | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
         self.optimiser = SurfelOptimiser(surfels, light, rates)
         if variant.shading == "monte-carlo":
-            self.tracer = SurfelTracer(surfels)
-            self.incident = gather_incident(self.tracer, surfels, budget.incident_samples, self.generator)
+            self.tracer = tracer_of(surfels, variant)
+            self.incident = self._gathered(surfels)
+
+    def _start_light(self) -> float:
+        return START_RADIANCE if "start-light" in self.variant.deviations else white_light(self.views)
 
     @property
     def model(self) -> Model:
@@ -131,13 +135,24 @@ class InverseRendering:
         samples = self.budget.incident_samples
         self.tracer.follow(model.surfels)
         if self.iteration and self.iteration % self.budget.refresh_interval == 0:
-            self.incident = gather_incident(self.tracer, model.surfels, samples, self.generator)
+            self.incident = self._gathered(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
             normal = model.surfels.frame[index, :, 2].detach()
-            direction, weight = hemisphere_directions(normal, samples, self.generator)
+            direction, weight = hemisphere_directions(normal, samples, self.generator, self._floor)
             fresh = self.tracer.incident(index, direction, weight)
         self.incident.store(index, fresh)
         return fresh
+
+    @property
+    def _image_weight(self) -> float:
+        return 1.0 if "image-weight" in self.variant.deviations else 0.8
+
+    def _gathered(self, surfels: Surfels) -> Incident:
+        return gather_incident(self.tracer, surfels, self.budget.incident_samples, self.generator, self._floor)
+
+    @property
+    def _floor(self) -> bool:
+        return "hemisphere-floor" in self.variant.deviations
 
     def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
         surfels, camera = model.surfels, view.camera
@@ -154,7 +169,7 @@ class InverseRendering:
         images = seen.images
         losses = {
             "radiance": reconstruction(srgb_encode(images["radiance"]), target),
-            "shaded": reconstruction(srgb_encode(images["shaded"]), target),
+            "shaded": reconstruction(srgb_encode(images["shaded"]), target, self._image_weight),
             "mask": MASK_WEIGHT * mask_entropy(seen.alpha, view.mask),
             "albedo smoothness": ALBEDO_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * images["albedo"], target),
             "roughness smoothness": ROUGHNESS_SMOOTHNESS_WEIGHT
