@@ -77,7 +77,8 @@ class Camera:
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> "Camera":
         """The same camera with its matrix on another device or of another type."""
-        return replace(self, camera_to_world=self.camera_to_world.to(device=device, dtype=dtype))
+        moved = self.camera_to_world.to(device=device, dtype=dtype)
+        return self if moved is self.camera_to_world else replace(self, camera_to_world=moved)
 
     def ray_directions(self) -> Float[Tensor, "height width 3"]:
         """World vectors from the centre through each pixel, of unit depth: point = centre + z * direction.

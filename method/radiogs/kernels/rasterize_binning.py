@@ -35,7 +35,8 @@ def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
     first, last = lowest // TILE, highest // TILE
     span = last - first + 1
     touched = (highest >= lowest).all(-1)
-    nearest_first = camera.to(dtype=torch.float64).depth_of(geometry.centre.double()).argsort(stable=True)
+    depth = (geometry.centre.double() - camera.centre.double()) @ camera.axes[:, 2].double()
+    nearest_first = depth.argsort(stable=True)
     nearest_first = nearest_first[touched[nearest_first]]
     counts = span[nearest_first].prod(-1)
     entries = int(counts.sum())
