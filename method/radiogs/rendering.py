@@ -116,6 +116,9 @@ def _maps(camera: Camera, surfels: Surfels, albedo: Tensor, direct: Tensor, indi
 @torch.no_grad()
 def radiance_maps(camera: Camera, surfels: Surfels) -> dict[str, Float[Tensor, "height width _"]]:
     """The surfels' own radiance L_G as a camera sees it: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
+    # Half of them look the other way: left out before anything is computed for them.
+    facing = ((camera.centre - surfels.centre) * surfels.frame[..., 2]).sum(-1) > 0
+    surfels = surfels.take(torch.nonzero(facing)[:, 0])
     channels = surfel_radiance(surfels.sh, towards(camera, surfels))
     raster = rasterize(camera, surfels.geometry_for(camera), channels, depth_unit=1.0)
     return {"image": srgb_encode(raster.features).clamp(0, 1), "alpha": raster.alpha[..., None]}
