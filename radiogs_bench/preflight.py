@@ -9,12 +9,12 @@ from radiogs.scene import Scene
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
     """Read every map of every view and forget it; ``advance`` is told (done, total) maps.
 
-    Maps are read when asked for, the test views' only after training: this finds a damaged file first.
+    Maps are read when asked for, those of views that are scored only after training: this finds a damaged file first.
     Raises DataError.
     """
     if not scene.test:
         raise DataError(f"scene '{scene.name}' has no test views", "Nothing could be scored after training.")
-    maps = [(view, name) for view in (*scene.train, *scene.test) for name in sorted(view.sources)]
+    maps = [(view, name) for view in (*scene.train, *scene.test, *scene.relight) for name in sorted(view.sources)]
     for done, (view, name) in enumerate(maps, start=1):
         view.read(name)
         advance(done, len(maps))

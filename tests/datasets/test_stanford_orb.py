@@ -111,6 +111,41 @@ def test_a_bright_texel_of_a_cameras_map_lights_the_right_direction_of_the_world
         assert float(light.lookup(-world[None])[0, 0]) < 0.1
 
 
+@pytest.mark.parametrize(
+    "file",
+    [
+        "transforms_novel.json",
+        "../teapot_scene002/test/0000.png",
+        "../teapot_scene002/test_mask/0001.png",
+        "../../ground_truth/teapot_scene002/env_map/0001.exr",
+        "../../ground_truth/teapot_scene001/z_depth/0000.npy",
+        "../../ground_truth/teapot_scene001/pseudo_gt_albedo/0001.png",
+    ],
+)
+def test_what_is_scored_elsewhere_counts_in_the_checksum(file: str, capture: Path) -> None:
+    """A result must not outlive the ground truth that it was scored against."""
+    before = load_scene(str(capture)).checksum
+    path = capture / file
+    if path.suffix == ".json":
+        path.write_text(path.read_text() + "\n")
+    elif path.suffix == ".npy":
+        np.save(path, np.load(path) + 1)
+    elif path.suffix == ".exr":
+        write_exr(path, np.ones((16, 32, 3), np.float32))
+    else:
+        write_png(path, np.zeros_like(read_png(path)))
+    assert load_scene(str(capture)).checksum != before
+    path.unlink()
+    assert ".." in file or not load_scene(str(capture)).relight
+    assert load_scene(str(capture)).checksum != before
+
+
+def test_a_damaged_view_elsewhere_is_found_before_anything_is_trained(capture: Path) -> None:
+    halve(capture.parent / "teapot_scene002/test/0001.png")
+    with pytest.raises(DataError, match=r"0001\.png"):
+        load_scene(str(capture))
+
+
 def test_large_maps_become_512_by_area() -> None:
     image = torch.rand(2048, 2048, 1)
     torch.testing.assert_close(reduced(image)[3, 5], image[12:16, 20:24].mean((0, 1)))

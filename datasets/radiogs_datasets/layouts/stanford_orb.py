@@ -12,7 +12,7 @@ clipped. Normals and environment maps are stored in each view's camera, and are 
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -34,6 +34,9 @@ from .inspection import decode_if_small, inside, inspect, require_distinct, requ
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
 
+NOVEL_PARTS = ("image", "mask", "light")
+"""What a view in another capture consists of."""
+
 
 def looks_like(folder: Path) -> bool:
     """Whether images lie beside masks in folders of their own."""
@@ -53,8 +56,10 @@ def load_stanford_orb(folder: Path) -> Scene:
     require_distinct(folder, every)
     masks = [_mask(path) for path in every]
     require_files(folder, [*every, *masks])
+    relight, lights, novel_files = _novel(folder)
     files = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every, *masks)}
-    sizes, checksum = inspect(files)
+    files |= {f"ground_truth/{path.parent.name}/{path.name}": path for path in _truth_files(truth, images["test"])}
+    sizes, checksum = inspect(files | novel_files)
     train, test = (
         tuple(
             _view(folder, splits[split], place, path, truth if split == "test" else None, sizes[path])
@@ -62,8 +67,7 @@ def load_stanford_orb(folder: Path) -> Scene:
         )
         for split in ("train", "test")
     )
-    decode_if_small([*train, *test], sizes)
-    relight, lights = _novel(folder)
+    decode_if_small([*train, *test, *relight], sizes)
     return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, (), relight)
 
 
@@ -91,6 +95,15 @@ def reduced(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "row
 def _ground_truth(folder: Path) -> Path | None:
     places = (folder.parent.parent / "ground_truth" / folder.name, folder.parent / "ground_truth" / folder.name)
     return next((place for place in places if place.is_dir()), None)
+
+
+def _truth_files(truth: Path | None, images: Sequence[Path]) -> list[Path]:
+    """The ground truth of test images, as far as it is there."""
+    if truth is None:
+        return []
+    places = {"pseudo_gt_albedo": ".png", "surface_normal": ".npy", "z_depth": ".npy"}
+    wanted = [truth / place / f"{image.stem}{end}" for place, end in places.items() for image in images]
+    return [path for path in wanted if path.is_file()]
 
 
 def _image(folder: Path, table: Path, file_path: str) -> Path:
@@ -129,12 +142,12 @@ def _view(
     return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sources)
 
 
-def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap]]:
-    """The object in other captures: views in this capture's frame, and a light for each."""
+def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], dict[str, Path]]:
+    """The object in other captures: views in this capture's frame, a light for each, and the files they come from."""
     table = folder / "transforms_novel.json"
     if not table.is_file():
-        return (), {}
-    views, lights = [], {}
+        return (), {}, {}
+    views, lights, files = [], {}, {"transforms_novel.json": table}
     for place, frame in enumerate(_frames(table)):
         capture, angle = frame.get("scene_name"), frame.get("camera_angle_x")
         if not isinstance(capture, str) or "/" in capture or capture in ("", ".", ".."):
@@ -144,16 +157,18 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap]]:
         image = _image(other, table, single.frames[0].file_path)
         truth = _ground_truth(other)
         light = None if truth is None else truth / "env_map" / f"{image.stem}.exr"
-        if not image.is_file() or light is None or not light.is_file():
+        mask = _mask(image)
+        if light is None or not all(path.is_file() for path in (image, mask, light)):
             continue  # a capture that was not downloaded
         pixels = _colours(image).shape
         camera = single.camera(single.frames[0], pixels[0], pixels[1])
         name = f"{capture}/{image.stem}"
         radiance = torch.from_numpy(read_exr(light)[..., :3].copy()).clamp(min=0)
         lights[name] = light_in_the_world(EnvironmentMap(radiance), camera.camera_to_world)
-        shown = {f"relit/{name}": partial(_shown, image), "alpha": partial(_coverage, _mask(image))}
+        shown = {f"relit/{name}": partial(_shown, image), "alpha": partial(_coverage, mask)}
         views.append(View(name, camera, shown))
-    return tuple(views), lights
+        files |= {f"novel/{name}/{part}": path for part, path in zip(NOVEL_PARTS, (image, mask, light), strict=True)}
+    return tuple(views), lights, files
 
 
 def _frames(table: Path) -> list[dict[str, object]]:
