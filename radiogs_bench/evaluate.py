@@ -13,13 +13,13 @@ from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.relighting import Relit, relight
 from radiogs.rendering import Renderer, splat
-from radiogs.scene import Scene, View
+from radiogs.scene import Scene
 
 from .cell import Cell
 from .figures import Figures
-from .frame_time import frame_milliseconds
+from .frame_cost import Costs
 from .light_maps import light_maps
-from .metrics import Value, protocol
+from .metrics import protocol
 from .run_cell import Evaluation
 from .scoring import (
     Image,
@@ -41,7 +41,7 @@ SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 def evaluate(
     model: Model, scene: Scene, cell: Cell, device: torch.device, advance: Callable[[int, int], None]
 ) -> Evaluation:
-    """Score a model on every test view, and on the test views under every light that they are given under.
+    """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
 
     ``advance`` is told (done, total) images. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
     view, on black, [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect
@@ -50,9 +50,9 @@ def evaluate(
     Raises DataError for a damaged map.
     """
     rules = protocol(cell.protocol)
-    figures = Figures(rules, [view.name for view in scene.test])
+    figures = Figures(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
     shown = scene.test[len(scene.test) // 2]
-    lit = lit_views(scene)
+    lit = lit_views(scene, (*scene.test, *scene.relight))
     shown_light = next((light for light, views in lit.items() if shown in views), None)
     total = len(scene.test) + sum(map(len, lit.values()))
     arrays = {f"truth/{name}": truth(shown, name) for name in SHOWN if shown.has(name)}
@@ -71,8 +71,9 @@ def evaluate(
             arrays |= {f"render/{name}": maps[name] for name in SHOWN}
         advance(done, total)
 
-    timings = Figures(rules, figures.views)
-    _time(timings, "nvs", renderer.render, scene.test, device)
+    costs = Costs(Figures(rules, *figures.groups), device)
+    costs.measure("nvs", renderer.render, scene.test)
+    del renderer  # its rays are not to count as memory of what follows
     found = EnvironmentMap(model.environment.detach().cpu())
     score_light(figures, scene, found)
     if scene.training_light is not None:
@@ -83,7 +84,7 @@ def evaluate(
     applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
     done = len(scene.test)
     for light, relit in relit_models(model, scene, list(lit), applied, cell, device):
-        _time(timings, "render", relit.render, lit[light], device)
+        costs.measure("render", relit.render, lit[light])
         for view in lit[light]:
             done += 1
             maps = on_cpu(relit.render(view.camera.to(device, torch.float32)))
@@ -95,7 +96,7 @@ def evaluate(
 
     return Evaluation(
         metrics=figures.metrics(),
-        timings=timings.metrics(),
+        timings=costs.timings(),
         views=list(figures.views),
         shown_view=shown.name,
         shown_light=shown_light,
@@ -118,18 +119,6 @@ def relit_models(
     for light in lights:
         environment, mode = scene.lights[light], cell.variant.relighting
         yield light, relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode)
-
-
-def _time(
-    timings: Figures,
-    task: str,
-    render: Callable[[Camera], object],
-    views: Sequence[View],
-    device: torch.device,
-) -> None:
-    cameras = [view.camera.to(device, torch.float32) for view in views]
-    for view, milliseconds in zip(views, frame_milliseconds(render, cameras, device), strict=True):
-        timings.add(task, view.name, {"ms": Value(milliseconds)})
 
 
 @torch.no_grad()

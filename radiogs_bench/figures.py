@@ -8,11 +8,15 @@ from .schema import MetricValue
 
 
 class Figures:
-    """Figures by metric (``task/measure``) and view; a view may get several, which are averaged (one a light)."""
+    """Figures by metric (``task/measure``) and view; a view may get several, which are averaged (one a light).
 
-    def __init__(self, rules: Protocol, views: Sequence[str]) -> None:
+    ``views`` are the test views. ``elsewhere`` are views that only some tasks have, instead of the test views.
+    """
+
+    def __init__(self, rules: Protocol, views: Sequence[str], elsewhere: Sequence[str] = ()) -> None:
         self.rules = rules
-        self.views = tuple(views)
+        self.groups = (tuple(views), tuple(elsewhere))
+        self.views = (*views, *elsewhere)
         self._found: dict[str, dict[str, list[Value]]] = defaultdict(lambda: defaultdict(list))
         self._whole: dict[str, Value] = {}
 
@@ -34,9 +38,11 @@ class Figures:
         return dict(sorted(found.items()))
 
     def _metric(self, name: str, by_view: Mapping[str, list[Value]]) -> MetricValue:
-        values = [self._value(by_view.get(view, [])) for view in self.views]
-        mean = self.rules.mean(values, name)
-        return MetricValue(value=mean.value, reason=mean.reason or None, views=[value.value for value in values])
+        expected = [view for group in self.groups if by_view.keys() & set(group) for view in group]
+        values = {view: self._value(by_view.get(view, [])) for view in expected}
+        mean = self.rules.mean(list(values.values()), name)
+        figures = [values[view].value if view in values else None for view in self.views]
+        return MetricValue(value=mean.value, reason=mean.reason or None, views=figures)
 
     def _value(self, values: Sequence[Value]) -> Value:
         return self.rules.mean(values) if values else Value(None, "not every test view has this ground truth")

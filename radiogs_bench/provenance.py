@@ -4,7 +4,8 @@ import os
 import platform
 import resource
 import subprocess
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -21,6 +22,9 @@ VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-co
 CPU_INFORMATION = Path("/proc/cpuinfo")
 PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
+
+_before: dict[str, int] = {}
+"""What the stage held at most before its peaks were last begun anew within it, in bytes."""
 
 
 def now() -> str:
@@ -79,6 +83,21 @@ def machine(device: torch.device) -> dict[str, Any]:
 
 def forget_peaks(device: torch.device) -> None:
     """Let the peaks of memory begin anew, at what is held now: a stage is not to answer for the one before."""
+    _before.clear()
+    _begin_anew(device)
+
+
+@contextmanager
+def peaks_within(device: torch.device) -> Iterator[dict[str, int]]:
+    """Peaks of a part of a stage, in bytes, there when the part is over; the stage's own peaks count on."""
+    _before.update(peak_memory(device))
+    _begin_anew(device)
+    peaks: dict[str, int] = {}
+    yield peaks
+    peaks.update(_peaks(device))
+
+
+def _begin_anew(device: torch.device) -> None:
     with suppress(OSError):  # a kernel may forbid it; then the host's peak is that of the process
         PEAK_RESET.write_text("5")  # proc(5): resets the peak resident set size
     if device.type == "cuda":
@@ -87,6 +106,10 @@ def forget_peaks(device: torch.device) -> None:
 
 def peak_memory(device: torch.device) -> dict[str, int]:
     """Peaks since they were last forgotten, in bytes: resident set of this process, and CUDA allocator."""
+    return {where: max(amount, _before.get(where, 0)) for where, amount in _peaks(device).items()}
+
+
+def _peaks(device: torch.device) -> dict[str, int]:
     peaks = {"host": resident_peak()}
     if device.type == "cuda":
         peaks["device"] = torch.cuda.max_memory_allocated(device)

@@ -48,9 +48,10 @@ class Result(TypedDict):
     metrics: dict[str, MetricValue]
     """By ``task/measure``."""
     timings: dict[str, MetricValue]
-    """By ``task/ms``: milliseconds a frame; apart from the metrics, because no two runs share them."""
+    """By ``task/ms`` (milliseconds a frame) and ``task/megabytes`` (the most that a frame held); apart from the
+    metrics, because no two runs share them."""
     views: list[str]
-    """Names of the test views."""
+    """Names of the test views, then of views elsewhere that were scored."""
     shown_view: str
     """The view whose maps are in the array file."""
     shown_light: str | None

@@ -33,7 +33,7 @@ def score_predictions(
     file or one of the wrong size.
     """
     figures = [Figures(rules, [view.name for view in scene.test]) for rules in protocols]
-    lit = lit_views(scene) if predictions.relit else {}
+    lit = lit_views(scene, scene.test) if predictions.relit else {}
     total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):

@@ -5,7 +5,7 @@ multiplied by its coverage, predicted ones are multiplied by theirs. Linear radi
 sRGB, clipped; albedo as it is, linear. What a prediction lacks is not scored.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import torch
 from jaxtyping import Float
@@ -75,9 +75,9 @@ def score_depth(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) ->
         figures.add("depth", view.name, error)
 
 
-def lit_views(scene: Scene) -> dict[str, list[View]]:
-    """The test views that are given under each light."""
-    lit = {light: [view for view in scene.test if view.has(f"relit/{light}")] for light in scene.lights}
+def lit_views(scene: Scene, views: Sequence[View]) -> dict[str, list[View]]:
+    """Those of the views that are given under each light of the scene."""
+    lit = {light: [view for view in views if view.has(f"relit/{light}")] for light in scene.lights}
     return {light: views for light, views in lit.items() if views}
 
 

@@ -19,7 +19,8 @@ from radiogs_baselines.published import published_tables
 from radiogs_datasets import scene_names
 
 from .experiments import EXPERIMENTS
-from .suites import MEASURES, SUITES, TASKS, Metric, Row, Suite
+from .suite import MEASURES, TASKS, Metric, Row, Suite
+from .suites import SUITES
 
 SUFFIX = ".toml"
 NAME = re.compile(r"[\w.-]+")

@@ -1,139 +1,15 @@
 """Suites as data: which variants of the method are run, what is measured, what stands beside it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from difflib import get_close_matches
-from typing import Literal
 
 from radiogs.errors import UsageError
 from radiogs.profile import PROFILES, RELEASED
 from radiogs.variant import Variant
 
-from .cell import TRAINING
-
-
-@dataclass(frozen=True)
-class Measure:
-    """How a kind of figure is called and printed, and which way is better."""
-
-    label: str
-    unit: str
-    better: Literal["up", "down", "zero"]
-    decimals: int
-
-
-MEASURES: Mapping[str, Measure] = {
-    "psnr": Measure("PSNR", "dB", "up", 2),
-    "ssim": Measure("SSIM", "", "up", 3),
-    "lpips": Measure("LPIPS", "", "down", 3),
-    "mae": Measure("MAE", "deg", "down", 2),
-    "mse": Measure("MSE", "", "down", 4),
-    "ms": Measure("time", "ms", "down", 2),
-    "bias": Measure("bias", "%", "zero", 2),
-    # Stanford-ORB's own: two PSNRs, 1 - cos of normals, scale-invariant depth, distance of surfaces.
-    "psnr_h": Measure("PSNR-H", "dB", "up", 2),
-    "psnr_l": Measure("PSNR-L", "dB", "up", 2),
-    "cosine": Measure("cosine distance", "", "down", 4),
-    "simse": Measure("SI-MSE", "sq. unit", "down", 5),
-    "chamfer": Measure("chamfer", "sq. unit", "down", 6),
-    # The network beside a protocol's first one is named.
-    "lpips_alex": Measure("LPIPS (AlexNet)", "", "down", 3),
-    "lpips_vgg": Measure("LPIPS (VGG)", "", "down", 3),
-    "lpips_squeeze": Measure("LPIPS (SqueezeNet)", "", "down", 3),
-    # Of a recovered environment map, as it is and after the protocol's alignment.
-    "error": Measure("error", "", "down", 3),
-    "error_scaled": Measure("error up to scale", "", "down", 3),
-}
-
-TASKS: Mapping[str, str] = {
-    "nvs": "NVS",
-    "normal": "Normal",
-    "albedo": "Albedo",
-    "roughness": "Roughness",
-    "relight": "Relight",
-    "indirect": "Indirect",
-    "render": "Rendering",
-    "total": "Total",
-    "surfels": "Surfels' own",
-    "direct": "Direct",
-    "depth": "Depth",
-    "environment": "Light",
-    "shape": "Shape",
-}
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A column of a table: what is compared (``task``) and how (``measure``)."""
-
-    task: str
-    measure: str
-
-    @property
-    def key(self) -> str:
-        """The name under which results store it, such as ``nvs/psnr``."""
-        return f"{self.task}/{self.measure}"
-
-    @property
-    def label(self) -> str:
-        """The heading, such as ``NVS PSNR``."""
-        return f"{TASKS[self.task]} {MEASURES[self.measure].label}"
-
-    @classmethod
-    def of(cls, key: str) -> "Metric":
-        """The inverse of ``key``."""
-        task, _, measure = key.partition("/")
-        return cls(task, measure)
-
-
-@dataclass(frozen=True)
-class Row:
-    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs.
-
-    ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
-    ``settings`` are for experiments that have some of their own.
-    """
-
-    key: str
-    latex: str
-    text: str
-    variant: Variant
-    budget: Mapping[str, float] = field(default_factory=dict)
-    settings: Mapping[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Suite:
-    """A table: rows by columns over scenes and seeds.
-
-    ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
-    paired against the row called ``reference``; ``scenes`` are what runs unless others are asked for; ``experiment`` is
-    what is done for every cell (see ``experiments``).
-    """
-
-    name: str
-    title: str
-    published: str | None
-    reference: str
-    rows: tuple[Row, ...]
-    columns: tuple[Metric, ...]
-    scenes: tuple[str, ...] = field(default=("corner",))
-    experiment: str = TRAINING
-
-    def __post_init__(self) -> None:
-        keys = [row.key for row in self.rows]
-        repeated = sorted({key for key in keys if keys.count(key) > 1})
-        if repeated:
-            raise UsageError(f"suite '{self.name}' has rows of the same key: {', '.join(repeated)}")
-        if self.reference not in keys:
-            raise UsageError(
-                f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
-            )
-
-
-def _times(factor: float) -> str:
-    return {0.25: r"$\frac{1}{4}$", 0.5: r"$\frac{1}{2}$"}.get(factor, f"{factor:g}")
-
+from .data_set_suites import DATA_SET_SUITES
+from .suite import Metric, Row, Suite, knob_rows
 
 ABLATIONS = Suite(
     name="ablations",
@@ -224,30 +100,18 @@ NG = Suite(
     title="Surfels that radiometric consistency samples, N_g",
     published="ng",
     reference="ng-2048",
-    rows=tuple(
-        Row(
-            f"ng-{paper}", rf"{_times(factor)} $N_g$", f"N_g x {factor:g} (paper: {paper})", Variant(),
-            {"consistency_surfels": factor},
-        )
-        for paper, factor in ((1024, 0.5), (2048, 1.0), (4096, 2.0), (8192, 4.0))
-    ),
+    rows=knob_rows("ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0}),
     columns=QUALITY,
-)  # fmt: skip
+)
 
 NS = Suite(
     name="ns",
     title="Incident rays a surfel, N_s",
     published="ns",
     reference="ns-64",
-    rows=tuple(
-        Row(
-            f"ns-{paper}", rf"{_times(factor)} $N_s$", f"N_s x {factor:g} (paper: {paper})", Variant(),
-            {"incident_samples": factor},
-        )
-        for paper, factor in ((16, 0.25), (32, 0.5), (64, 1.0), (128, 2.0))
-    ),
+    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0, 128: 2.0}),
     columns=QUALITY,
-)  # fmt: skip
+)
 
 STRATEGIES = Suite(
     name="strategies",
@@ -290,6 +154,30 @@ RELIGHT_COST = Suite(
     columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
 )
 
+RELIGHT_RAYS = 384
+"""Rays a surfel of preset paper when a model is relit, 256 over the hemisphere and 128 from the light."""
+
+EFFICIENCY = Suite(
+    name="efficiency",
+    title="Relighting: milliseconds and memory of a frame",
+    published="efficiency",
+    reference="traced-64",
+    rows=(
+        Row("finetuned", "Ours (Finetuned)", "Surfel finetuned", Variant(relighting="surfels")),
+        *(
+            Row(
+                f"traced-{rays}", f"Ray tracing, $N={rays}$", f"Ray tracing, N x {rays}/{RELIGHT_RAYS} (paper: {rays})",
+                Variant(),
+                dict.fromkeys(
+                    ("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS
+                ),
+            )
+            for rays in (64, 128, 256)
+        ),
+    ),
+    columns=(Metric("render", "ms"), Metric("render", "megabytes"), Metric("relight", "psnr")),
+)  # fmt: skip
+
 FORWARD_PARITY = Suite(
     name="forward-parity",
     title="Light transport through surfels against a path tracer",
@@ -318,17 +206,21 @@ FORWARD_PARITY = Suite(
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
-    for suite in (ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, FORWARD_PARITY)
-}
+    for suite in (
+        ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FORWARD_PARITY,
+        *DATA_SET_SUITES,
+    )
+}  # fmt: skip
 
 
 def suite(name: str) -> Suite:
     """The suite of that name. Raises UsageError for an unknown one, with the nearest name."""
     if name not in SUITES:
-        near = get_close_matches(name, SUITES, 1)
+        # Several tables of one data set are several suites, which share its name.
+        near = [each for each in SUITES if each.startswith(f"{name}-")] or get_close_matches(name, SUITES, 1)
         raise UsageError(
             f"unknown suite '{name}'",
-            f"Did you mean '{near[0]}'?" if near else f"Suites: {', '.join(SUITES)}.",
+            f"Did you mean {' or '.join(map(repr, near))}?" if near else f"Suites: {', '.join(SUITES)}.",
             "See them all:  radiogs-bench run --list",
         )
     return SUITES[name]

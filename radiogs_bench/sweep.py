@@ -14,7 +14,7 @@ from .atomic import write_atomically
 from .cell import TRAINING, Cell
 from .code_version import evaluation_code, method_code
 from .store import Store, strict_json
-from .suites import Row, Suite
+from .suite import Row, Suite
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/1"
 

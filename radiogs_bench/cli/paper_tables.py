@@ -18,14 +18,17 @@ from ..cell import TRAINING
 from ..schema import Result, training_seconds
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store import Store
-from ..suites import MEASURES, SUITES, TASKS, Row, Suite
+from ..suite import MEASURES, TASKS, Row, Suite
+from ..suites import SUITES
 from ..sweep import Sweep
 
 OURS = Row("ours", "Ours", "Ours", Variant())
 """The full method: the one row that tables have which no suite runs yet."""
 
-MEASURED_APART = {"hours": "", "megabytes": "", "samples": "N", "change": "change"}
+MEASURED_APART = {"hours": "", "samples": "N", "change": "change"}
 """Headings of measures that are no metric; where there is none, the unit is the heading."""
+
+RELIGHT_RAYS = ("relight_hemisphere_samples", "relight_light_samples")
 
 GROUPS = {**TASKS, "training": "Training"}
 
@@ -161,9 +164,12 @@ def sample(rows: Rows, row: str, column: str) -> Sample:
 
 
 def value_of(result: Result, task: str, measure: str) -> float | None:
-    """A result's figure: a metric, or the hours of training."""
+    """A result's figure: a metric, a cost, the hours of training, or the rays that a surfel is relit by."""
     if measure == "hours":
         return training_seconds(result) / 3600
+    if measure == "samples":
+        rays = sum(result["cell"]["budget"][name] for name in RELIGHT_RAYS)
+        return None if result["cell"]["variant"]["relighting"] == "surfels" else rays
     metric = (result["metrics"] | result["timings"]).get(f"{task}/{measure}")
     return None if metric is None else metric["value"]
 

@@ -7,7 +7,7 @@ from rich.table import Table
 
 from ..forecast import Expected, forecast, total
 from ..store import Store
-from ..suites import Suite
+from ..suite import Suite
 from ..sweep import Request, label, state_of
 from .events import emit
 from .reporter import say, show
@@ -50,6 +50,8 @@ def emit_suite(suite: Suite) -> None:
         rows=[row.key for row in suite.rows],
         columns=[metric.key for metric in suite.columns],
         scenes=list(suite.scenes),
+        protocol=suite.protocol,
+        download=suite.download,
     )
 
 
@@ -90,10 +92,12 @@ def memory(expected: Expected) -> str:
 
 
 def describe(suite: Suite) -> list[str]:
-    """A suite in four lines: title, rows, columns, scenes."""
+    """A suite in some lines: title, rows, columns, scenes and where they are, its protocol if it has one of its own."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",
         f"  columns: {', '.join(metric.key for metric in suite.columns)}",
         f"  scenes: {', '.join(suite.scenes)}",
+        *([f"  download: {suite.download}"] if suite.download else []),
+        *([f"  protocol: {suite.protocol}"] if suite.protocol != "default" else []),
     ]

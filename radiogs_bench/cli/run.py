@@ -10,7 +10,7 @@ from .engine_choice import ENGINES, choose
 from .options import add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
-    from ..suites import Suite
+    from ..suite import Suite
     from .options import Commands
 
 
@@ -23,7 +23,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
     parser.add_argument("--seeds", type=positive, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
     parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
-    parser.add_argument("--protocol", default="default", help="metric protocol (default: default)")
+    parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")

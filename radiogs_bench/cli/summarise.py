@@ -15,7 +15,7 @@ from radiogs_reports.summary import (
 from ..schema import Result, training_seconds
 from ..statistics import Sample, estimate, paired_difference
 from ..store import Store
-from ..suites import MEASURES, Metric
+from ..suite import MEASURES, Metric
 from ..sweep import Place, Sweep, state_of
 from .paper_tables import interval, paper_tables
 

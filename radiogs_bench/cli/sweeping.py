@@ -4,15 +4,17 @@ import argparse
 import os
 from collections.abc import Sequence
 from functools import partial
+from pathlib import Path
 
 import torch
 
 from radiogs.budget import budget
-from radiogs.errors import ExplainedError, UsageError
+from radiogs.errors import DataError, ExplainedError, UsageError
 from radiogs.kernels.runtime import use_threads, workers
 from radiogs.scene import Scene
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs_datasets import load_scene
+from radiogs_datasets.layouts.inspection import shown
 
 from ..cell import Cell
 from ..delegate import Recipe
@@ -26,7 +28,7 @@ from ..pool import run_pool, worker_commands
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
 from ..store import Store
-from ..suites import Suite
+from ..suite import Suite
 from ..sweep import Place, Request, label, steps_to_take, write_sweep
 from ..train import INITIALISE, INVERT, Bench
 from ..warm_up import compile_kernels
@@ -50,10 +52,23 @@ def plan(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.devi
             "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
         )
     use_threads(options.threads or len(os.sched_getaffinity(0)))
-    protocol(options.protocol)
+    rules = protocol(options.protocol or suite.protocol).name
     preset = budget(options.preset)
-    scenes = load_scenes(options.scenes or suite.scenes)
-    return Request(suite, scenes, options.seeds, preset, options.protocol, options.device, options.shard), device
+    scenes = load_scenes(options.scenes or own_scenes(suite))
+    return Request(suite, scenes, options.seeds, preset, rules, options.device, options.shard), device
+
+
+def own_scenes(suite: Suite) -> Sequence[str]:
+    """The scenes of a suite. Raises DataError where they have to be downloaded first, or lie elsewhere."""
+    absent = [name for name in suite.scenes if not Path(name).is_dir()] if suite.download else []
+    if absent:
+        raise DataError(
+            f"suite '{suite.name}' needs scenes that are not here: {shown(absent)}",
+            f"They do not come with the package. {suite.download}",
+            "Run this in the folder that holds them, or say where they are:  radiogs-bench run"
+            f" {suite.name} --scenes PATH/{suite.scenes[0]},PATH/{suite.scenes[-1]}",
+        )
+    return suite.scenes
 
 
 def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:

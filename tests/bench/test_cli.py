@@ -52,6 +52,42 @@ def test_a_truncated_image_ends_with_exit_code_3_before_anything_is_trained(tmp_
     assert not list(tmp_path.rglob("*.pt"))
 
 
+@pytest.mark.parametrize("name", [name for name, suite in SUITES.items() if suite.download])
+def test_a_suite_whose_scenes_are_not_here_says_where_they_are_and_how_to_name_them(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", name]) == 3
+    said = capsys.readouterr().err
+    suite = SUITES[name]
+    assert all(scene in said for scene in suite.scenes[:8])
+    assert suite.download in said
+    assert f"radiogs-bench run {name} --scenes PATH/{suite.scenes[0]}," in said
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_data_sets_scenes_are_found_where_the_command_is_given(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("armadillo", "ficus", "hotdog", "lego"):
+        (tmp_path / name).symlink_to(CORNER)
+    assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 0
+    assert "8 of 8 cells to run" in capsys.readouterr().out
+    (tmp_path / "ficus").unlink()
+    assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 3
+    assert "scenes that are not here: ficus\n" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("further", "used"), [((), "radiogs"), (("--protocol", "tensoir"), "tensoir")])
+def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
+    further: tuple[str, ...], used: str, fake_run: Callable[..., int], tmp_path: Path
+) -> None:
+    assert fake_run("tensoir", "--scenes", "corner", *further) == 0
+    assert read_sweep(tmp_path)["protocol"] == used
+    assert {result["cell"]["protocol"] for result in Store(tmp_path).results()} == {used}
+
+
 def test_help_answers_without_importing_what_is_slow() -> None:
     code = (
         "import sys\n"
@@ -97,6 +133,7 @@ def test_the_suites_are_listed_with_rows_columns_and_scenes(capsys: pytest.Captu
         assert f"  rows: {', '.join(row.key for row in suite.rows)}\n" in listed
         assert f"  columns: {', '.join(column.key for column in suite.columns)}\n" in listed
         assert f"  scenes: {', '.join(suite.scenes)}\n" in listed
+        assert not suite.download or f"  download: {suite.download}\n" in listed
     assert main(["run", "ng", "--list"]) == 0
     assert capsys.readouterr().out.startswith("ng: ")
 

@@ -1,8 +1,10 @@
 """Evaluation compares the right maps in the right form; a stand-in renders known images."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -13,9 +15,10 @@ from bench.fake_method import CPU, FakeStage, fake_cell
 from radiogs.incident import Incident
 from radiogs.light import EnvironmentMap
 from radiogs.model import Model
-from radiogs.rendering import Renderer, splat
+from radiogs.rendering import splat
 from radiogs.scene import Scene, View
 from radiogs_bench import evaluate as module
+from radiogs_bench import frame_cost
 from radiogs_bench.evaluate import evaluate, incident_map
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
 from radiogs_bench.scoring import displayed, truth
@@ -56,6 +59,7 @@ class Perfect:
     wrong: ClassVar[Mapping[str, float]]
     scene: ClassVar[Scene]
     scales: ClassVar[list[torch.Tensor]]
+    incident: ClassVar[Incident] = Incident(*(torch.zeros(4, 5, *rest) for rest in ((3,), (), (), (3,))))
 
     def __init__(self, model: Model, *further: Any) -> None:
         self.light = None
@@ -64,7 +68,8 @@ class Perfect:
             self.scales.append(further[1])
 
     def render(self, camera: Any) -> dict[str, torch.Tensor]:
-        view = next(view for view in self.scene.test if torch.equal(view.camera.centre, camera.centre))
+        views = (*self.scene.test, *self.scene.relight)
+        view = next(view for view in views if torch.equal(view.camera.centre, camera.centre))
         if self.light is not None:
             name = f"relit/{self.light}"
             return {"image": truth(view, name) + self.wrong.get(name, 0.0), "alpha": view.read("alpha")}
@@ -105,6 +110,36 @@ def test_a_perfect_model_has_perfect_figures(monkeypatch: pytest.MonkeyPatch) ->
     assert all(torch.allclose(scale, SCALE) for scale in Perfect.scales)
     assert found.views == ["view_0", "view_1", "view_2"]
     assert all(time > 0 for task in ("nvs", "render") for time in found.timings[f"{task}/ms"]["views"])
+
+
+def test_the_memory_of_frames_is_the_most_that_any_light_took(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = iter([{"host": 3_000_000}, {"host": 5_000_000}, {"host": 4_000_000}])
+
+    @contextmanager
+    def peaks_within(device: torch.device) -> Iterator[dict[str, int]]:
+        yield next(taken)
+
+    monkeypatch.setattr(frame_cost, "peaks_within", peaks_within)
+    timings = values(scene_of(view_with(0, EVERYTHING)), monkeypatch).timings
+    assert timings["nvs/megabytes"]["value"] == 3.0
+    assert timings["render/megabytes"] == {"value": 5.0, "reason": None, "views": [None]}
+
+
+def test_views_elsewhere_are_relit_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As Stanford-ORB has them: each under a light of its own, beside test views that are under none."""
+    test = [view_with(place, {"image": 3, "normal": 3}) for place in range(2)]
+    elsewhere = [view_with(2, {"relit/sun": 3}), view_with(3, {"relit/sky": 3})]
+    scene = replace(scene_of(*test), relight=tuple(elsewhere))
+    found = values(scene, monkeypatch, {"relit/sun": 0.1, "relit/sky": 0.001, "image": 0.01})
+    assert found.views == ["view_0", "view_1", "view_2", "view_3"]
+    assert found.metrics["relight/psnr"]["value"] == pytest.approx((20 + 60) / 2, abs=1e-2)
+    assert found.metrics["relight/psnr"]["views"] == [None, None, *map(partial(pytest.approx, abs=1e-2), (20, 60))]
+    assert found.metrics["nvs/psnr"]["value"] == pytest.approx(40, abs=1e-3)
+    assert found.metrics["nvs/psnr"]["views"][2:] == [None, None]
+    assert found.metrics["normal/mae"]["value"] == pytest.approx(0, abs=1e-6)
+    assert found.timings["render/ms"]["views"][:2] == [None, None]
+    assert all(time > 0 for time in found.timings["render/ms"]["views"][2:])
+    assert found.shown_light is None
 
 
 def test_a_known_error_has_the_psnr_of_its_square(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,8 +209,16 @@ def test_display_is_clipped() -> None:
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 def test_every_protocol_has_a_figure_or_a_reason_for_every_task(monkeypatch: pytest.MonkeyPatch, protocol: str) -> None:
     scene = scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2)))
-    monkeypatch.setattr(module, "incident_map", lambda renderer, camera: torch.full((SIZE, SIZE, 3), 0.2))
+    seen: list[Incident] = []
+
+    def incident_light(model: Model, incident: Incident, camera: Any) -> torch.Tensor:
+        seen.append(incident)
+        return torch.full((SIZE, SIZE, 3), 0.2)
+
+    monkeypatch.setattr(module, "incident_map", incident_light)
     found = values(scene, monkeypatch, {"image": 0.01}, protocol)
+    assert all(incident is Perfect.incident for incident in seen)
+    assert len(seen) == (2 if protocol == "radiogs" else 0)
     tasks = {name.split("/")[0] for name in found.metrics}
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight"}
     for metric in found.metrics.values():
@@ -205,17 +248,15 @@ def test_the_released_indirect_light_is_the_hemispheres_mean_splatted() -> None:
     model = replace(MODEL, surfels=replace(MODEL.surfels, centre=torch.zeros(4, 3)))
     weight = torch.rand(4, 5)
     direction = torch.nn.functional.normalize(torch.randn(4, 5, 3), dim=-1)
-    renderer = object.__new__(Renderer)
-    renderer.model = model
     radiance = torch.tensor([0.2, 0.4, 0.8])
-    renderer.incident = Incident(direction, weight, torch.zeros(4, 5), radiance.expand(4, 5, 3))
+    incident = Incident(direction, weight, torch.zeros(4, 5), radiance.expand(4, 5, 3))
     alpha = splat(camera, model.surfels, {"any": torch.zeros(4, 1)}, depth_unit=1.0).alpha
     assert alpha.max() > 0.5
-    torch.testing.assert_close(incident_map(renderer, camera), alpha[..., None] * radiance)
+    torch.testing.assert_close(incident_map(model, incident, camera), alpha[..., None] * radiance)
     # Directions that stand for no solid angle do not count.
-    renderer.incident.weight[:, 1:] = 0
-    renderer.incident.radiance = torch.cat([radiance.expand(4, 1, 3), torch.rand(4, 4, 3)], 1)
-    torch.testing.assert_close(incident_map(renderer, camera), alpha[..., None] * radiance)
+    incident.weight[:, 1:] = 0
+    incident.radiance = torch.cat([radiance.expand(4, 1, 3), torch.rand(4, 4, 3)], 1)
+    torch.testing.assert_close(incident_map(model, incident, camera), alpha[..., None] * radiance)
 
 
 def test_the_recovered_light_is_compared_at_the_true_ones_resolution(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,7 @@ from radiogs_bench.cli.summarise import column_summary
 from radiogs_bench.evaluate import evaluate
 from radiogs_bench.metrics import PROTOCOLS
 from radiogs_bench.metrics.weights import FILES
-from radiogs_bench.suites import MEASURES, TASKS, Metric
+from radiogs_bench.suite import MEASURES, TASKS, Metric
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ import torch
 from bench.fake_method import CPU
 from radiogs.kernels.runtime import workers
 from radiogs_bench import provenance
-from radiogs_bench.provenance import forget_peaks, git_state, peak_memory, session
+from radiogs_bench.provenance import forget_peaks, git_state, peak_memory, peaks_within, session
 
 
 @pytest.fixture(autouse=True)
@@ -66,6 +66,23 @@ def test_a_stage_does_not_answer_for_what_was_held_before_it() -> None:
     del held
     forget_peaks(CPU)
     assert peak_memory(CPU)["host"] < before - 2**27
+
+
+def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> None:
+    forget_peaks(CPU)
+    held = torch.ones(2**26)  # 256 MiB
+    del held
+    with peaks_within(CPU) as peaks:
+        small = torch.ones(2**24)  # 64 MiB
+        del small
+    assert peaks["host"] < peak_memory(CPU)["host"] - 2**27
+    forget_peaks(CPU)
+    before = peak_memory(CPU)["host"]
+    with peaks_within(CPU) as peaks:
+        held = torch.ones(2**26)
+        del held
+    assert peaks["host"] > before + 2**27
+    assert peak_memory(CPU)["host"] >= peaks["host"]
 
 
 def test_where_the_kernel_forbids_it_the_peak_is_the_process_s(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -1,14 +1,27 @@
 """Suites are sound data, and a wrong name is answered with the right one."""
 
+from dataclasses import replace
+
 import pytest
 
 from bench.fake_method import SCENE
-from radiogs.budget import budget, scaled
+from radiogs.budget import PRESETS, budget, scaled
 from radiogs.errors import UsageError
 from radiogs.variant import Variant
-from radiogs_baselines.published import published
-from radiogs_bench.suites import ABLATIONS, MEASURES, SUITES, Metric, Row, Suite, suite
+from radiogs_baselines.published import published, published_tables
+from radiogs_bench.data_set_suites import CAPTURES
+from radiogs_bench.metrics import protocol
+from radiogs_bench.suite import MEASURES, Metric, Row, Suite
+from radiogs_bench.suites import ABLATIONS, SUITES, suite
 from radiogs_bench.sweep import Request
+from radiogs_datasets import scene_names
+from radiogs_datasets.registry import forward_names
+
+OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
+WHOLE_TABLES = {
+    "ablations", "tensoir", "synthetic4relight", "relight-cost", "efficiency", "mipnerf360-ng", "mipnerf360-ns"
+}  # fmt: skip
+MEASURED_APART = {"training/hours", "relight/samples"}
 
 
 def test_the_ablations_are_the_five_rows_of_the_paper() -> None:
@@ -31,14 +44,23 @@ def test_every_column_has_a_heading_and_a_way_to_be_better() -> None:
     for column in (column for each in SUITES.values() for column in each.columns):
         assert Metric.of(column.key) == column
         assert column.label
-        assert MEASURES[column.measure].better in {"up", "down"}
+        # A bias is better the nearer it is to zero, from either side; everything else has a better end.
+        assert MEASURES[column.measure].better in ({"zero"} if column.measure == "bias" else {"up", "down"})
 
 
-def test_a_misspelt_suite_is_answered_with_the_nearest() -> None:
-    with pytest.raises(UsageError, match="Did you mean 'ablations'"):
-        suite("ablationss")
-    with pytest.raises(UsageError, match="Suites: ablations, views"):
-        suite("xyz")
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("ablationss", "Did you mean 'ablations'?"),
+        ("mipnerf360", "Did you mean 'mipnerf360-ng' or 'mipnerf360-ns'?"),
+        ("xyz", f"Suites: {', '.join(SUITES)}."),
+    ],
+)
+def test_a_misspelt_suite_is_answered_with_the_nearest(name: str, says: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        suite(name)
+    assert caught.value.why == says
+    assert caught.value.remedy.endswith("radiogs-bench run --list")
 
 
 def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused() -> None:
@@ -52,14 +74,67 @@ def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused()
 def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
     """Rows of a suite and its published table have the same keys; the paper's table may have other methods' rows."""
     for each in SUITES.values():
-        table = published(each.published)
-        assert {row.key for row in each.rows} <= table.figures.keys(), each.name
+        if each.published is not None:
+            rows = published(each.published).figures
+            assert {row.key for row in each.rows} <= rows.keys(), each.name
+            assert {key for key in rows if key not in OTHER_METHODS} == {row.key for row in each.rows}, each.name
+
+
+def test_every_published_table_has_one_suite() -> None:
+    assert sorted(each.published for each in SUITES.values() if each.published) == sorted(published_tables())
+
+
+def test_every_published_column_that_a_run_measures_by_itself_is_a_column() -> None:
+    for each in SUITES.values():
+        if each.name in WHOLE_TABLES:
+            columns = published(each.published or "").columns
+            printed = {name for name, column in columns.items() if column.scene is None}
+            assert printed - MEASURED_APART <= {column.key for column in each.columns}, each.name
 
 
 def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
     for each in SUITES.values():
-        runs = [(row.variant, tuple(sorted(row.budget.items()))) for row in each.rows]
-        assert len(set(runs)) == len(runs), each.name
+        runs = [(row.variant, sorted(row.budget.items()), sorted(row.settings.items())) for row in each.rows]
+        assert not [run for run in runs if runs.count(run) > 1], each.name
+
+
+@pytest.mark.parametrize("each", SUITES.values(), ids=SUITES)
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str) -> None:
+    """Rounding must not make two rows one cell."""
+    scene = replace(SCENE, name=each.scenes[0])
+    request = Request(each, {scene.name: scene}, 1, budget(preset), each.protocol, "cpu")
+    assert len({cell.key for _, cell in request.cells()}) == len(each.rows)
+
+
+def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
+    for each in SUITES.values():
+        assert protocol(each.protocol).name == each.protocol
+        if each.download:
+            assert not set(each.scenes) & {*scene_names(), *forward_names()}, each.name
+        else:
+            assert set(each.scenes) <= {*scene_names(), *forward_names()}, each.name
+
+
+def test_the_paper_relit_by_as_many_rays_as_rows_say() -> None:
+    """Rows of table efficiency are shares of the preset; at the paper's they are its numbers."""
+    request = Request(SUITES["efficiency"], {"fake": SCENE}, 1, budget("paper"), "default", "cpu")
+    for place, cell in request.cells():
+        _, _, rays = place["row"].partition("traced-")
+        if rays:
+            assert cell.budget.relight_hemisphere_samples + cell.budget.relight_light_samples == int(rays)
+            assert published("efficiency").figures[place["row"]]["relight/samples"] == int(rays)
+        else:
+            assert cell.variant == Variant(relighting="surfels")
+
+
+def test_stanford_orb_is_its_42_captures() -> None:
+    """14 objects, three places each, of which 7 are the benchmark's own subset for light."""
+    scenes = SUITES["stanford-orb"].scenes
+    assert len(set(scenes)) == len(scenes) == 42
+    assert {name.partition("_")[0] for name in scenes} == set(CAPTURES)
+    subset = {"teapot": 1, "grogu": 2, "gnome": 3, "car": 4, "pitcher": 5, "blocks": 6, "cactus": 7}
+    assert {f"{name}_scene{place:03}" for name, place in subset.items()} <= set(scenes)
 
 
 @pytest.mark.parametrize("name", ["ng", "ns"])

@@ -1,0 +1,107 @@
+"""Suites on the public data sets, whose scenes are downloaded: the paper's main tables, and its cost on whole rooms.
+
+The protocol of a suite that stands beside a table of the paper is that of RadioGS's own evaluation, which printed it.
+"""
+
+from radiogs.variant import Variant
+
+from .suite import Metric, Row, Suite, knob_rows
+
+OURS = Row("ours", "Ours", "Ours", Variant())
+OURS_FINETUNED = Row("ours-finetuned", "Ours*", "Ours* (relit by fine-tuned surfels)", Variant(relighting="surfels"))
+
+SIMILARITY = ("psnr", "ssim", "lpips")
+
+TENSOIR = Suite(
+    name="tensoir",
+    title="TensoIR-Synthetic",
+    published="tensoir",
+    reference="ours",
+    rows=(OURS, OURS_FINETUNED),
+    columns=(
+        *(Metric("nvs", measure) for measure in SIMILARITY),
+        Metric("normal", "mae"),
+        *(Metric(task, measure) for task in ("albedo", "relight") for measure in SIMILARITY),
+    ),
+    scenes=("armadillo", "ficus", "hotdog", "lego"),
+    protocol="radiogs",
+    download=(
+        "TensoIR-Synthetic is Zenodo's record 7880113; its environment maps (linked to by the README of"
+        " Haian-Jin/TensoIR) belong beside the scenes, in Environment_Maps/."
+    ),
+)
+
+SYNTHETIC4RELIGHT = Suite(
+    name="synthetic4relight",
+    title="Synthetic4Relight",
+    published="synthetic4relight",
+    reference="ours",
+    rows=(OURS,),
+    columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
+    scenes=("air_baloons", "chair", "hotdog", "jugs"),
+    protocol="radiogs",
+    download=(
+        "The README of zju3dv/InvRender links to Synthetic4Relight; envmap3.exr, envmap6.exr and envmap12.exr (there in"
+        " code/envmaps) belong beside the scenes."
+    ),
+)
+
+CAPTURES = {
+    "baking": (1, 2, 3), "ball": (2, 3, 4), "blocks": (2, 5, 6), "cactus": (1, 5, 7), "car": (2, 4, 6),
+    "chips": (2, 3, 4), "cup": (3, 6, 7), "curry": (1, 5, 7), "gnome": (3, 5, 7), "grogu": (1, 2, 3),
+    "pepsi": (2, 3, 4), "pitcher": (1, 5, 7), "salt": (4, 5, 7), "teapot": (1, 2, 6),
+}  # fmt: skip
+"""Stanford-ORB: the objects, and in which places each was captured."""
+
+STANFORD_ORB = Suite(
+    name="stanford-orb",
+    title="Stanford-ORB",
+    published=None,  # the paper shows pictures of it, and no table
+    reference="ours",
+    rows=(OURS, OURS_FINETUNED),
+    columns=(
+        *(Metric(task, measure) for task in ("nvs", "relight") for measure in ("psnr_h", "psnr_l", "ssim", "lpips")),
+        Metric("normal", "cosine"),
+        Metric("depth", "simse"),
+        *(Metric("albedo", measure) for measure in SIMILARITY),
+    ),
+    scenes=tuple(f"{name}_scene{place:03}" for name, places in CAPTURES.items() for place in places),
+    protocol="stanford-orb",
+    download=(
+        "stanfordorb.github.io links to blender_LDR and ground_truth, which belong side by side; blender_LDR holds a"
+        " folder a capture."
+    ),
+)
+
+ROOMS = ("bonsai", "counter", "kitchen", "room")
+FROM_MIPNERF360 = (
+    "jonbarron.info/mipnerf360 links to 360_v2.zip; a scene is a folder with images_2/ and sparse/0/, and is read by"
+    " pycolmap (pip install 'radiogs-bench[colmap]')."
+)
+COST_OF_A_FRAME = (Metric("nvs", "ms"), Metric("nvs", "megabytes"), *(Metric("nvs", measure) for measure in SIMILARITY))
+
+MIPNERF360_NG = Suite(
+    name="mipnerf360-ng",
+    title="Cost of a frame of whole rooms over N_g",
+    published="mipnerf360-ng",
+    reference="ng-2048",
+    rows=knob_rows(
+        "ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0, 16384: 8.0}
+    ),
+    columns=COST_OF_A_FRAME,
+    scenes=ROOMS,
+    download=FROM_MIPNERF360,
+)  # fmt: skip
+
+MIPNERF360_NS = Suite(
+    name="mipnerf360-ns",
+    title="Cost of a frame of whole rooms over N_s",
+    published="mipnerf360-ns",
+    reference="ns-64",
+    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0}),
+    columns=COST_OF_A_FRAME,
+    scenes=ROOMS,
+    download=FROM_MIPNERF360,
+)
+
+DATA_SET_SUITES = (TENSOIR, SYNTHETIC4RELIGHT, STANFORD_ORB, MIPNERF360_NG, MIPNERF360_NS)
