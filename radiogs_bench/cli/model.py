@@ -187,7 +187,7 @@ def write_views(
 
     from radiogs_datasets.image_files import write_exr, write_png
 
-    from ..frame_time import frame_milliseconds
+    from ..frame_cost import frame_milliseconds
     from .reporter import say
 
     views = scene.test if split == "test" else scene.train
