@@ -1,0 +1,103 @@
+"""The comparison with the path tracer: what is compared, where, and a small run of it."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from bench.fake_method import CPU, FAKE, fake_cell
+from radiogs.budget import budget
+from radiogs.errors import DataError, UsageError
+from radiogs.rendering import SOLID_ALPHA
+from radiogs_bench.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.progress import LogProgress
+from radiogs_bench.store import Store
+from radiogs_bench.train import Bench
+from radiogs_datasets import load_scene
+from radiogs_datasets.registry import FORWARD, forward_names
+
+SCENES = ("corner-128", "red_white-128", "bowl-128")
+
+
+def test_equal_images_have_no_bias_and_twice_the_light_has_a_hundred_per_cent() -> None:
+    generator = torch.Generator().manual_seed(0)
+    image = 0.1 + 0.3 * torch.rand(8, 8, 3, generator=generator)
+    true = dict.fromkeys(("total", "surfels", "direct", "indirect"), image)
+    kept = torch.ones(8, 8, dtype=torch.bool)
+    assert compared(true, true, kept)["total"]["psnr"].value == 100.0
+    found = compared(true | {"indirect": 2 * image}, true, kept)
+    assert found["indirect"]["bias"].value == pytest.approx(100.0, abs=1e-4)
+    assert found["direct"]["bias"].value == pytest.approx(0.0, abs=1e-6)
+
+
+def test_pixels_that_are_not_kept_do_not_count() -> None:
+    true = dict.fromkeys(("total", "surfels", "direct", "indirect"), torch.full((8, 8, 3), 0.2))
+    kept = torch.zeros(8, 8, dtype=torch.bool)
+    kept[2:4] = True
+    wrong = {name: torch.where(kept[..., None], image, 7.0) for name, image in true.items()}
+    assert compared(wrong, true, kept)["total"]["psnr"].value == 100.0
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kept_pixels_are_solid_and_stay_away_from_steps_of_depth(name: str) -> None:
+    view = load_scene(name).test[0]
+    kept, depth = clear_of_silhouettes(view), view.read("depth")[..., 0]
+    assert bool((view.read("alpha")[..., 0][kept] > SOLID_ALPHA).all())
+    assert 0.1 < float(kept.double().mean()) < 0.6
+    # No neighbour MARGIN pixels to the right lies on another surface: 0.35 units is more than any kept slope gives.
+    beside = (depth[:, MARGIN:] - depth[:, :-MARGIN]).abs()
+    assert float(beside[kept[:, :-MARGIN] & kept[:, MARGIN:]].max()) < 0.35
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_larger_views_show_the_scene_that_the_recipe_describes(name: str) -> None:
+    """Surfels over the recipe's solids, seen from the views' cameras, have the views' depth."""
+    from radiogs.rendering import splat
+
+    scene = load_scene(name)
+    surfels = setup(scene, 0.06).surfels
+    for view in scene.test:
+        seen = splat(view.camera.to(CPU, torch.float32), surfels, {}, depth_unit=1.0)
+        kept = clear_of_silhouettes(view)
+        assert float((seen.depth - view.read("depth")[..., 0]).abs()[kept].quantile(0.99)) < 0.01
+        assert float(seen.alpha[kept].min()) > 0.9
+
+
+def test_metadata_and_names_of_the_larger_views() -> None:
+    assert set(forward_names()) == {*SCENES, "furnace-0.2", "furnace-0.5", "furnace-0.8"}
+    for name in SCENES:
+        about = json.loads((FORWARD / name / "metadata.json").read_text())
+        assert about["scene"] == name.removesuffix("-128")
+        assert about["noise_floor_db"] > 50
+
+
+def test_a_scene_that_no_recipe_describes_is_refused() -> None:
+    scene = load_scene("corner-128")
+    with pytest.raises(UsageError, match="no recipe for a scene 'kettle'"):
+        setup(replace(scene, name="kettle"), 0.5)
+    with pytest.raises(DataError, match="is not known"):
+        setup(replace(scene, training_light=None), 0.5)
+
+
+def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
+    scene = load_scene("furnace-0.5")
+    cost = replace(budget("smoke"), finetune_iterations=80, finetune_surfels=400, finetune_samples=48)
+    cell = replace(
+        fake_cell(),
+        scene=scene.name,
+        budget=cost,
+        experiment="forward-parity",
+        settings={"spacing": 0.3, "offset": 0.1},
+    )
+    store = Store(tmp_path)
+    with Interruption() as interruption:
+        run_forward_parity(Bench(store, FAKE, CPU, LogProgress(), interruption), cell, scene)
+    result = store.result(cell.key)
+    assert result is not None
+    biases = {part: result["metrics"][f"{part}/bias"]["value"] for part in ("total", "direct", "indirect", "surfels")}
+    assert all(value is not None and abs(value) < 4 for value in biases.values()), biases
+    assert result["work"]["solve"]["rays"] == 80 * 400 * 48 + 400 * 48
+    assert store.arrays_path(cell.key).exists()
