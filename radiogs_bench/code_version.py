@@ -1,6 +1,7 @@
 """Digests of the sources: a result is only as good as the code that made it, so the code is part of its name."""
 
 import hashlib
+from collections.abc import Mapping
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -14,6 +15,12 @@ EVALUATION_MODULES = (
     "radiogs_bench.metrics",
     "radiogs_bench.scoring",
 )
+
+EXPERIMENT_MODULES: Mapping[str, tuple[str, ...]] = {
+    "forward-parity": ("radiogs_bench.forward_parity", "radiogs_datasets.furnace"),
+    "stability": ("radiogs_bench.stability", "radiogs_datasets.hard_cases"),
+}
+"""What decides an experiment's figures beside the method; others' results need not be made anew when it changes."""
 
 
 def sources_of(module: str) -> dict[str, Path]:
@@ -43,8 +50,8 @@ def method_code() -> str:
     return code_digest("radiogs")
 
 
-def evaluation_code() -> str:
+def evaluation_code(experiment: str) -> str:
     """Digest of what scores a trained model, and which LPIPS it cannot score: once the weights are there, it can."""
-    digest = code_digest(*EVALUATION_MODULES)
+    digest = code_digest(*EVALUATION_MODULES, *EXPERIMENT_MODULES.get(experiment, ()))
     missing = [net for net in FILES if missing_weights(net)]
     return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest

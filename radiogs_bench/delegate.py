@@ -126,7 +126,7 @@ def _ready_scene(recipe: Recipe, place: str, device: torch.device) -> Scene:
 
 def _check_sources(cell: Cell, node: str) -> None:
     """The sources are part of a cell's name: others would give a wrong figure under it."""
-    if (method_code(), evaluation_code()) != (cell.method_code, cell.evaluation_code):
+    if (method_code(), evaluation_code(cell.experiment)) != (cell.method_code, cell.evaluation_code):
         raise UsageError(
             f"{node} has other sources of radiogs-bench, or other LPIPS weights, than the machine that asks",
             "A figure would be kept under the name of code that did not make it.",

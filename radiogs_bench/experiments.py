@@ -8,6 +8,7 @@ from .cell import TRAINING, Cell
 from .evaluate import evaluate
 from .forward_parity import run_forward_parity
 from .run_cell import run_cell
+from .stability import run_stability
 from .train import Bench
 
 Experiment = Callable[[Bench, Cell, Scene], None]
@@ -18,4 +19,8 @@ def train_and_score(bench: Bench, cell: Cell, scene: Scene) -> None:
     run_cell(bench, cell, scene, evaluate)
 
 
-EXPERIMENTS: Mapping[str, Experiment] = {TRAINING: train_and_score, "forward-parity": run_forward_parity}
+EXPERIMENTS: Mapping[str, Experiment] = {
+    TRAINING: train_and_score,
+    "forward-parity": run_forward_parity,
+    "stability": run_stability,
+}

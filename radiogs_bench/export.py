@@ -1,6 +1,7 @@
 """All results of a store as one table: a line a cell and metric."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,8 @@ FORMATS = ("csv", "json", "parquet")
 def rows(store: Store) -> Iterator[dict[str, Any]]:
     """Every figure of every finished cell, with what the cell was and what it cost.
 
-    Columns: scene, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage; work
-    counters summed over stages; surfels; key.
+    Columns: scene, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage; counters
+    of work and of guards, summed over stages; surfels; key.
     """
     for result in store.results():
         common = _of_cell(result)
@@ -45,12 +46,16 @@ def export(store: Store, path: Path, form: str) -> int:
     return len(table)
 
 
+def _over_stages(counted: Mapping[str, Mapping[str, int]]) -> Counter[str]:
+    total: Counter[str] = Counter()
+    for counters in counted.values():
+        total.update(counters)
+    return total
+
+
 def _of_cell(result: Result) -> dict[str, Any]:
     cell = result["cell"]
-    work: dict[str, int] = {}
-    for counters in result["work"].values():
-        for name, amount in counters.items():
-            work[name] = work.get(name, 0) + amount
+    work, guards = _over_stages(result["work"]), _over_stages(result.get("guards", {}))
     return {
         "scene": result["scene"],
         **{f"variant.{name}": value for name, value in cell["variant"].items()},
@@ -60,5 +65,6 @@ def _of_cell(result: Result) -> dict[str, Any]:
         "surfels": result["surfels"],
         **{f"seconds.{stage}": seconds for stage, seconds in result["seconds"].items()},
         **{f"work.{name}": amount for name, amount in sorted(work.items())},
+        **{f"guards.{name}": amount for name, amount in sorted(guards.items())},
         "key": result["key"],
     }

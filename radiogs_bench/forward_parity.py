@@ -18,7 +18,7 @@ from torch.nn.functional import max_pool2d
 from radiogs.camera import Camera
 from radiogs.errors import DataError
 from radiogs.incident import Incident, incident_along
-from radiogs.kernels.counters import work
+from radiogs.kernels.counters import fired, work
 from radiogs.light import EnvironmentMap
 from radiogs.rendering import (
     DIFFUSE_DIRECT,
@@ -112,6 +112,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     made = setup(scene, settings.get("spacing", SPACING)).to(device)
     cameras = [view.camera for view in scene.train]
     work.clear()
+    fired.clear()
     forget_peaks(device)
     started = time.perf_counter()
     stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
@@ -120,9 +121,10 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
         losses = stage.step()
         bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
         bench.interruption.check()
-    solved, counted = time.perf_counter(), dict(work)
+    solved, counted, guarded = time.perf_counter(), dict(work), dict(fired)
 
     work.clear()
+    fired.clear()
     figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
     incident = shading_incident(stage)
     arrays: dict[str, np.ndarray] = {}
@@ -153,6 +155,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
             losses={"solve": dict(losses)},
             seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
             work={"solve": counted, "evaluate": dict(work)},
+            guards={"solve": guarded, "evaluate": dict(fired)},
             sessions={"solve": here, "evaluate": here},
         ),
         arrays,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from radiogs.kernels.counters import work
+from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
 from radiogs.scene import Scene
 
@@ -52,6 +52,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
         bench.interruption.check()
 
     work.clear()
+    fired.clear()
     forget_peaks(bench.device)
     started = time.perf_counter()
     evaluation = evaluate(model, scene, cell, bench.device, advance)
@@ -76,6 +77,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
             "evaluate": seconds,
         },
         work={name: ledger["work"] for name, ledger in ledgers.items()} | {"evaluate": dict(work)},
+        guards={name: ledger["guards"] for name, ledger in ledgers.items()} | {"evaluate": dict(fired)},
         sessions={name: ledger["sessions"] for name, ledger in ledgers.items()} | {"evaluate": [session(bench.device)]},
     )
     bench.store.put_result(result, evaluation.arrays)

@@ -4,7 +4,8 @@ The version rises when a key changes its meaning or goes away, or when a reader 
 every key, and what each version changed.
 """
 
-from typing import Any, TypedDict
+import math
+from typing import Any, NotRequired, TypedDict
 
 RESULT_SCHEMA = "radiogs-bench/result/2"
 
@@ -52,8 +53,8 @@ class Result(TypedDict):
     metrics, because no two runs share them."""
     views: list[str]
     """Names of the test views, then of views elsewhere that were scored."""
-    shown_view: str
-    """The view whose maps are in the array file."""
+    shown_view: str | None
+    """The view whose maps are in the array file; None where it holds none (``stability``: curves)."""
     shown_light: str | None
     """The light of the relit map there; None where the scene is given under no other light."""
     albedo_scale: list[float] | None
@@ -68,6 +69,8 @@ class Result(TypedDict):
     them. Stage 1 is counted in every cell that uses it, also where it was computed once for several cells."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
+    guards: NotRequired[dict[str, dict[str, int]]]
+    """How often each guard of ``radiogs.guards`` acted, by stage; absent in results from before it was counted."""
     sessions: dict[str, list[Session]]
     """By stage, oldest first."""
 
@@ -88,4 +91,4 @@ class Failure(TypedDict):
 
 def training_seconds(result: Result) -> float:
     """Seconds of all stages but the evaluation."""
-    return sum(seconds for stage, seconds in result["seconds"].items() if stage != "evaluate")
+    return math.fsum(seconds for stage, seconds in result["seconds"].items() if stage != "evaluate")

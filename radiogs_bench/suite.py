@@ -42,6 +42,11 @@ MEASURES: Mapping[str, Measure] = {
     # Of a recovered environment map, as it is and after the protocol's alignment.
     "error": Measure("error", "", "down", 3),
     "error_scaled": Measure("error up to scale", "", "down", 3),
+    # Of float32 against float64, in units of its rounding, 1.19e-7.
+    "safe": Measure("error, safe range", "eps", "down", 1),
+    "hard": Measure("error, hard end", "eps", "down", 1),
+    "share": Measure("share of the tolerance", "", "down", 3),
+    "fired": Measure("that acted", "times", "down", 0),
 }
 
 TASKS: Mapping[str, str] = {
@@ -58,6 +63,9 @@ TASKS: Mapping[str, str] = {
     "depth": "Depth",
     "environment": "Light",
     "shape": "Shape",
+    "forward": "Forward",
+    "gradient": "Gradient",
+    "guards": "Guards",
 }
 
 
@@ -106,7 +114,7 @@ class Suite:
     """A table: rows by columns over scenes and seeds.
 
     ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
-    paired against the row called ``reference``; ``scenes`` are what runs unless others are asked for; ``experiment`` is
+    paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs unless others are asked for; ``experiment`` is
     what is done for every cell (see ``experiments``).
     ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
     with the package.
@@ -115,7 +123,7 @@ class Suite:
     name: str
     title: str
     published: str | None
-    reference: str
+    reference: str | None
     rows: tuple[Row, ...]
     columns: tuple[Metric, ...]
     scenes: tuple[str, ...] = field(default=("corner",))
@@ -128,7 +136,7 @@ class Suite:
         repeated = sorted({key for key in keys if keys.count(key) > 1})
         if repeated:
             raise UsageError(f"suite '{self.name}' has rows of the same key: {', '.join(repeated)}")
-        if self.reference not in keys:
+        if self.reference is not None and self.reference not in keys:
             raise UsageError(
                 f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
             )

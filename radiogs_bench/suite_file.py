@@ -16,7 +16,7 @@ from radiogs.budget import Budget
 from radiogs.errors import DataError, UsageError
 from radiogs.variant import Variant
 from radiogs_baselines.published import published_tables
-from radiogs_datasets import scene_names
+from radiogs_datasets import known_names
 
 from .experiments import EXPERIMENTS
 from .suite import MEASURES, TASKS, Metric, Row, Suite
@@ -159,5 +159,5 @@ def _check(suite: Suite, reader: _Reader) -> None:
 
 
 def _with_places(suite: Suite, folder: Path) -> Suite:
-    scenes = tuple(scene if scene in scene_names() else str(folder / scene) for scene in suite.scenes)
+    scenes = tuple(scene if scene in known_names() else str(folder / scene) for scene in suite.scenes)
     return replace(suite, scenes=scenes)

@@ -204,11 +204,37 @@ FORWARD_PARITY = Suite(
     experiment="forward-parity",
 )  # fmt: skip
 
+STABILITY = Suite(
+    name="stability",
+    title="Hard cases: float32 against float64",
+    published=None,
+    reference=None,
+    rows=tuple(
+        Row(key, text, text, Variant(), settings={key: points})
+        for key, text, points in (
+            ("grazing", "Grazing angle", 25.0),
+            ("aspect", "Aspect ratio", 25.0),
+            ("gap", "Gap of depth", 13.0),
+            ("layers", "Layers", 13.0),
+            ("scale", "Scene's scale", 25.0),
+            ("translation", "Translation", 25.0),
+            ("roughness", "Roughness", 25.0),
+            ("sun", "Sun's radiance", 25.0),
+        )
+    ),
+    columns=(
+        *(Metric(task, measure) for task in ("forward", "gradient") for measure in ("safe", "hard", "share")),
+        Metric("guards", "fired"),
+    ),
+    scenes=("hard-cases",),
+    experiment="stability",
+)
+
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FORWARD_PARITY,
-        *DATA_SET_SUITES,
+        STABILITY, *DATA_SET_SUITES,
     )
 }  # fmt: skip
 

@@ -37,7 +37,7 @@ class Sweep(TypedDict):
     suite: str
     title: str
     published: str | None
-    reference: str
+    reference: str | None
     rows: list[dict[str, str]]
     """``key``, ``latex`` and ``text`` (labels) of each row, in order."""
     columns: list[str]
@@ -84,7 +84,7 @@ class Request:
             device=self.device,
             protocol=self.protocol,
             method_code=method_code(),
-            evaluation_code=evaluation_code(),
+            evaluation_code=evaluation_code(self.suite.experiment),
             experiment=self.suite.experiment,
             settings=row.settings,
         )

@@ -8,7 +8,7 @@ from typing import Any, TypedDict, TypeVar
 import torch
 
 from radiogs.errors import NumericalFailure
-from radiogs.kernels.counters import work
+from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
 from radiogs.scene import Scene
 from radiogs.surfels import Surfels
@@ -50,6 +50,7 @@ class Ledger(TypedDict):
 
     seconds: float
     work: dict[str, int]
+    guards: dict[str, int]
     losses: dict[str, float]
     sessions: list[Session]
 
@@ -105,6 +106,7 @@ def completed(
             return stored
         started = time.perf_counter()
         work.clear()
+        fired.clear()
         forget_peaks(bench.device)
         stage = begin()
         ledger = _run(bench, name, title, stage, started)
@@ -125,21 +127,23 @@ def _stored_outcome(bench: Bench, name: str) -> Outcome | None:
 
 def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> Ledger:
     """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
-    ledger = Ledger(seconds=0.0, work={}, losses={}, sessions=[])
+    ledger = Ledger(seconds=0.0, work={}, guards={}, losses={}, sessions=[])
     stored = bench.store.tensors(_checkpoint(name), bench.device)
     if stored is not None:
         ledger = stored["ledger"]
         stage.restore(stored["state"])
         # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
         started = time.perf_counter() - ledger["seconds"]
-        work.clear()
-        work.update(ledger["work"])
+        for counter, counted in ((work, ledger["work"]), (fired, ledger["guards"])):
+            counter.clear()
+            counter.update(counted)
     earlier = ledger["sessions"]
     losses = ledger["losses"]
 
     def ledger_now() -> Ledger:
         seconds = time.perf_counter() - started
-        return Ledger(seconds=seconds, work=dict(work), losses=losses, sessions=[*earlier, session(bench.device)])
+        sessions = [*earlier, session(bench.device)]
+        return Ledger(seconds=seconds, work=dict(work), guards=dict(fired), losses=losses, sessions=sessions)
 
     due = time.perf_counter() + bench.checkpoint_seconds
     while stage.iteration < stage.iterations:

@@ -16,6 +16,9 @@ from radiogs_reports.summary import (
     Summary,
 )
 
+EMPTY = ("figures", "seconds", "work", "guards", "losses", "made_from", "sessions")
+"""What an unfinished cell has nothing of."""
+
 CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
 
 
@@ -87,6 +90,7 @@ def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | No
         "figures": figures,
         "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
         "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},
+        "guards": {"invert": {"faint_surfels": 3}},
         "losses": {"invert": {"radiance": 0.125}},
         "surfels": 600,
         "view": "test_004",
@@ -100,7 +104,7 @@ def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | No
 def unfinished(row: str, scene: str, seed: int, key: str) -> RunSummary:
     """A cell that is still to be run."""
     nothing: dict[str, Any] = {"surfels": None, "view": None, "light": None, "arrays": None}
-    empty: dict[str, Any] = {name: {} for name in ("figures", "seconds", "work", "losses", "made_from", "sessions")}
+    empty: dict[str, Any] = {name: {} for name in EMPTY}
     place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do"}
     return {**place, **nothing, **empty}  # type: ignore[typeddict-item]
 

@@ -9,6 +9,8 @@ from radiogs.errors import DataError, UsageError
 from radiogs.scene import Scene
 
 from .furnace import ALBEDOS, furnace
+from .hard_cases import NAME as HARD_CASES
+from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 
 TINY = Path(__file__).parent / "tiny"
@@ -47,6 +49,11 @@ def forward_names() -> tuple[str, ...]:
     return (*sorted(path.name for path in FORWARD.iterdir() if (path / "transforms_test.json").is_file()), *ALBEDOS)
 
 
+def known_names() -> tuple[str, ...]:
+    """Names of all scenes that come with the package."""
+    return (*scene_names(), *forward_names(), HARD_CASES)
+
+
 def scene_folder(name_or_path: str) -> Path:
     """Where a scene is. Raises DataError for what is neither a miniature nor a folder."""
     for room in (TINY, FORWARD):
@@ -54,7 +61,7 @@ def scene_folder(name_or_path: str) -> Path:
             return room / name_or_path
     folder = Path(name_or_path)
     if not folder.is_dir():
-        known = (*scene_names(), *forward_names())
+        known = known_names()
         near = get_close_matches(name_or_path, known, 1)
         raise DataError(
             f"there is no scene '{name_or_path}'",
@@ -72,6 +79,8 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
     """
     if name_or_path in ALBEDOS:
         return furnace(name_or_path)
+    if name_or_path == HARD_CASES:
+        return hard_cases()
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
     if chosen not in LAYOUTS:

@@ -95,7 +95,7 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
 
 def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> PaperTable:
     """The table with what was measured."""
-    reference = suite.reference if suite else OURS.key
+    reference = (suite.reference if suite else None) or OURS.key
     return PaperTable(
         key=key,
         title=table.title,

@@ -55,6 +55,8 @@ def table_of(summary: Summary) -> Table:
 
 def explanation(summary: Summary) -> str:
     """What stands below each figure."""
+    if summary["reference"] is None:
+        return "Rows are no variants of one thing: no difference is taken between them."
     pairs = len(summary["scenes"]) * len(summary["seeds"])
     below = f"Below each figure: its difference to '{summary['reference']}'"
     if pairs == 1:

@@ -52,9 +52,11 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         published_data=published_data,
         machine=machines([result for _, result in finished]),
         sheet=[
-            sheet_row(store, place, result)
+            sheet_row(store, place, result, result["shown_view"])
             for place, result in finished
-            if place["seed"] == sweep["seeds"][0] and store.arrays_path(result["key"]).exists()
+            if place["seed"] == sweep["seeds"][0]
+            and result["shown_view"] is not None
+            and store.arrays_path(result["key"]).exists()
         ],
         keys=[result["key"] for _, result in finished],
         runs=[run_summary(store, sweep, place, result) for place, result in cells],
@@ -78,8 +80,9 @@ def figure(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
     if mean is None:
         return CellSummary(mean=None, count=0, difference=None, reason=reason)
     difference = None
-    if row != sweep["reference"]:
-        difference = paired_difference(mine, sample(cells, sweep["reference"], column)[0])
+    reference = sweep["reference"]
+    if reference is not None and row != reference:
+        difference = paired_difference(mine, sample(cells, reference, column)[0])
     return CellSummary(mean=mean.mean, count=mean.count, difference=interval(difference), reason=reason)
 
 
@@ -117,10 +120,10 @@ def machines(results: Sequence[Result]) -> str:
     return "; ".join(sorted(cards))
 
 
-def sheet_row(store: Store, place: Place, result: Result) -> SheetSummary:
+def sheet_row(store: Store, place: Place, result: Result, view: str) -> SheetSummary:
     """One row of the contact sheet."""
     arrays = store.arrays_path(result["key"]).relative_to(store.folder).as_posix()
-    row = SheetSummary(row=place["row"], scene=place["scene"], view=result["shown_view"], arrays=arrays)
+    row = SheetSummary(row=place["row"], scene=place["scene"], view=view, arrays=arrays)
     if result["shown_light"] is not None:
         row["light"] = result["shown_light"]
     return row
@@ -137,6 +140,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         figures={},
         seconds={},
         work={},
+        guards={},
         losses={},
         surfels=None,
         view=None,
@@ -151,6 +155,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
     run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["surfels"] = result["work"], result["losses"], result["surfels"]
+    run["guards"] = result.get("guards", {})
     run["view"], run["light"] = result["shown_view"], result["shown_light"]
     run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None
     run["made_from"] = result["cell"]

@@ -144,7 +144,13 @@ def _difference(cell: CellSummary, column: ColumnSummary) -> str:
 
 
 def _caption(summary: Summary) -> str:
-    reference = next(row["latex"] for row in summary["rows"] if row["key"] == summary["reference"])
+    reference = [row["latex"] for row in summary["rows"] if row["key"] == summary["reference"]]
+    differences = (
+        f" Below each figure: paired difference to {reference[0]} and the half-width of its 95\\,\\% $t$ interval."
+        if reference
+        else ""
+    )
+    ranked = " First to third in colour." if reference else ""
     seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
     published = (
         f" In grey: published ({escape(summary['published_data'])}), at another scale, on other data."
@@ -153,9 +159,7 @@ def _caption(summary: Summary) -> str:
     )
     return (
         f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
-        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}. Below each figure: paired"
-        f" difference to {reference} and the half-width of its 95\\,\\% $t$ interval.{published}"
-        " First to third in colour."
+        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{differences}{published}{ranked}"
     )
 
 

@@ -45,11 +45,16 @@ def markdown(summary: Summary) -> str:
 
 def note(summary: Summary) -> str:
     """What the figures are, in a sentence each."""
+    differences = (
+        f" In brackets: paired difference to {_text(summary, summary['reference'])}, with its 95 % t interval."
+        if summary["reference"] is not None
+        else ""
+    )
     return (
         f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
         f" {count_of(len(summary['seeds']), 'seed')}; preset {summary['preset']}; metric protocol"
-        f" {summary['protocol']}. In brackets: paired difference to {_text(summary, summary['reference'])}, with its"
-        f" 95 % t interval. Published figures: {summary['published_data']}. Machine: {summary['machine']}."
+        f" {summary['protocol']}.{differences} Published figures: {summary['published_data']}."
+        f" Machine: {summary['machine']}."
     )
 
 

@@ -4,7 +4,12 @@ from .summary import ColumnSummary, Summary
 
 
 def ranks(summary: Summary, column: ColumnSummary) -> dict[str, int]:
-    """Rank from 1 by row key, for rows that have the figure; ties share the better rank."""
+    """Rank from 1 by row key, for rows that have the figure; ties share the better rank.
+
+    None where no row is the reference: the rows are no variants of one thing, and race nobody.
+    """
+    if summary["reference"] is None:
+        return {}
     cells = {row["key"]: summary["cells"][row["key"]][column["key"]]["mean"] for row in summary["rows"]}
     printed = {key: round(mean, column["decimals"]) for key, mean in cells.items() if mean is not None}
     worth = abs if column["direction"] == "zero" else float

@@ -77,6 +77,8 @@ class RunSummary(TypedDict):
     """By stage: initialise, invert, evaluate."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage."""
+    guards: dict[str, dict[str, int]]
+    """How often each guard acted, by stage."""
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses by stage."""
     surfels: int | None
@@ -144,7 +146,8 @@ class Summary(TypedDict):
     preset: str
     scenes: list[str]
     seeds: list[int]
-    reference: str
+    reference: str | None
+    """The row that differences are taken to; None where the rows are no variants of one thing."""
     columns: list[ColumnSummary]
     rows: list[RowSummary]
     cells: dict[str, dict[str, CellSummary]]

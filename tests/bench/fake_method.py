@@ -10,7 +10,7 @@ import torch
 
 from radiogs.budget import Budget, budget
 from radiogs.errors import ExplainedError
-from radiogs.kernels.counters import count
+from radiogs.kernels.counters import count, fire
 from radiogs.model import Model
 from radiogs.scene import Scene
 from radiogs.surfels import Surfels
@@ -50,6 +50,7 @@ class FakeStage:
         self.place = 0.7 * self.place + self.drift + torch.randn(3, generator=self.generator)
         self.iteration += 1
         count(steps=self.iteration)
+        fire(faint_surfels=self.iteration)
         return {"distance": float(self.place.norm())}
 
     def state(self) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import pytest
 from bench.fake_method import fake_cell
 from radiogs.budget import budget
 from radiogs.variant import Variant
-from radiogs_bench.cell import Cell, content_key
+from radiogs_bench.cell import TRAINING, Cell, content_key
 from radiogs_bench.code_version import code_digest, evaluation_code, sources_of
 
 OTHER: list[Cell] = [
@@ -96,7 +96,7 @@ def test_results_without_lpips_are_scored_again_once_its_weights_are_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
-    without = evaluation_code()
+    without = evaluation_code(TRAINING)
     (tmp_path / "alexnet_features.npz").touch()
     (tmp_path / "alex.pth").touch()
-    assert evaluation_code() != without
+    assert evaluation_code(TRAINING) != without

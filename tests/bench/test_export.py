@@ -37,6 +37,9 @@ def test_every_figure_of_every_cell_is_a_line(store: FakeSweep, form: str) -> No
         assert line["value"] == pytest.approx(result["metrics"]["nvs/psnr"]["value"])
         assert line["seed"] == result["cell"]["seed"]
         assert line["variant.detach"] == result["cell"]["variant"]["detach"]
+        assert (
+            line["guards.faint_surfels"] == sum(each["faint_surfels"] for each in result["guards"].values() if each) > 0
+        )
         assert line["work.steps"] == sum(counters.get("steps", 0) for counters in result["work"].values())
 
 

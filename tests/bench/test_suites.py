@@ -14,8 +14,7 @@ from radiogs_bench.metrics import protocol
 from radiogs_bench.suite import MEASURES, Metric, Row, Suite
 from radiogs_bench.suites import ABLATIONS, SUITES, suite
 from radiogs_bench.sweep import Request
-from radiogs_datasets import scene_names
-from radiogs_datasets.registry import forward_names
+from radiogs_datasets import known_names
 
 OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
 WHOLE_TABLES = {
@@ -69,6 +68,7 @@ def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused()
         Suite("s", "S", "p", "a", rows, (Metric("nvs", "psnr"),))
     with pytest.raises(UsageError, match="no row 'b'"):
         Suite("s", "S", "p", "b", rows[:1], (Metric("nvs", "psnr"),))
+    assert Suite("s", "S", None, None, rows[:1], (Metric("nvs", "psnr"),)).reference is None
 
 
 def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
@@ -111,9 +111,9 @@ def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
     for each in SUITES.values():
         assert protocol(each.protocol).name == each.protocol
         if each.download:
-            assert not set(each.scenes) & {*scene_names(), *forward_names()}, each.name
+            assert not set(each.scenes) & {*known_names()}, each.name
         else:
-            assert set(each.scenes) <= {*scene_names(), *forward_names()}, each.name
+            assert set(each.scenes) <= {*known_names()}, each.name
 
 
 def test_the_paper_relit_by_as_many_rays_as_rows_say() -> None:

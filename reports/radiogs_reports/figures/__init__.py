@@ -8,6 +8,7 @@ from .cost import cost_figure
 from .environment import environment_figures
 from .illumination import illumination_figures
 from .qualitative import qualitative_figures
+from .stability import stability_figure
 
 __all__ = ["Drawn", "write_figures"]
 
@@ -19,5 +20,6 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
         *qualitative_figures(summary, out),
         *illumination_figures(summary, out),
         *environment_figures(summary, out),
+        *stability_figure(summary, out),
     ]
     return [save(figure, out) for figure in figures]

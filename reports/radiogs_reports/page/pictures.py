@@ -46,11 +46,11 @@ class Album:
 
 
 def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
-    """The pictures of the cells that have arrays: smaller if they do not fit, then fewer, later seeds first to go.
+    """The pictures of the cells that keep maps: smaller if they do not fit, then fewer, later seeds first to go.
 
     The scale is judged by the first cell (bytes fall with the square of the factor), then kept to by measuring.
     """
-    shown = sorted((run for run in runs if run["arrays"] is not None), key=lambda run: run["seed"])
+    shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
         return Album({}, {}, {}, 1)
     stored = maps.read_maps(out / str(shown[0]["arrays"]))

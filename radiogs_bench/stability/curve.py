@@ -1,0 +1,147 @@
+"""What a curve is made of, and how a point of it is measured."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import torch
+from torch import Tensor
+
+from radiogs.camera import Camera
+from radiogs.kernels.counters import fired
+from radiogs.light import EnvironmentMap
+
+EPS = float(torch.finfo(torch.float32).eps)
+"""The unit of all errors: float32's distance from one to the next number, 1.19e-7."""
+
+SAFE = 1e-3
+"""A condition is in the safe range while its documented tolerance is at most this: 0.1 %, a quarter of an 8-bit
+level."""
+
+GRADIENT_TOLERANCE = 1e-3
+"""Of the largest entry: cases 7 and 42 of the catalogue."""
+
+Task = Literal["forward", "gradient"]
+TASKS: tuple[Task, ...] = get_args(Task)
+
+Values = Mapping[str, Tensor]
+Tolerance = Callable[[float], float]
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where a case is placed: the scene's camera and sky; ``seed`` draws what is random in it."""
+
+    camera: Camera
+    sky: EnvironmentMap
+    seed: int
+
+    def generator(self) -> torch.Generator:
+        """The same draws for every condition of a curve, so that nothing but the condition changes along it."""
+        return torch.Generator().manual_seed(self.seed)
+
+
+@dataclass(frozen=True)
+class Probe:
+    """A computation under one condition.
+
+    ``inputs`` are what it is given, as float32 has them; ``run`` turns them, in either precision, into outputs that
+    are compared one by one. ``units`` are the outputs' own sizes, such as 1 of coverage: a pixel that hardly shows
+    anything need not be exact to a share of nothing. ``fixed`` names the inputs that take no gradient.
+    """
+
+    inputs: Values
+    run: Callable[[Values], tuple[Tensor, ...]]
+    units: tuple[float, ...]
+    fixed: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """One of the method's computations along an axis, with the tolerance that is documented for each condition."""
+
+    probe: Callable[[float, Stand], Probe]
+    forward: Tolerance
+    gradient: Tolerance = lambda condition: GRADIENT_TOLERANCE
+
+    def tolerance(self, task: Task, condition: float) -> float:
+        """The documented tolerance of outputs or of gradients."""
+        return (self.forward if task == "forward" else self.gradient)(condition)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A condition that grows worse from ``easy`` to ``hard``; ``hard`` has two ends where either way is worse.
+
+    ``label`` says what it is, with its unit; ``whole`` conditions are counted.
+    """
+
+    key: str
+    label: str
+    easy: float
+    hard: tuple[float, ...]
+    kernels: Mapping[str, Kernel]
+    whole: bool = False
+
+    def conditions(self, points: int) -> list[float]:
+        """So many of them between the ends, evenly spaced in their logarithm."""
+        first, last = self.hard if len(self.hard) == 2 else (self.easy, self.hard[0])
+        ends = torch.tensor([first, last], dtype=torch.float64).log10()
+        spaced = torch.logspace(float(ends[0]), float(ends[1]), points, dtype=torch.float64).tolist()
+        spaced[0], spaced[-1] = first, last
+        return list(dict.fromkeys(float(round(value)) if self.whole else value for value in spaced))
+
+
+@dataclass(frozen=True)
+class Errors:
+    """One kernel under one condition.
+
+    forward: the worst error of an output, relative to its unit or its largest entry, whichever is larger. gradient: the
+    worst error of an input's gradient, relative to its largest entry. guards: those that acted in float32.
+    """
+
+    forward: float
+    gradient: float
+    guards: Counter[str]
+
+    def of(self, task: Task) -> float:
+        """The one error or the other."""
+        return self.forward if task == "forward" else self.gradient
+
+
+def measure(probe: Probe, seed: int, device: torch.device) -> Errors:
+    """Run in float32, and in float64 on the same numbers; gradients are those of a random sum of the outputs."""
+    inputs = {name: value.to(device) for name, value in probe.inputs.items()}
+    fired.clear()
+    outputs, gradients = _both(probe, inputs, seed)
+    guards = Counter(fired)
+    exact, exact_gradients = _both(probe, {name: value.double() for name, value in inputs.items()}, seed)
+    return Errors(
+        max(relative_error(*each) for each in zip(outputs, exact, probe.units, strict=True)),
+        max(relative_error(*each, 0.0) for each in zip(gradients, exact_gradients, strict=True)),
+        guards,
+    )
+
+
+def _both(probe: Probe, inputs: Values, seed: int) -> tuple[tuple[Tensor, ...], tuple[Tensor, ...]]:
+    """Outputs, and the gradient of each input that has one."""
+    leaves = {name: value.clone().requires_grad_(name not in probe.fixed) for name, value in inputs.items()}
+    outputs = probe.run(leaves)
+    generator = torch.Generator().manual_seed(seed)
+    pulls = [torch.randn(output.shape, generator=generator).to(output) for output in outputs]
+    wanted = [leaf for leaf in leaves.values() if leaf.requires_grad]
+    gradients = torch.autograd.grad(outputs, wanted, pulls, allow_unused=True, materialize_grads=True)
+    return tuple(output.detach() for output in outputs), gradients
+
+
+def relative_error(found: Tensor, exact: Tensor, unit: float) -> float:
+    """Largest difference over the largest exact entry, or over ``unit`` where that is larger.
+
+    Infinite for a value that is no number, and for a difference from nothing.
+    """
+    if not bool(torch.isfinite(found).all()):
+        return float("inf")
+    difference, largest = (float(value.abs().max()) for value in (found.double() - exact, exact))
+    size = max(largest, unit)
+    return 0.0 if difference == 0 else difference / size if size > 0 else float("inf")

@@ -1,0 +1,185 @@
+"""Axes of one surfel or of a stack: grazing angle, aspect ratio, gap of depth, number of layers."""
+
+import math
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from radiogs.camera import Camera
+from radiogs_datasets.hard_cases import FOCAL
+
+from .curve import EPS, GRADIENT_TOLERANCE, Axis, Kernel, Probe, Stand
+from .kernels import drawn, drawn_surfels, looks, rays, shaded, traced
+from .placement import scattered
+
+RAYS = 8
+NARROW = 64.0
+"""Focal length over the scene's: a view of 0.9 degrees, in which a stack is met close to its axis."""
+
+FOOTPRINT_CONDITION = NARROW * FOCAL * math.sqrt(12)
+"""Depth over the standard deviation of a pixel's footprint, under the long lens."""
+
+OPACITY = 0.9
+STEEPEST_BELL = math.exp(-0.5)
+"""Largest slope of exp(-u^2 / 2)."""
+
+
+def grazing_surfel(cosine: float, stand: Stand) -> Probe:
+    """Parallel rays meet a surfel at distance 1.3, at that cosine with its normal; turned at random.
+
+    Along the world's axes the products would be exact, and nothing would be cancelled.
+    """
+    generator, sine = stand.generator(), math.sqrt(1 - cosine**2)
+    turn = torch.linalg.qr(torch.randn(3, 3, generator=generator).double()).Q
+    start = torch.zeros(RAYS, 3, dtype=torch.float64)
+    start[:, 1] = torch.linspace(-0.5, 0.5, RAYS)
+
+    def turned(*vector: float) -> Tensor:
+        return (torch.tensor([vector], dtype=torch.float64) @ turn.T).float()
+
+    surfel = {
+        "centre": turned(1.0, 0.0, -0.3 * cosine),
+        "axis_u": turned(sine, 0.0, cosine),
+        "axis_v": turned(0.0, 1.0, 0.0),
+        "normal": turned(-cosine, 0.0, sine),
+        "opacity": torch.tensor([0.8]),
+    }
+    beam = rays((start @ turn.T).float(), turned(1.0, 0.0, 0.0).repeat(RAYS, 1))
+    return traced(surfel | looks(1, generator) | beam)
+
+
+def grazing_view(cosine: float, stand: Stand) -> Probe:
+    """Surfels shaded towards a view at that cosine with their normal, from light that grazes them as much."""
+    count, generator = 16, stand.generator()
+    normal = normalize(torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1)
+    aside = normalize(torch.linalg.cross(normal, torch.randn(count, 3, generator=generator).double()), dim=-1)
+    tilted = cosine * normal + math.sqrt(1 - cosine**2) * aside
+    mirrored = 2 * cosine * normal - tilted
+    return shaded(
+        {
+            "normal": normal.float(),
+            "albedo": torch.rand(count, 3, generator=generator),
+            "roughness": 0.3 + 0.5 * torch.rand(count, generator=generator),
+            "outgoing": tilted.float()[:, None],
+            "direction": torch.stack([mirrored, normal], 1).float(),
+            "weight": torch.ones(count, 2),
+            "visibility": torch.ones(count, 2),
+            "indirect": torch.rand(count, 2, 3, generator=generator),
+            "environment": stand.sky.radiance,
+        }
+    )
+
+
+def drawn_needles(aspect: float, stand: Stand) -> Probe:
+    """Needles of length 1 that wide, seen through a long lens."""
+    generator = stand.generator()
+    surfels = scattered(12, generator, spread=0.004)
+    surfels.log_scale = torch.tensor([1 / aspect, 1.0]).log().repeat(12, 1)
+    surfels.opacity_logit = torch.full((12,), 4.0)
+    return drawn_surfels(long_lens(stand.camera), surfels, looks(12, generator)["features"])
+
+
+DISTANCE = 3.0
+
+
+def traced_needle(aspect: float, stand: Stand) -> Probe:
+    """Rays from the origin through the bell of a needle of length 1."""
+    scale, generator, count = 1 / aspect, stand.generator(), 64
+    turn = torch.tensor(0.7, dtype=torch.float64)
+    along = torch.stack([turn.sin(), -turn.cos(), torch.zeros_like(turn)])
+    across = torch.stack([turn.cos(), turn.sin(), torch.zeros_like(turn)])
+    centre = torch.tensor([0.3, -0.2, DISTANCE], dtype=torch.float64)
+    u, v = (2 * torch.rand(2, count, 1, generator=generator) - 1).double()
+    needle = {
+        "centre": centre[None].float(),
+        "axis_u": (across / scale)[None].float(),
+        "axis_v": along[None].float(),
+        "normal": torch.tensor([[0.0, 0.0, -1.0]]),
+        "opacity": torch.tensor([OPACITY]),
+    }
+    towards = normalize(centre + scale * u * across + v * along, dim=-1).float()
+    return traced(needle | looks(1, generator) | rays(torch.zeros(count, 3), towards))
+
+
+def needle_tolerance(aspect: float) -> float:
+    """u = (x - p) / s is off by 8 eps |p - o| / s, alpha by the bell's slope times that (case 4)."""
+    return OPACITY * STEEPEST_BELL * 8 * EPS * (DISTANCE + 1) * aspect
+
+
+def needle_gradient_tolerance(aspect: float) -> float:
+    """Four times that, as for grazing rays: a derivative has more factors of the same condition number."""
+    return max(GRADIENT_TOLERANCE, 4 * needle_tolerance(aspect))
+
+
+def stack(depth: Tensor, opacity: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
+    """Surfels at those depths that face the origin, and rays that meet them close to the axis."""
+    count, nothing = len(depth), torch.zeros_like(depth)
+    start = torch.cat([0.1 * torch.rand(RAYS, 2, generator=generator) - 0.05, torch.zeros(RAYS, 1)], -1)
+    return {
+        "centre": torch.stack([nothing, nothing, depth], -1),
+        "axis_u": torch.tensor([[0.5, 0.0, 0.0]]).repeat(count, 1),
+        "axis_v": torch.tensor([[0.0, -0.5, 0.0]]).repeat(count, 1),
+        "normal": torch.tensor([[0.0, 0.0, -1.0]]).repeat(count, 1),
+        "opacity": opacity,
+        **looks(count, generator),
+        **rays(start, torch.tensor([[0.0, 0.0, 1.0]]).repeat(RAYS, 1)),
+    }
+
+
+def gap(ulps: float, stand: Stand) -> dict[str, Tensor]:
+    """Two surfels that many steps of float32 apart at depth 3, the farther one first in number."""
+    step = 2.0**-22  # of numbers from 2 to 4
+    return stack(torch.tensor([3.0 + ulps * step, 3.0]), torch.tensor([0.7, 0.7]), stand.generator())
+
+
+def layers(count: float, stand: Stand) -> dict[str, Tensor]:
+    """That many surfels of opacity 0.005 to 0.01 between depths 1 and 3: near the axis all above the threshold."""
+    generator, number = stand.generator(), int(count)
+    opacity = 0.005 * (1 + torch.rand(number, generator=generator))
+    return stack(torch.linspace(1, 3, number), opacity, generator)
+
+
+def long_lens(camera: Camera) -> Camera:
+    """The same camera, seeing only what is close to its axis."""
+    return replace(camera, fx=NARROW * camera.fx, fy=NARROW * camera.fy)
+
+
+SURFEL_AXES = (
+    Axis(
+        "grazing", "cosine of normal and ray or view", 1.0, (1e-6,),
+        {
+            # Case 9: two products and a quotient, amplified by the quotient.
+            "trace": Kernel(grazing_surfel, lambda c: 16 * EPS / c, lambda c: max(GRADIENT_TOLERANCE, 64 * EPS / c)),
+            # Case 26; a cosine of two rounded directions is itself off by 4 eps.
+            "shade": Kernel(grazing_view, lambda c: 1e-4, lambda c: max(GRADIENT_TOLERANCE, 4 * EPS / c)),
+        },
+    ),
+    Axis(
+        "aspect", "aspect ratio", 1.0, (1e6,),
+        {
+            # Case 4: widened to a pixel, a needle's condition number is the pixel's.
+            "draw": Kernel(drawn_needles, lambda a: 1e-4, lambda a: 8 * EPS * FOOTPRINT_CONDITION),
+            "trace": Kernel(traced_needle, needle_tolerance, needle_gradient_tolerance),
+        },
+    ),
+    Axis(
+        "gap", "gap of depth in ulps", 4096.0, (1.0,),
+        {
+            # Case 12; the second is a sum of two hits.
+            "draw": Kernel(lambda u, stand: drawn(stand.camera, gap(u, stand)), lambda u: 1e-6),
+            "trace": Kernel(lambda u, stand: traced(gap(u, stand)), lambda u: 2e-6),
+        },
+        whole=True,
+    ),
+    Axis(
+        "layers", "layers on a ray", 1.0, (30_000.0,),
+        {
+            # Case 8.
+            "draw": Kernel(lambda n, stand: drawn(long_lens(stand.camera), layers(n, stand)), lambda n: 1e-5),
+            "trace": Kernel(lambda n, stand: traced(layers(n, stand), stop=0.0), lambda n: 2e-5),
+        },
+        whole=True,
+    ),
+)  # fmt: skip

@@ -1,0 +1,116 @@
+"""Error of float32 against a condition that grows worse: two panels an axis, one for values, one for gradients."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from .. import maps
+from ..summary import RunSummary, Summary
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+
+EXPERIMENT = "stability"
+ACROSS = 4
+PANEL = (2.2, 1.75)
+EPS = float(np.finfo(np.float32).eps)
+LOWEST, HIGHEST = 1e-10, 10.0
+"""Ends of the error axes: a share of eps that no longer matters, and results that are nothing but error."""
+
+TASKS = ("forward", "gradient")
+
+AXES = {
+    "grazing": "cosine of normal and ray",
+    "aspect": "aspect ratio",
+    "gap": "gap in ulps",
+    "layers": "layers",
+    "scale": "scale of the scene",
+    "translation": "distance from the origin",
+    "roughness": "roughness",
+    "sun": "radiance of the sun",
+}
+"""What the axes are called below their panels."""
+
+FALLING = ("grazing", "gap", "roughness")
+"""Axes that are worse the smaller the number: drawn from right to left, so that worse is always to the right."""
+
+KERNELS = ("draw", "trace", "shade", "GGX D")
+
+
+def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
+    """The curves of every axis under the first seed; none where the run holds no such cells."""
+    runs = [
+        run
+        for run in summary["runs"]
+        if run["made_from"].get("experiment") == EXPERIMENT and run["arrays"] and run["seed"] == summary["seeds"][0]
+    ]
+    if not runs:
+        return []
+    rows = {row["key"]: plain(row["text"]) for row in summary["rows"]}
+    across, bands = min(ACROSS, len(runs)), -(-len(runs) // ACROSS)
+    with rc_context(STYLE):
+        figure = blank(PANEL[0] * across, 2 * PANEL[1] * bands + 0.6)
+        grid = figure.subplots(2 * bands, across, squeeze=False, sharey=True)
+        for place, run in enumerate(runs):
+            band, column = divmod(place, ACROSS)
+            arrays = maps.read_maps(out / str(run["arrays"]))
+            for line, task in enumerate(TASKS):
+                panel(grid[2 * band + line, column], run, arrays, task)
+            grid[2 * band, column].set_title(rows[run["row"]])
+        for band in range(bands):
+            for line, task in enumerate(TASKS):
+                grid[2 * band + line, 0].set_ylabel(f"error, {task}")
+        for axes in grid.ravel():
+            axes.set_visible(axes.has_data())
+        figure.legend(handles=legend(), loc="outside lower center", ncols=7, frameon=False)
+    caption = (
+        "Error of float32 against float64 on the same rounded inputs, of values and of gradients, relative to their"
+        " largest entry (values: or to their unit, where that is larger). Every axis grows worse to the right, the"
+        " scale's to both sides. Dashed: the documented tolerance; grey: eps = 1.19e-7. Ticks along the top: a guard"
+        " acted there. A curve ends where nothing is left to err about."
+    )
+    return [Sketch(EXPERIMENT, caption, figure)]
+
+
+def panel(axes: Axes, run: RunSummary, arrays: dict[str, NDArray[np.float64]], task: str) -> None:
+    """The errors of every kernel, their tolerances, eps, and where guards acted."""
+    condition = arrays["conditions"]
+    axes.axhline(EPS, color="#999999", linewidth=0.8, zorder=1)
+    for kernel in sorted({name.split("/")[1] for name in arrays if name.startswith("curve/")}, key=KERNELS.index):
+        colour, marker = COLOURS[KERNELS.index(kernel)], MARKERS[KERNELS.index(kernel)]
+        error, tolerance = arrays[f"curve/{kernel}/{task}"], arrays[f"curve/{kernel}/{task} tolerance"]
+        # No error at all has no logarithm: a gap in the curve.
+        shown = np.where(error > 0, np.clip(error, LOWEST, HIGHEST), np.nan)
+        axes.plot(condition, shown, f"{marker}-", color=colour, markersize=2.5, linewidth=0.9)
+        axes.plot(condition, np.minimum(tolerance, HIGHEST), "--", color=colour, linewidth=0.8)
+    acted = sum((arrays[name] for name in arrays if name.startswith("guards/")), start=np.zeros_like(condition)) > 0
+    if acted.any():
+        axes.plot(condition[acted], np.full(int(acted.sum()), HIGHEST), "|", color="black", markersize=5, clip_on=False)
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_ylim(LOWEST, HIGHEST)
+    (axis,) = run["made_from"]["settings"]
+    if task == TASKS[-1]:
+        axes.set_xlabel(AXES[axis])
+    else:
+        axes.tick_params(labelbottom=False)
+    if axis in FALLING:
+        axes.invert_xaxis()
+    axes.grid(color="#e4e4e4", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def legend() -> list[Line2D]:
+    """What the lines and marks are."""
+    curves = [
+        Line2D([], [], color=COLOURS[place], marker=MARKERS[place], markersize=3, linewidth=0.9, label=kernel)
+        for place, kernel in enumerate(KERNELS)
+    ]
+    return [
+        *curves,
+        Line2D([], [], color="#444444", linestyle="--", linewidth=0.8, label="tolerance"),
+        Line2D([], [], color="#999999", linewidth=0.8, label="eps"),
+        Line2D([], [], color="black", linestyle="", marker="|", markersize=5, label="a guard acted"),
+    ]
