@@ -6,6 +6,7 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from .cell import TRAINING
 from .metrics.weights import FILES, missing_weights
 
 EVALUATION_MODULES = (
@@ -50,7 +51,7 @@ def method_code() -> str:
     return code_digest("radiogs")
 
 
-def evaluation_code(experiment: str) -> str:
+def evaluation_code(experiment: str = TRAINING) -> str:
     """Digest of what scores a trained model, and which LPIPS it cannot score: once the weights are there, it can."""
     digest = code_digest(*EVALUATION_MODULES, *EXPERIMENT_MODULES.get(experiment, ()))
     missing = [net for net in FILES if missing_weights(net)]
