@@ -15,6 +15,7 @@ from radiogs.model import Model
 from radiogs.rendering import Renderer, towards
 from radiogs.spherical_harmonics import COEFFICIENTS, surfel_radiance
 from radiogs.surfels import Surfels
+from radiogs.variant import Variant
 
 FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity")
 CHANNELS = 4
@@ -148,4 +149,4 @@ def rendered(surfels: Surfels, camera: Camera, samples: int = 16) -> dict[str, T
     """The finished maps: traced light, shaded surfels, splatted images."""
     torch.manual_seed(4)
     light = torch.randn(8, 16, 3, dtype=torch.float64).to(surfels.centre.dtype)
-    return Renderer(Model(surfels, light), samples).render(camera)
+    return Renderer(Model(surfels, light), samples, Variant()).render(camera)

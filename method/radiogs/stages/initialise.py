@@ -15,9 +15,8 @@ from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
 from ..points import initial_points, nearest_camera, neighbour_spacing
 from ..radiometric import split_sum_consistency_loss
-from ..rendering import Splat, splat, towards
+from ..rendering import Splat, own_radiance, splat, towards
 from ..scene import Scene
-from ..spherical_harmonics import surfel_radiance
 from ..splitsum import PrefilteredLight
 from ..surfels import Surfels, radiance_to_sh, surfels_at
 from ..variant import Variant
@@ -107,7 +106,7 @@ class Initialisation:
     def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
         camera = view.camera
         outgoing = towards(camera, surfels)
-        channels = {"radiance": surfel_radiance(surfels.sh, outgoing)}
+        channels = {"radiance": own_radiance(camera, surfels)}
         losses = {}
         if self.variant.initialise == "radiometric":
             light = PrefilteredLight(self.model.environment)

@@ -22,10 +22,9 @@ from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
 from ..profile import START_RADIANCE
 from ..radiometric import consistency_loss, split_sum_consistency_loss
-from ..rendering import shade_surfels, splat, towards
+from ..rendering import own_radiance, shade_surfels, splat, towards
 from ..sampling import hemisphere_directions
 from ..scene import Scene
-from ..spherical_harmonics import surfel_radiance
 from ..splitsum import PrefilteredLight, split_sum_radiance
 from ..surfels import Surfels, inverse_sigmoid, roughness_to_logit
 from ..variant import Variant
@@ -159,7 +158,7 @@ class InverseRendering:
         outgoing = towards(camera, surfels)
         light = PrefilteredLight(model.environment)
         channels = {
-            "radiance": surfel_radiance(surfels.sh, outgoing),
+            "radiance": own_radiance(camera, surfels),
             "shaded": self._shaded(model, outgoing, light),
             "albedo": surfels.albedo,
             "roughness": surfels.roughness[:, None],
