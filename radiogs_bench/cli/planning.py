@@ -15,8 +15,11 @@ from .reporter import say, show
 UNKNOWN = "unknown"
 
 
-def show_plan(request: Request, store: Store) -> None:
-    """Every cell, whether it is there, and what it will take, judged by what the store has measured."""
+def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> None:
+    """Every cell, whether it is there, and what it will take, judged by what the store has measured.
+
+    ``at_a_time`` cells are run side by side, each on ``threads`` threads.
+    """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
     table = Table(
@@ -29,12 +32,14 @@ def show_plan(request: Request, store: Store) -> None:
     missing = sum(each is not None for each in expected)
     say(f"{missing} of {len(cells)} cells to run")
     if missing:
-        say(f"time, one after the other: {whole_time(expected)}")
+        say(f"time, one after the other: {whole_time(expected)}{how_measured(store, threads)}")
+        if at_a_time > 1:
+            say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
 
 
 def emit_plan(request: Request, store: Store) -> None:
-    """The same as events: one a cell, with nulls for what is unknown."""
+    """The cells as events: one a cell, with nulls for what is unknown."""
     cells = request.own_cells()
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)
@@ -55,9 +60,24 @@ def emit_suite(suite: Suite) -> None:
     )
 
 
-def whole_time(expected: Sequence[Expected | None]) -> str:
-    """Of all missing cells."""
+def how_measured(store: Store, threads: int) -> str:
+    """On how many threads the store's cells were run, if not on ``threads``: their seconds are those of other work."""
+    seen = {
+        session["machine"]["threads"]
+        for result in store.results()
+        for sessions in result["sessions"].values()
+        for session in sessions
+    }
+    if seen <= {threads}:
+        return ""
+    return f" (measured on {' or '.join(map(str, sorted(seen)))} threads a cell; here a cell has {threads})"
+
+
+def whole_time(expected: Sequence[Expected | None], at_a_time: int = 1) -> str:
+    """Of all missing cells; several at a time share the work evenly, or the longest cell decides."""
     seconds, unknown = total(expected)
+    longest = max((each.seconds or 0.0 for each in expected if each is not None), default=0.0)
+    seconds = max(seconds / at_a_time, longest)
     missing = sum(each is not None for each in expected)
     if unknown == missing:
         return f"{UNKNOWN} (the store has measured nothing like it)"

@@ -64,14 +64,17 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out or Path("out") / chosen.name
 
     from ..store import Store
-    from .sweeping import bring_to_end, plan, work_along
+    from .sweeping import bring_to_end, cells_and_threads, plan, work_along
 
     request, device = plan(options, chosen)
     store = Store(folder)
     if options.dry_run:
         from .planning import emit_plan, show_plan
 
-        (emit_plan if options.json else show_plan)(request, store)
+        if options.json:
+            emit_plan(request, store)
+        else:
+            show_plan(request, store, *cells_and_threads(engine))
         return 0
     if options.worker is not None:
         return work_along(request, store, device, *options.worker)

@@ -86,6 +86,13 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
     return scenes
 
 
+def cells_and_threads(engine: Engine) -> tuple[int, int]:
+    """How many cells are run at a time on this machine, and on how many threads each."""
+    threads = workers(CPU)
+    together = (engine.workers or threads) if engine.name == "pool" else 1
+    return together, max(1, threads // together)
+
+
 def scene_places(request: Request, options: argparse.Namespace) -> dict[str, str]:
     """Where another process finds the request's scenes, by the names that they have in tables."""
     return dict(zip(request.scenes, map(place_of, options.scenes or request.suite.scenes), strict=True))

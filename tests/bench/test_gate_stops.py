@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from radiogs_bench.cli import main
+
 METHOD = Path(__file__).parents[2] / "method"
 
 CHANGES = {
@@ -43,6 +45,21 @@ def gate(method: Path, folder: Path, *further: str) -> "subprocess.CompletedProc
     done = run(method, folder, "run", "indirect", "--preset", "smoke", "--threads", "1", "--out", out)
     assert done.returncode == 0, done.stderr
     return run(method, folder, "gate", out, "--baseline", "baseline.json", *further)
+
+
+@pytest.mark.slow
+def test_an_unchanged_tree_passes_twenty_times_in_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each time trained anew, in a folder of its own."""
+    baseline = ["--baseline", str(tmp_path / "baseline.json")]
+    for repetition in range(21):
+        out = str(tmp_path / f"out{repetition}")
+        assert main(["run", "indirect", "--preset", "smoke", "--threads", "1", "--out", out]) == 0
+        said = capsys.readouterr()
+        assert said.err.count(": done in ") == 2
+        assert main(["gate", out, *baseline, *(["--update"] if repetition == 0 else [])]) == 0, repetition
+        said = capsys.readouterr()
+        assert "regression:" not in said.out
+        assert repetition == 0 or "2 cells: as the baseline has them" in said.out
 
 
 @pytest.mark.slow
