@@ -206,7 +206,7 @@ def compared(
     found = {}
     for name in PARTS:
         mine, yours = ours[name][kept], true[name][kept]
-        error = float((displayed(mine) - displayed(yours)).double().square().mean())
+        error = float((displayed(ours[name]) - displayed(true[name]))[kept].double().square().mean())
         energy = float(yours.double().sum())
         bias = (
             Value(100 * (float(mine.double().sum()) / energy - 1)) if energy > 0 else Value(None, "the scene is dark")

@@ -114,9 +114,9 @@ class Suite:
     """A table: rows by columns over scenes and seeds.
 
     ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
-    paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs unless others are asked for; ``experiment`` is
-    what is done for every cell (see ``experiments``).
-    ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
+    paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
+    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments``). ``protocol`` is the
+    metric protocol unless another is asked for; ``download`` says where scenes are that do not come
     with the package.
     """
 
