@@ -64,7 +64,7 @@ def test_the_larger_views_show_the_scene_that_the_recipe_describes(name: str) ->
         kept = clear_of_silhouettes(view)
         error = (seen.depth - view.read("depth")[..., 0]).abs()[kept]
         # At creases a Gaussian reaches past the edge by half a step.
-        assert float(error.median()) < 0.003
+        assert float(error.median()) < 0.006
         assert float(error.quantile(0.99)) < 0.06
         assert float(seen.alpha[kept].min()) > 0.9
 
