@@ -37,6 +37,7 @@ from radiogs.model import Model
 from radiogs.rendering import Renderer, towards
 from radiogs.spherical_harmonics import basis, surfel_radiance
 from radiogs.surfels import Surfels
+from radiogs.variant import Variant
 from scenes import look_at
 
 GEOMETRY = ("centre", "axis_u", "axis_v", "normal", "opacity")
@@ -249,7 +250,7 @@ def test_empty_and_nearly_empty_scenes_render_and_take_gradients(kind: str) -> N
     found = seen(camera, of)
     torch.stack([value.sum() for value in found]).sum().backward()
     assert all(leaf.grad is None or bool(torch.isfinite(leaf.grad).all()) for leaf in leaves.values())
-    maps = Renderer(Model(surfels, torch.zeros(4, 8, 3)), 4).render(camera)
+    maps = Renderer(Model(surfels, torch.zeros(4, 8, 3)), 4, Variant()).render(camera)
     if kind != "one":
         assert all(bool((value == 0).all()) for value in (*found, *maps.values()))
         assert all(leaf.grad is None or bool((leaf.grad == 0).all()) for leaf in leaves.values())
