@@ -115,14 +115,9 @@ class Suite:
 
     ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
     paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
-<<<<<<< HEAD
-    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments``). ``protocol`` is the
-    metric protocol unless another is asked for; ``download`` says where scenes are that do not come
-=======
-    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments``).
-    ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
->>>>>>> 4c936f4 (Hard cases: renderers are told their variant; a docstring's line length)
-    with the package.
+    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments``). ``protocol`` is
+    the metric protocol unless another is asked for; ``download`` says where scenes are that do not come with the
+    package.
     """
 
     name: str
