@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
-from radiogs.budget import INVERSE_ONLY, Budget
+from radiogs.budget import INVERSE_ONLY, RELIGHT_ONLY, Budget
 from radiogs.variant import Variant
 
 KEY_LENGTH = 20
@@ -16,6 +16,12 @@ KEY_LENGTH = 20
 
 TRAINING = "training"
 """The experiment that trains a model and scores it."""
+
+COST = "cost"
+"""The same, and the model is scored along the way too."""
+
+TRAINED = (TRAINING, COST)
+"""The experiments whose cells go through both stages of training."""
 
 
 def content_key(content: dict[str, Any]) -> str:
@@ -52,13 +58,16 @@ class Cell:
     @cached_property
     def initialisation_key(self) -> str:
         """Names the result of stage 1, which reads only a part of the variant and of the budget."""
-        read = {name: value for name, value in asdict(self.budget).items() if name not in ("name", *INVERSE_ONLY)}
+        read = self._budget_but(INVERSE_ONLY)
         return content_key(self._common() | self.variant.of_initialisation() | {"budget": read})
 
     @cached_property
     def training_key(self) -> str:
-        """Names the trained model, whatever it is scored by."""
-        return content_key(self._common() | {"variant": self.variant.of_training()})
+        """Names the trained model, whatever it is scored by; if scored along the way, the scores are a part of it."""
+        read: dict[str, Any] = {"variant": self.variant.of_training(), "budget": self._budget_but(RELIGHT_ONLY)}
+        if self.experiment == COST:
+            read |= {"experiment": COST, "protocol": self.protocol, "evaluation_code": self.evaluation_code}
+        return content_key(self._common() | read)
 
     @cached_property
     def key(self) -> str:
@@ -70,6 +79,9 @@ class Cell:
         scored = {"protocol": self.protocol, "evaluation_code": self.evaluation_code}
         done = {"experiment": self.experiment, "settings": dict(self.settings)}
         return self._common() | {"variant": asdict(self.variant)} | scored | done
+
+    def _budget_but(self, unread: tuple[str, ...]) -> dict[str, Any]:
+        return {name: value for name, value in asdict(self.budget).items() if name not in ("name", *unread)}
 
     def _common(self) -> dict[str, Any]:
         # The checksum stands for the scene: the same files under another name or path are the same scene.

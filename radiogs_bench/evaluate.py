@@ -1,5 +1,7 @@
 """Scoring a trained model: its maps of the test views, the views under other lights, and the light it found."""
 
+import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
@@ -38,16 +40,26 @@ SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are kept beside the result."""
 
 
+STRIP = 4
+"""Relit maps of the shown view are kept under this many lights, the first ones."""
+
+
 def evaluate(
-    model: Model, scene: Scene, cell: Cell, device: torch.device, advance: Callable[[int, int], None]
+    model: Model,
+    scene: Scene,
+    cell: Cell,
+    device: torch.device,
+    advance: Callable[[int, int], None],
+    timed: bool = True,
 ) -> Evaluation:
     """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
 
     ``advance`` is told (done, total) images. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
     view, on black, [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect
-    (linear), and relit (under the first light); those that the scene has no truth for are left out under ``truth/``.
-    Beside them lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known.
-    Raises DataError for a damaged map.
+    (linear), and relit (under the first light, and ``relit/<light>`` under the first few); those that the scene has no
+    truth for are left out under ``truth/``. ``render/incident`` is the indirect light that arrives (see
+    ``incident_map``). Beside them lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the
+    light is known. ``timed`` is whether frames are timed. Raises DataError for a damaged map.
     """
     rules = protocol(cell.protocol)
     figures = Figures(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
@@ -63,16 +75,17 @@ def evaluate(
     for done, view in enumerate(scene.test, start=1):
         camera = view.camera.to(device, torch.float32)
         maps = on_cpu(renderer.render(camera))
-        if compared_indirect(rules) == "incident" and renderer.incident is not None:
+        if renderer.incident is not None and (view is shown or compared_indirect(rules) == "incident"):
             maps["incident"] = incident_map(model, renderer.incident, camera).cpu()
         score_view(figures, view, maps)
         kept[view.name] = {name: maps[name] for name in kept_maps}
         if view is shown:
-            arrays |= {f"render/{name}": maps[name] for name in SHOWN}
+            arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
         advance(done, total)
 
     costs = Costs(Figures(rules, *figures.groups), device)
-    costs.measure("nvs", renderer.render, scene.test)
+    if timed:
+        costs.measure("nvs", renderer.render, scene.test)
     del renderer  # its rays are not to count as memory of what follows
     found = EnvironmentMap(model.environment.detach().cpu())
     score_light(figures, scene, found)
@@ -83,8 +96,11 @@ def evaluate(
     arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)
     applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
     done = len(scene.test)
-    for light, relit in relit_models(model, scene, list(lit), applied, cell, device):
-        costs.measure("render", relit.render, lit[light])
+    prepared: list[float] = []
+    for light, relit, seconds in relit_models(model, scene, list(lit), applied, cell, device):
+        prepared.append(1e3 * seconds)
+        if timed:
+            costs.measure("render", relit.render, lit[light])
         for view in lit[light]:
             done += 1
             maps = on_cpu(relit.render(view.camera.to(device, torch.float32)))
@@ -92,7 +108,11 @@ def evaluate(
             figures.add("relight", view.name, rules.score_image(image, target, mask, maps["alpha"], "relight"))
             if view is shown and light == shown_light:
                 arrays |= {"render/relit": image, "truth/relit": target}
+            if view is shown and list(lit).index(light) < STRIP:
+                arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
             advance(done, total)
+    if timed and prepared:
+        costs.figures.add_whole("prepare", {"ms": Value(math.fsum(prepared) / len(prepared))})
 
     return Evaluation(
         metrics=figures.metrics(),
@@ -113,12 +133,16 @@ def relit_models(
     albedo_scale: Float[Tensor, "3"],
     cell: Cell,
     device: torch.device,
-) -> Iterator[tuple[str, Relit]]:
-    """The model under each light, in the mode of the cell's variant."""
+) -> Iterator[tuple[str, Relit, float]]:
+    """The model under each light, in the mode of the cell's variant, and the seconds that it took to be made ready."""
     cameras = [view.camera.to(device, torch.float32) for view in scene.train]
     for light in lights:
         environment, mode = scene.lights[light], cell.variant.relighting
-        yield light, relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode)
+        started = time.perf_counter()
+        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode)
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+        yield light, relit, time.perf_counter() - started
 
 
 @torch.no_grad()

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from .cell import TRAINING, Cell
+from .cell import TRAINED, Cell
 from .schema import Result
 from .store import Store
 
@@ -66,7 +66,7 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
             continue
         products = {INITIALISE: f"init/{cell.initialisation_key}", INVERT: f"trained/{cell.training_key}"}
         there = [stage for stage, name in products.items() if name in to_come or store.has_tensors(name)]
-        expected.append(judge.expected(cell, there if cell.experiment == TRAINING else ()))
+        expected.append(judge.expected(cell, there if cell.experiment in TRAINED else ()))
         to_come |= set(products.values())
     return expected
 

@@ -46,6 +46,7 @@ from .metrics.values import PSNR_CAP
 from .provenance import forget_peaks, session
 from .schema import RESULT_SCHEMA, Result
 from .scoring import Image, coverage, displayed, truth
+from .trail import Trail
 from .train import Bench
 
 SPACING = 0.03
@@ -117,8 +118,12 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     started = time.perf_counter()
     stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
     losses: Mapping[str, float] = {}
+    trail = Trail(stage.iterations, [], {}, scored=False)
     while stage.iteration < stage.iterations:
         losses = stage.step()
+        trail.add(losses)
+        if trail.due(stage.iteration):
+            trail.close(stage.iteration, time.perf_counter() - started, {})
         bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
         bench.interruption.check()
     solved, counted, guarded = time.perf_counter(), dict(work), dict(fired)
@@ -153,6 +158,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
             albedo_scale=None,
             surfels=len(made.surfels),
             losses={"solve": dict(losses)},
+            trail={"solve": trail.points},
             seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
             work={"solve": counted, "evaluate": dict(work)},
             guards={"solve": guarded, "evaluate": dict(fired)},

@@ -15,7 +15,7 @@ from radiogs.scene import Scene
 from .cell import Cell
 from .provenance import forget_peaks, session
 from .schema import RESULT_SCHEMA, MetricValue, Result
-from .train import Bench, trained
+from .train import Bench, Score, trained
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,12 @@ Evaluate = Callable[[Model, Scene, Cell, torch.device, Callable[[int, int], None
 """Scores a model on the test views; the last argument is told (done, total) images."""
 
 
-def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None:
-    """Train the cell's model (or find it trained), score it, and store the result."""
-    model, ledgers = trained(bench, cell, scene)
+def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_the_way: Score | None = None) -> None:
+    """Train the cell's model (or find it trained), score it, and store the result.
+
+    ``along_the_way`` scores it while it is trained (see ``trained``).
+    """
+    model, ledgers = trained(bench, cell, scene, along_the_way)
 
     def advance(done: int, total: int) -> None:
         bench.progress.advance("evaluation", done, total)
@@ -71,6 +74,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate) -> None
         albedo_scale=evaluation.albedo_scale,
         surfels=len(model.surfels),
         losses={name: ledger["losses"] for name, ledger in ledgers.items()},
+        trail={name: ledger["trail"] for name, ledger in ledgers.items()},
         seconds={
             "initialise": ledgers["initialise"]["seconds"],
             "invert": ledgers["invert"]["seconds"],

@@ -7,7 +7,7 @@ every key, and what each version changed.
 import math
 from typing import Any, NotRequired, TypedDict
 
-RESULT_SCHEMA = "radiogs-bench/result/2"
+RESULT_SCHEMA = "radiogs-bench/result/3"
 
 
 class MetricValue(TypedDict):
@@ -19,6 +19,18 @@ class MetricValue(TypedDict):
     """Why the value is None."""
     views: list[float | None]
     """The figure of each test view, in the order of the result's ``views``; None where there is none."""
+
+
+class TrailPoint(TypedDict):
+    """How far a stage had come: after ``iteration`` steps, of which the first is 1."""
+
+    iteration: int
+    seconds: float
+    """Of the stage so far; the clock stands still while the model is scored along the way."""
+    losses: dict[str, float]
+    """The weighted losses by name, each the mean over the steps since the point before."""
+    metrics: dict[str, float]
+    """By ``task/measure`` over a few test views; empty where the model was not scored."""
 
 
 class Session(TypedDict):
@@ -64,6 +76,8 @@ class Result(TypedDict):
     """How many the trained model has."""
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
+    trail: dict[str, list[TrailPoint]]
+    """How the losses fell, by stage, at geometrically spaced steps (see ``trail``)."""
     seconds: dict[str, float]
     """Wall-clock seconds by stage (``initialise``, ``invert``, ``solve``, ``evaluate``); work lost to a crash is not in
     them. Stage 1 is counted in every cell that uses it, also where it was computed once for several cells."""

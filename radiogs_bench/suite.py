@@ -57,6 +57,7 @@ TASKS: Mapping[str, str] = {
     "relight": "Relight",
     "indirect": "Indirect",
     "render": "Rendering",
+    "prepare": "Preparing a light",
     "total": "Total",
     "surfels": "Surfels' own",
     "direct": "Direct",

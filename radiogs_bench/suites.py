@@ -8,6 +8,7 @@ from radiogs.errors import UsageError
 from radiogs.profile import PROFILES, RELEASED
 from radiogs.variant import Variant
 
+from .cost_suites import COST_OF_ACCURACY, FINETUNE
 from .data_set_suites import DATA_SET_SUITES
 from .suite import Metric, Row, Suite, knob_rows
 
@@ -233,8 +234,8 @@ STABILITY = Suite(
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
-        ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FORWARD_PARITY,
-        STABILITY, *DATA_SET_SUITES,
+        ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FINETUNE,
+        COST_OF_ACCURACY, FORWARD_PARITY, STABILITY, *DATA_SET_SUITES,
     )
 }  # fmt: skip
 

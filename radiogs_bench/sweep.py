@@ -11,7 +11,7 @@ from radiogs.errors import DataError
 from radiogs.scene import Scene
 
 from .atomic import write_atomically
-from .cell import TRAINING, Cell
+from .cell import TRAINED, Cell
 from .code_version import evaluation_code, method_code
 from .store import Store, strict_json
 from .suite import Row, Suite
@@ -142,7 +142,7 @@ def state_of(store: Store, place: Place) -> str:
 
 def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
     """Optimisation steps of all stages that are not in the store; a stage that several cells share counts once."""
-    trained = [cell for cell in cells if cell.experiment == TRAINING]
+    trained = [cell for cell in cells if cell.experiment in TRAINED]
     stages = {f"init/{cell.initialisation_key}": cell.budget.initialise_iterations for cell in trained}
     stages |= {f"trained/{cell.training_key}": cell.budget.inverse_iterations for cell in trained}
     return sum(steps for name, steps in stages.items() if not store.has_tensors(name))

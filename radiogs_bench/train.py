@@ -18,8 +18,9 @@ from .interruption import Interruption
 from .method import Method, ModelStage, Stage
 from .progress import Progress
 from .provenance import forget_peaks, session
-from .schema import Session
+from .schema import Session, TrailPoint
 from .store import Store
+from .trail import Sums, Trail
 
 CHECKPOINT_SECONDS = 20.0
 """A crash costs at most about this much work."""
@@ -52,6 +53,9 @@ class Ledger(TypedDict):
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]
+    trail: list[TrailPoint]
+    since: Sums
+    """What the trail has gathered since its last point."""
     sessions: list[Session]
 
 
@@ -62,9 +66,14 @@ class Outcome(TypedDict):
     ledger: Ledger
 
 
-def trained(bench: Bench, cell: Cell, scene: Scene) -> tuple[Model, dict[str, Ledger]]:
+Score = Callable[[Model], dict[str, float]]
+"""Scores a model along the way: figures by ``task/measure``."""
+
+
+def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Model, dict[str, Ledger]]:
     """The cell's model, trained now or before, and the ledgers of its two stages by name.
 
+    ``score`` is asked at geometric shares of stage 2, while its clock and its counters stand still.
     Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and whatever
     the method raises; the last checkpoint is kept in every case.
     """
@@ -75,7 +84,8 @@ def trained(bench: Bench, cell: Cell, scene: Scene) -> tuple[Model, dict[str, Le
         return method.invert(scene, cell.variant, cell.budget, cell.seed, device, first["product"])
 
     name = f"trained/{cell.training_key}"
-    inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model))
+    asked = None if score is None else lambda stage: score(model_of(model_tensors(stage.model)))
+    inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model), asked)
     ledgers = {"initialise": first["ledger"], "invert": inverted["ledger"]}
     return model_of(inverted["product"]), ledgers
 
@@ -91,11 +101,16 @@ def initialised(bench: Bench, cell: Cell, scene: Scene) -> Outcome:
 
 
 def completed(
-    bench: Bench, name: str, title: str, begin: Callable[[], SomeStage], product: Callable[[SomeStage], dict[str, Any]]
+    bench: Bench,
+    name: str,
+    title: str,
+    begin: Callable[[], SomeStage],
+    product: Callable[[SomeStage], dict[str, Any]],
+    score: Callable[[SomeStage], dict[str, float]] | None = None,
 ) -> Outcome:
     """The outcome stored under ``name``; where there is none yet, the stage is run and its ``product`` stored.
 
-    ``title`` is what progress calls it.
+    ``title`` is what progress calls it; ``score`` is as in ``trained``.
     """
     stored = _stored_outcome(bench, name)
     if stored is not None:
@@ -109,7 +124,7 @@ def completed(
         fired.clear()
         forget_peaks(bench.device)
         stage = begin()
-        ledger = _run(bench, name, title, stage, started)
+        ledger = _run(bench, name, title, stage, started, score)
         outcome = Outcome(product=product(stage), ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(_checkpoint(name))
@@ -125,9 +140,16 @@ def _stored_outcome(bench: Bench, name: str) -> Outcome | None:
     return Outcome(product=stored["product"], ledger=stored["ledger"])
 
 
-def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> Ledger:
+def _run(
+    bench: Bench,
+    name: str,
+    title: str,
+    stage: SomeStage,
+    started: float,
+    score: Callable[[SomeStage], dict[str, float]] | None,
+) -> Ledger:
     """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
-    ledger = Ledger(seconds=0.0, work={}, guards={}, losses={}, sessions=[])
+    ledger = Ledger(seconds=0.0, work={}, guards={}, losses={}, trail=[], since={}, sessions=[])
     stored = bench.store.tensors(_checkpoint(name), bench.device)
     if stored is not None:
         ledger = stored["ledger"]
@@ -139,15 +161,27 @@ def _run(bench: Bench, name: str, title: str, stage: Stage, started: float) -> L
             counter.update(counted)
     earlier = ledger["sessions"]
     losses = ledger["losses"]
+    trail = Trail(stage.iterations, ledger["trail"], ledger["since"], scored=score is not None)
 
     def ledger_now() -> Ledger:
         seconds = time.perf_counter() - started
         sessions = [*earlier, session(bench.device)]
-        return Ledger(seconds=seconds, work=dict(work), guards=dict(fired), losses=losses, sessions=sessions)
+        return Ledger(
+            seconds=seconds, work=dict(work), guards=dict(fired), losses=losses, trail=trail.points, since=trail.since,
+            sessions=sessions,
+        )  # fmt: skip
 
     due = time.perf_counter() + bench.checkpoint_seconds
     while stage.iteration < stage.iterations:
         losses = dict(_step(bench, name, stage, ledger_now))
+        trail.add(losses)
+        if trail.due(stage.iteration):
+            reached, counted = time.perf_counter(), dict(work)
+            metrics = score(stage) if score is not None and trail.to_be_scored(stage.iteration) else {}
+            trail.close(stage.iteration, reached - started, metrics)
+            work.clear()
+            work.update(counted)
+            started += time.perf_counter() - reached
         bench.progress.advance(title, stage.iteration, stage.iterations)
         over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
         if not over and (bench.interruption.requested or time.perf_counter() >= due):

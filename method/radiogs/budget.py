@@ -38,10 +38,14 @@ class Budget:
     finetune_samples: int
 
 
-INVERSE_ONLY = (
-    "inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval",
+RELIGHT_ONLY = (
     "relight_hemisphere_samples", "relight_light_samples",
     "finetune_iterations", "finetune_surfels", "finetune_samples",
+)  # fmt: skip
+"""Fields that no stage of training reads: runs that differ in these alone share the trained model."""
+
+INVERSE_ONLY = (
+    "inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval", *RELIGHT_ONLY,
 )  # fmt: skip
 """Fields that stage 1 does not read: runs that differ in these alone share it."""
 

@@ -10,6 +10,7 @@ from radiogs_reports.summary import (
     RunSummary,
     SheetSummary,
     Summary,
+    TrailPoint,
 )
 
 from ..schema import Result, training_seconds
@@ -142,6 +143,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         work={},
         guards={},
         losses={},
+        trail={},
         surfels=None,
         view=None,
         light=None,
@@ -156,6 +158,11 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["surfels"] = result["work"], result["losses"], result["surfels"]
     run["guards"] = result.get("guards", {})
+    run["trail"] = {
+        stage: [TrailPoint(iteration=p["iteration"], seconds=p["seconds"], losses=p["losses"], metrics=p["metrics"])
+                for p in points]
+        for stage, points in result["trail"].items()
+    }  # fmt: skip
     run["view"], run["light"] = result["shown_view"], result["shown_light"]
     run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None
     run["made_from"] = result["cell"]

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
 
-SCHEMA = "radiogs-bench/summary/2"
+SCHEMA = "radiogs-bench/summary/3"
 
 
 class Interval(TypedDict):
@@ -62,6 +62,19 @@ class SheetSummary(TypedDict):
     light: NotRequired[str]
 
 
+class TrailPoint(TypedDict):
+    """How far a stage had come after so many steps and seconds.
+
+    ``losses`` are weighted, by name, each the mean over the steps since the point before; ``metrics`` by column, over a
+    few test views, empty where the model was not scored.
+    """
+
+    iteration: int
+    seconds: float
+    losses: dict[str, float]
+    metrics: dict[str, float]
+
+
 class RunSummary(TypedDict):
     """One cell of the run: its place in the table, its figures, what it took, and where it comes from."""
 
@@ -81,6 +94,8 @@ class RunSummary(TypedDict):
     """How often each guard acted, by stage."""
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses by stage."""
+    trail: dict[str, list[TrailPoint]]
+    """How the losses fell and, where the model was scored along the way, how the figures rose; by stage."""
     surfels: int | None
     view: str | None
     light: str | None

@@ -91,6 +91,8 @@ def values(
     monkeypatch.setattr(Perfect, "wrong", wrong or {}, raising=False)
     monkeypatch.setattr(Perfect, "scales", [], raising=False)
     monkeypatch.setattr(module, "Renderer", Perfect)
+    if module.incident_map is incident_map:  # the model of these tests has no surfels to splat
+        monkeypatch.setattr(module, "incident_map", lambda model, incident, camera: torch.full((SIZE, SIZE, 3), 0.2))
     monkeypatch.setattr(module, "relight", Perfect)
     told: list[tuple[int, int]] = []
     cell = replace(fake_cell(), protocol=protocol)
@@ -179,8 +181,11 @@ def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_s
 def test_the_arrays_are_what_the_contact_sheet_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
     found = values(scene, monkeypatch)
-    names = {"image", "albedo", "normal", "roughness", "indirect", "relit"}
-    assert found.arrays.keys() == {f"{side}/{name}" for side in ("render", "truth") for name in names}
+    names = {"image", "albedo", "normal", "roughness", "indirect", "relit", "relit/sun", "relit/sky"}
+    assert found.arrays.keys() == {
+        "render/incident",
+        *(f"{side}/{name}" for side in ("render", "truth") for name in names),
+    }
     assert (found.shown_view, found.shown_light) == ("view_1", "sun")
     for name in names:
         assert found.arrays[f"render/{name}"] == pytest.approx(found.arrays[f"truth/{name}"], abs=1e-6)
@@ -218,7 +223,7 @@ def test_every_protocol_has_a_figure_or_a_reason_for_every_task(monkeypatch: pyt
     monkeypatch.setattr(module, "incident_map", incident_light)
     found = values(scene, monkeypatch, {"image": 0.01}, protocol)
     assert all(incident is Perfect.incident for incident in seen)
-    assert len(seen) == (2 if protocol == "radiogs" else 0)
+    assert len(seen) == (2 if protocol == "radiogs" else 1)  # of the view that is shown, always
     tasks = {name.split("/")[0] for name in found.metrics}
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight"}
     for metric in found.metrics.values():

@@ -41,7 +41,7 @@ def test_a_result_comes_back_as_it_was_put(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/2", "key": "b"}']
+    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/3", "key": "b"}']
 )
 def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture

@@ -148,6 +148,24 @@ def test_rows_of_one_knob_share_stage_one_and_nothing_else(name: str) -> None:
     assert getattr(budget("tiny"), knob) in values
 
 
+def test_the_cost_is_measured_at_a_dozen_points_of_four_knobs_that_share_stage_one() -> None:
+    """Under every preset, the smallest included."""
+    for preset in ("smoke", "tiny", "paper"):
+        request = Request(SUITES["cost"], {"fake": SCENE}, 1, budget(preset), "default", "cpu")
+        cells = [cell for _, cell in request.cells()]
+        assert len({cell.initialisation_key for cell in cells}) == 1
+        assert len({cell.training_key for cell in cells}) == len(cells) >= 12
+    changed = {name for row in SUITES["cost"].rows for name in row.budget}
+    assert changed == {"inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval"}
+
+
+def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
+    request = Request(SUITES["finetune"], {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")
+    cells = [cell for _, cell in request.cells()]
+    assert len({cell.training_key for cell in cells}) == 1
+    assert len({cell.key for cell in cells}) == len(cells)
+
+
 def test_a_preset_too_small_for_a_row_is_refused() -> None:
     with pytest.raises(UsageError, match="too small"):
         scaled(budget("smoke"), {"incident_samples": 0.01})

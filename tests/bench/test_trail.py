@@ -1,0 +1,100 @@
+"""The trail of a training: means of losses at geometric steps, the same if interrupted; scores change nothing."""
+
+import itertools
+from pathlib import Path
+
+import pytest
+
+from bench import fake_method
+from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
+from radiogs.kernels.counters import count
+from radiogs.model import Model
+from radiogs_bench.cell import COST
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.interruption import Interruption
+from radiogs_bench.progress import LogProgress
+from radiogs_bench.run_cell import run_cell
+from radiogs_bench.schema import Result
+from radiogs_bench.trail import Trail, milestones
+from radiogs_bench.train import Bench
+
+CELL = fake_cell(experiment=COST)
+
+
+def scored(model: Model) -> dict[str, float]:
+    count(blended_pairs=1000)
+    return {"nvs/psnr": float(model.surfels.centre.sum())}
+
+
+def stored(sweep: FakeSweep) -> Result:
+    result = sweep.store.result(CELL.key)
+    assert result is not None
+    return result
+
+
+def test_steps_of_a_trail_grow_by_a_fifth_and_end_with_the_stage() -> None:
+    for iterations in (1, 2, 20, 800, 20_000):
+        steps = sorted(milestones(iterations))
+        assert steps[0] == 1
+        assert steps[-1] == iterations
+        assert all(after <= max(before + 1, 1.25 * before) for before, after in itertools.pairwise(steps))
+        assert len(steps) <= 62
+
+
+def test_a_point_holds_the_mean_over_the_steps_since_the_one_before() -> None:
+    trail, given = Trail(40, [], {}, scored=False), {}
+    for step in range(1, 41):
+        given[step] = {"always": step**1.5, **({"late": 2.0 * step} if step > 30 else {})}
+        trail.add(given[step])
+        if trail.due(step):
+            trail.close(step, 0.0, {})
+            trail = Trail(40, trail.points, trail.since, scored=False)
+    before = 0
+    for point in trail.points:
+        steps = range(before + 1, point["iteration"] + 1)
+        assert point["losses"]["always"] == pytest.approx(sum(given[step]["always"] for step in steps) / len(steps))
+        late = [2.0 * step for step in steps if step > 30]
+        assert point["losses"].get("late") == (pytest.approx(sum(late) / len(late)) if late else None)
+        before = point["iteration"]
+    assert before == 40
+
+
+def test_interrupting_after_every_step_gives_the_same_trail(tmp_path: Path) -> None:
+    whole, stopped = FakeSweep(tmp_path / "whole"), FakeSweep(tmp_path / "stopped")
+    run_cell(whole.bench, CELL, SCENE, fake_method.evaluate, scored)
+    stops = 0
+    while stopped.store.result(CELL.key) is None:
+        interruption = Interruption()
+        interruption.requested = stops < 6
+        try:
+            run_cell(
+                Bench(stopped.store, FAKE, CPU, LogProgress(), interruption), CELL, SCENE, fake_method.evaluate, scored
+            )
+        except Interrupted:
+            stops += 1
+    assert stops == 6
+    for stage, points in stored(whole)["trail"].items():
+        resumed = stored(stopped)["trail"][stage]
+        assert [{**point, "seconds": 0} for point in points] == [{**point, "seconds": 0} for point in resumed]
+        assert [point["iteration"] for point in points] == [1, 2, 3]
+
+
+def test_scoring_along_the_way_changes_neither_the_result_nor_the_work(tmp_path: Path) -> None:
+    watched, alone = FakeSweep(tmp_path / "watched"), FakeSweep(tmp_path / "alone")
+    run_cell(watched.bench, CELL, SCENE, fake_method.evaluate, scored)
+    run_cell(alone.bench, CELL, SCENE, fake_method.evaluate)
+    assert stored(watched)["metrics"] == stored(alone)["metrics"]
+    assert stored(watched)["work"] == stored(alone)["work"]
+    assert stored(watched)["losses"] == stored(alone)["losses"]
+    last = stored(watched)["trail"]["invert"][-1]
+    assert last["metrics"] == {"nvs/psnr": pytest.approx(stored(watched)["metrics"]["nvs/psnr"]["value"])}
+    assert all(point["metrics"] == {} for point in stored(watched)["trail"]["initialise"])
+    assert all(point["metrics"] == {} for points in stored(alone)["trail"].values() for point in points)
+
+
+def test_a_model_scored_along_the_way_is_another_product_but_shares_stage_one() -> None:
+    plain = fake_cell()
+    assert plain.initialisation_key == CELL.initialisation_key
+    assert plain.training_key != CELL.training_key
+    assert fake_cell(protocol="irgs").training_key == plain.training_key
+    assert fake_cell(protocol="irgs", experiment=COST).training_key != CELL.training_key
