@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .contact_sheet import write_contact_sheet
+from .cost import cost_csv, cost_latex, cost_markdown, cost_report
 from .document import report_document
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
@@ -31,7 +32,7 @@ def write_reports(out: Path) -> list[Path]:
         written.append(path)
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
-    written.append(write_page(summary, out))
+    written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
     return [*written, *(path for drawn in figures for path in (drawn.png, drawn.pdf))]
 
 
@@ -52,5 +53,13 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
             f"{name}.csv": paper_csv(each),
         }
         inputs.append(f"{name}.tex")
+    cost = cost_report(summary)
+    if cost is not None:
+        made |= {
+            "tables/cost.tex": cost_latex(summary, cost),
+            "tables/cost.md": cost_markdown(summary, cost),
+            "tables/cost.csv": cost_csv(summary, cost),
+        }
+        inputs.append("tables/cost.tex")
     shown = [(f"{FOLDER}/{drawn.pdf.name}", drawn.caption) for drawn in figures]
     return made | {"report.tex": report_document(summary, inputs, shown)}

@@ -21,7 +21,8 @@ from radiogs_reports.maps import display, linear
 from radiogs_reports.summary import Summary
 
 OF_A_SCENE = ("image", "albedo", "normal", "indirect", "relit", "illumination", "environment")
-NAMES = ("cost-seconds", "cost-rays", *(f"my_scene-{name}" for name in OF_A_SCENE))
+CONVERGENCE = ("convergence-losses", "convergence-metrics")
+NAMES = ("cost-seconds", "cost-rays", *CONVERGENCE, *(f"my_scene-{name}" for name in OF_A_SCENE))
 
 
 def two_rows() -> Summary:

@@ -4,9 +4,11 @@ from pathlib import Path
 
 from ..summary import Summary
 from .canvas import Drawn, save
+from .convergence import convergence_figures
 from .cost import cost_figure
 from .environment import environment_figures
 from .illumination import illumination_figures
+from .knobs import knob_figures
 from .qualitative import qualitative_figures
 from .stability import stability_figure
 
@@ -16,7 +18,8 @@ __all__ = ["Drawn", "write_figures"]
 def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     """Write every figure that the stored results give into ``out``/figures; the same results give the same bytes."""
     figures = [
-        *cost_figure(summary),
+        *(knob_figures(summary) or cost_figure(summary)),
+        *convergence_figures(summary),
         *qualitative_figures(summary, out),
         *illumination_figures(summary, out),
         *environment_figures(summary, out),

@@ -37,6 +37,8 @@ class Sketch:
     name: str
     caption: str
     figure: Figure
+    on_page: bool = False
+    """Whether the page shows it: what it does not draw itself."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class Drawn:
     png: Path
     pdf: Path
     caption: str
+    on_page: bool = False
 
 
 def blank(width: float, height: float) -> Figure:
@@ -63,7 +66,7 @@ def save(sketch: Sketch, out: Path) -> Drawn:
     with rc_context(STYLE):
         sketch.figure.savefig(png, metadata={"Software": None})
         sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
-    return Drawn(png, pdf, sketch.caption)
+    return Drawn(png, pdf, sketch.caption, sketch.on_page)
 
 
 def file_name(*parts: str) -> str:

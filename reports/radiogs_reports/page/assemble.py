@@ -1,5 +1,7 @@
 """The page's parts put together: template, style, script, plotting library, data, pictures."""
 
+import base64
+from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -9,12 +11,13 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import maps
+from ..cost import cost_report
 from ..front import COSTS, cost_of, points
 from ..plain import note
 from ..summary import Summary
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
-from .tables import cells_table, paper_table, suite_table
+from .tables import cells_table, cost_table, paper_table, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
 """In the order in which they run; each is a closed block that needs none of the others."""
@@ -22,15 +25,20 @@ SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
 STYLES = ("page", "tables", "comparison")
 
 
-def write_page(summary: Summary, out: Path) -> Path:
-    """Write ``report.html`` into ``out``; returns its path. The same stored results give the same bytes."""
+def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] = ()) -> Path:
+    """Write ``report.html`` into ``out``; returns its path. The same stored results give the same bytes.
+
+    ``figures`` are PNG files that it shows, with their captions.
+    """
     path = out / "report.html"
-    path.write_text(page(summary, album(summary["runs"], out)), encoding="utf-8")
+    shown = [(embedded(png), caption) for png, caption in figures]
+    path.write_text(page(summary, album(summary["runs"], out), shown), encoding="utf-8")
     return path
 
 
-def page(summary: Summary, pictures: Album) -> str:
-    """The whole page."""
+def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
+    """The whole page; ``figures`` are data addresses and captions."""
+    cost = cost_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
     templates = Environment(
@@ -44,6 +52,9 @@ def page(summary: Summary, pictures: Album) -> str:
         summary=summary,
         tables=[suite_table(summary), cells_table(summary)],
         paper=[paper_table(table) for table in summary["paper"]],
+        sentences=[] if cost is None else cost.sentences,
+        grids=[] if cost is None else [cost_table(grid) for grid in cost.grids],
+        figures=figures,
         note=note(summary),
         lacking=lacking(summary),
         finished=sum(run["state"] == "finished" for run in summary["runs"]),
@@ -57,6 +68,11 @@ def page(summary: Summary, pictures: Album) -> str:
         script=Markup(script),
         style=Markup(style),
     )
+
+
+def embedded(path: Path) -> str:
+    """A PNG file as a data address."""
+    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 
 
 def part(*path: str) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ..cost import Grid
 from ..front import cost_of
 from ..paper.layout import as_printed
 from ..paper.reading import change, measured
@@ -147,6 +148,14 @@ def paper_table(table: PaperTable) -> Table:
     return Table(
         f"paper-{table['key']}", f"{table['title']} ({table['data']})", [Head("row", numeric=False), *heads], rows
     )
+
+
+def cost_table(grid: Grid) -> Table:
+    """A grid of the report of cost; a column sorts by number if all that is known of it are numbers."""
+    rows = [[Entry(item.text, item.value, reason="not known") for item in row] for row in grid.rows]
+    kinds = [{type(row[place].value) for row in rows} - {type(None)} for place in range(len(grid.heads))]
+    heads = [Head(text, numeric=str not in kind) for text, kind in zip(grid.heads, kinds, strict=True)]
+    return Table(f"cost-{grid.name}", f"{grid.title}. {grid.note}", heads, rows)
 
 
 def cells_table(summary: Summary) -> Table:

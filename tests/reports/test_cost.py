@@ -1,0 +1,200 @@
+"""The report of cost: its sentences and tables against figures computed from the runs by other means."""
+
+import io
+import re
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy import stats
+
+from made_up_run import run, summary
+from radiogs_reports import texts
+from radiogs_reports.cost import CostReport, cost_csv, cost_markdown, cost_report
+from radiogs_reports.cost.along import Point, figure_at, seconds_to
+from radiogs_reports.cost.paired import figures_of
+from radiogs_reports.figures.convergence import convergence_figures, mean_curve
+from radiogs_reports.figures.knobs import knob_figures
+from radiogs_reports.front import points
+from radiogs_reports.summary import Summary
+
+BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
+ROWS: dict[str, dict[str, int]] = {
+    "reference": {},
+    "iterations-half": {"inverse_iterations": 400},
+    "ns-half": {"incident_samples": 16},
+    "ns-double": {"incident_samples": 64},
+    "draft": {"inverse_iterations": 400, "incident_samples": 16},
+}
+SEEDS = (0, 1, 2)
+
+
+def made_up(seeds: tuple[int, ...] = SEEDS) -> Summary:
+    """Five rows on one scene; figures, seconds and rays are random, so that nothing agrees by chance."""
+    generator = np.random.default_rng(5)
+    made = summary()
+    made["columns"], made["reference"], made["paper"], made["sheet"] = made["columns"][:2], "reference", [], []
+    made["rows"] = [{"key": row, "latex": row, "text": row, "seconds": 1.0} for row in ROWS]
+    made["runs"] = []
+    for row, changes in ROWS.items():
+        for seed in SEEDS:
+            quality, error, seconds, rays = generator.random(4)
+            each = run(row, "my_scene", seed, f"{row}{seed}", {"nvs/psnr": 30 + quality, "normal/mae": 7 + error})
+            each["seconds"] = {"initialise": 4.0, "invert": 1 + 5 * seconds, "evaluate": 77.0}
+            each["work"] = {"initialise": {}, "invert": {"rays": 1000 + int(5000 * rays)}, "evaluate": {"rays": 9}}
+            each["made_from"] = {"variant": {"detach": "none"}, "budget": {**BUDGET, **changes, "name": row}}
+            if seed in seeds:
+                made["runs"].append(each)
+    made["seeds"] = list(seeds)
+    made["cells"] = {
+        row: {
+            column["key"]: {
+                "mean": float(np.mean(list(figures_of(made, row, column["key"]).values()))),
+                "count": len(seeds), "difference": None, "reason": None,
+            }
+            for column in made["columns"]
+        }
+        for row in ROWS
+    }  # fmt: skip
+    return made
+
+
+def frame(made: Summary) -> pd.DataFrame:
+    """The runs as a table: row, seed, psnr, mae, seconds, rays."""
+    return pd.DataFrame(
+        {
+            "row": each["row"], "seed": each["seed"], "psnr": each["figures"]["nvs/psnr"],
+            "mae": each["figures"]["normal/mae"], "seconds": each["seconds"]["initialise"] + each["seconds"]["invert"],
+            "rays": each["work"]["invert"]["rays"],
+        }
+        for each in made["runs"]
+    ).set_index(["row", "seed"])  # fmt: skip
+
+
+def report_of(made: Summary) -> CostReport:
+    report = cost_report(made)
+    assert report is not None
+    return report
+
+
+def spread(values: Any) -> float:
+    low, high = stats.t.interval(0.95, len(values) - 1, loc=np.mean(values), scale=stats.sem(values))
+    return float(high - low) / 2
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "begins"),
+    [
+        ("iterations-half", "reference", "iterations of stage 2, 400 → 800: "),
+        ("ns-half", "reference", "rays a surfel, N_s, 16 → 32: "),
+        ("reference", "ns-double", "rays a surfel, N_s, 32 → 64: "),
+    ],
+)
+def test_each_sentence_says_what_the_runs_say(low: str, high: str, begins: str) -> None:
+    made = made_up()
+    (sentence,) = [each for each in report_of(made).sentences if each.startswith(begins)]
+    table = frame(made)
+    change, before, after = table.loc[high] - table.loc[low], table.loc[low], table.loc[high]
+    numbers = [float(each) for each in re.findall(r"[-+]?\d+\.\d+", sentence.removeprefix(begins))]
+    expected = [change.psnr.mean(), spread(change.psnr), change.mae.mean(), spread(change.mae)]
+    expected += [stats.gmean(after.seconds / before.seconds), stats.gmean(after.rays / before.rays)]
+    assert numbers == pytest.approx(expected, abs=0.00501)
+    assert "NVS PSNR" in sentence
+    assert " dB, Normal MAE" in sentence
+    assert sentence.endswith("times the rays.")
+
+
+def test_a_doubling_is_the_slope_of_a_line_through_each_seed() -> None:
+    made = made_up()
+    (sentence,) = [each for each in report_of(made).sentences if each.startswith("Each doubling of rays a surfel")]
+    table = frame(made).loc[["ns-half", "reference", "ns-double"]]
+    slopes = [np.polyfit([4, 5, 6], table.xs(seed, level="seed").psnr, 1)[0] for seed in SEEDS]
+    times = [np.polyfit([4, 5, 6], np.log2(table.xs(seed, level="seed").seconds), 1)[0] for seed in SEEDS]
+    numbers = [float(each) for each in re.findall(r"[-+]?\d+\.\d+", sentence)]
+    assert numbers[:2] == pytest.approx([np.mean(slopes), spread(slopes)], abs=0.00501)
+    assert numbers[-1] == pytest.approx(2 ** np.mean(times), abs=0.00501)
+
+
+def test_a_single_seed_gives_no_interval() -> None:
+    sentences = report_of(made_up((0,))).sentences
+    assert sentences
+    assert not any("±" in each for each in sentences)
+
+
+def test_the_second_half_of_the_training_is_what_the_trails_say() -> None:
+    """Made-up trails were scored after 1, 2, 4 and 8 steps of 0.25 s, a decibel better each time, after 4 s."""
+    (sentence,) = [each for each in report_of(made_up()).sentences if each.startswith("The second half")]
+    assert "NVS PSNR +1.00 ± 0.00 dB, Normal MAE -1.00 ± 0.00 degrees" in sentence
+    assert f"for {100 * 1.0 / 6.0:.0f} % of the training time" in sentence
+
+
+def test_efficiency_is_one_over_error_times_seconds() -> None:
+    made = made_up()
+    stored = pd.read_csv(io.StringIO(cost_csv(made, report_of(made)))).set_index(["what", "row"])
+    table = frame(made)
+    for row in ROWS:
+        mine, base = table.loc[row], table.loc["reference"]
+        error, base_error = 10 ** (-mine.psnr / 10), 10 ** (-base.psnr / 10)
+        expected = stats.gmean((base_error * base.seconds) / (error * mine.seconds))
+        assert stored.loc[("efficiency", row)].value == pytest.approx(expected)
+
+
+def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
+    column = made_up()["columns"][0]
+    curve = [Point(2.0, 20.0), Point(3.0, 24.0), Point(5.0, 25.0)]
+    seconds = np.linspace(2, 5, 13)
+    expected = np.interp(seconds, [2, 3, 5], [20, 24, 25])
+    assert [figure_at(curve, each) for each in seconds] == pytest.approx(expected)
+    assert [seconds_to(curve, each, column) for each in expected] == pytest.approx(seconds)
+    assert figure_at(curve, 1.9) is None
+    assert figure_at(curve, 99.0) == 25.0
+    assert seconds_to(curve, 25.1, column) is None
+    assert seconds_to([Point(1, 9.0), Point(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
+
+
+def test_the_front_in_the_tables_is_what_no_other_row_beats() -> None:
+    made = made_up()
+    table = frame(made).groupby("row").mean()
+    (grid,) = [each for each in report_of(made).grids if each.name == "fronts"]
+    named = {row[2].text for row in grid.rows if (row[0].text, row[1].text) == ("NVS PSNR", "seconds of training")}
+    unbeaten = {
+        row for row in ROWS
+        if not ((table.seconds < table.seconds[row]) & (table.psnr > table.psnr[row])).any()
+    }  # fmt: skip
+    assert named == unbeaten
+    assert len(points(made, made["columns"][0], "seconds")) == len(ROWS)
+
+
+def test_rows_that_differ_in_two_knobs_or_in_the_variant_belong_to_none() -> None:
+    made = made_up()
+    assert {setting.row for knob in report_of(made).knobs for setting in knob.settings} == set(ROWS) - {"draft"}
+    for each in made["runs"]:
+        if each["row"] != "reference":
+            each["made_from"]["variant"] = {"detach": each["row"]}
+    assert cost_report(made) is None
+    assert knob_figures(made) == []
+    assert not any("cost" in name for name in texts(made))
+
+
+def test_every_form_of_the_report_has_every_sentence() -> None:
+    made = made_up()
+    made["rows"][0]["text"] = "100 % & more_"
+    report, written = report_of(made), texts(made)
+    assert written["tables/cost.md"] == cost_markdown(made, report)
+    for sentence in report.sentences:
+        assert f"- {sentence}" in written["tables/cost.md"]
+    assert written["tables/cost.tex"].count(r"\item") == len(report.sentences)
+    assert r"100 \% \& more\_" in written["tables/cost.tex"]
+    assert r"\input{tables/cost.tex}" in written["report.tex"]
+
+
+def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:
+    made = made_up()
+    assert [each.name for each in knob_figures(made)] == ["cost", "cost-in-rays", "cost-doublings"]
+    losses, metrics = convergence_figures(made)
+    (line, *_) = losses.figure.axes[0].get_lines()
+    assert line.get_xydata() == pytest.approx(np.array([[1, 0.5], [2, 0.25], [4, 0.125], [8, 0.0625]]))
+    (line, *_) = metrics.figure.axes[0].get_lines()
+    assert line.get_ydata() == pytest.approx([26, 27, 28, 29])
+    assert mean_curve([], "invert", lambda point: 1.0) == []
