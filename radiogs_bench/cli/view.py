@@ -1,0 +1,100 @@
+"""``radiogs-bench view``: the surfels of a trained model in three dimensions."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from radiogs.errors import DataError, UsageError
+
+from .options import add_verbose, positive
+
+if TYPE_CHECKING:
+    from radiogs.model import Model
+    from radiogs_reports.surfel_view import Disks
+
+    from .options import Commands
+
+COLOURS = ("radiance", "albedo", "normal")
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("view", help="a trained model's surfels in 3-D", allow_abbrev=False)
+    parser.set_defaults(command=view)
+    parser.add_argument("folder", type=Path, metavar="DIR", help="where `train` or `run` left a trained model")
+    parser.add_argument("--colour", choices=COLOURS, default="radiance", help="(default: radiance)")
+    parser.add_argument("--row", metavar="ROW", help="of a run: the row whose model is shown (default: the first)")
+    parser.add_argument("--frames", type=positive, default=36, metavar="N", help="of the turntable (default: 36)")
+    parser.add_argument("--size", type=positive, default=640, metavar="PIXELS", help="(default: 640)")
+    add_verbose(parser)
+
+
+def view(options: argparse.Namespace) -> int:
+    """Write figures/surfels.png and figures/surfels.gif into the folder. Raises UsageError where VTK cannot draw."""
+    from radiogs_reports.surfel_view import draw, why_not
+
+    from .reporter import say
+
+    model = model_in(options.folder, options.row)
+    reason = why_not()
+    if reason is not None:
+        raise UsageError(
+            "the surfels cannot be drawn here",
+            f"VTK says: {reason}",
+            "It draws without a display by EGL or OSMesa:  apt-get install libegl1 libgl1 libosmesa6",
+        )
+    folder = options.folder / "figures"
+    folder.mkdir(exist_ok=True)
+    places = folder / "surfels.png", folder / "surfels.gif"
+    for path in draw(disks_of(model, options.colour), *places, options.frames, options.size):
+        say(f"wrote {path}")
+    return 0
+
+
+def model_in(folder: Path, row: str | None) -> "Model":
+    """The model that ``train`` left in a folder, or that of a row of a run. Raises DataError where there is none."""
+    import torch
+
+    from ..store import Store
+    from ..sweep import read_sweep
+    from ..train import model_of
+    from ..trained_folder import read_trained
+
+    cpu = torch.device("cpu")
+    if (folder / "trained.json").exists():
+        return read_trained(folder, cpu)[1]
+    places = [place for place in read_sweep(folder)["cells"] if row in (None, place["row"])]
+    if not places:
+        raise UsageError(f"the run in '{folder}' has no row '{row}'", "", f"See them:  radiogs-bench status {folder}")
+    for place in places:
+        stored = Store(folder).tensors(f"trained/{place['training_key']}", cpu)
+        if stored is not None:
+            return model_of(stored["product"])
+    raise DataError(
+        f"no model is trained in '{folder}'" + (f" for the row '{row}'" if row else ""),
+        "Its files would lie in trained/.",
+        "Let the run go on until a cell is trained, or train one:  radiogs-bench train SCENE --out DIR",
+    )
+
+
+def disks_of(model: "Model", colour: str) -> "Disks":
+    """The model's surfels as plain arrays, coloured by their mean radiance (degree 0), albedo or normal."""
+    import torch
+
+    from radiogs.colour import srgb_encode
+    from radiogs.spherical_harmonics import surfel_radiance
+    from radiogs_reports.surfel_view import Disks
+
+    with torch.no_grad():
+        surfels = model.surfels
+        frame = surfels.frame
+        if colour == "albedo":
+            shown = srgb_encode(surfels.albedo)
+        elif colour == "normal":
+            shown = frame[..., 2] * 0.5 + 0.5
+        else:
+            up = torch.tensor([0.0, 0.0, 1.0]).expand_as(surfels.centre)
+            shown = srgb_encode(surfel_radiance(surfels.sh[:, :1], up))
+        tangents = frame[..., :2].mT * surfels.scale[..., None]
+        arrays = (surfels.centre, tangents, surfels.opacity, shown.clamp(0, 1))
+        return Disks(*(each.double().numpy() for each in arrays))
