@@ -60,6 +60,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
             albedo_scale=None,
             surfels=0,
             losses={},
+            trail={},
             seconds={STAGE: time.perf_counter() - started},
             work={STAGE: dict(work)},
             guards={STAGE: dict(guards)},

@@ -189,3 +189,11 @@ def read_summary(out: Path) -> Summary:
     if summary["schema"] != SCHEMA:
         raise ValueError(f"{out / 'summary.json'} has schema {summary['schema']}; this version reads {SCHEMA}")
     return summary
+
+
+def reference_of(summary: Summary) -> str:
+    """The row that others are compared with. Raises ValueError for a run whose rows are no variants of one thing."""
+    reference = summary["reference"]
+    if reference is None:
+        raise ValueError(f"the rows of suite '{summary['suite']}' are not compared with one of them")
+    return reference

@@ -7,7 +7,7 @@ import math
 from itertools import pairwise
 from typing import NamedTuple
 
-from ..summary import ColumnSummary, RunSummary, Summary
+from ..summary import ColumnSummary, RunSummary, Summary, reference_of
 from .paired import Estimate, Pair, difference, estimate, runs_of
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
@@ -66,7 +66,7 @@ def at_equal_time(summary: Summary) -> list[AtTime]:
     found = []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
-        reference = every[summary["reference"]]
+        reference = every[reference_of(summary)]
         for place in range(min((len(points) for points in reference.values()), default=0)):
             seconds = max(points[place].seconds for points in reference.values())
             means = {
@@ -74,7 +74,7 @@ def at_equal_time(summary: Summary) -> list[AtTime]:
             }
             known = {row: mean for row, mean in means.items() if mean is not None}
             best = max(known, key=lambda row: _goodness(known[row], column))
-            found.append(AtTime(seconds, column, best, known[best], known[summary["reference"]]))
+            found.append(AtTime(seconds, column, best, known[best], known[reference_of(summary)]))
     return found
 
 
@@ -83,7 +83,7 @@ def to_equal_quality(summary: Summary) -> list[ToQuality]:
     found = []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
-        reference = every[summary["reference"]]
+        reference = every[reference_of(summary)]
         first, last = (_mean([points[end].figure for points in reference.values()]) for end in (0, -1))
         if first is None or last is None or _goodness(last, column) <= _goodness(first, column):
             continue
@@ -97,14 +97,14 @@ def to_equal_quality(summary: Summary) -> list[ToQuality]:
             if known:
                 best = min(known, key=lambda row: known[row])
                 found.append(
-                    ToQuality(column, share, target, best, known[best], known.get(summary["reference"]), len(known))
+                    ToQuality(column, share, target, best, known[best], known.get(reference_of(summary)), len(known))
                 )
     return found
 
 
 def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | None:
     """What the second half of the reference's stage 2 adds to the figure, and its share of the training's seconds."""
-    scored = curves(summary, summary["reference"], column)
+    scored = curves(summary, reference_of(summary), column)
     whole = {pair: points for pair, points in scored.items() if len(points) >= 2}
     gain = difference(
         {pair: points[-1].figure for pair, points in whole.items()},

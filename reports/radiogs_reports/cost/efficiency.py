@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..summary import ColumnSummary, Summary
+from ..summary import ColumnSummary, Summary, reference_of
 from .paired import Estimate, Pair, costs_of, figures_of, ratio
 
 
@@ -21,7 +21,7 @@ def efficiencies(summary: Summary) -> list[Efficiency]:
         for column in summary["columns"]:
             if column["unit"] != "dB":
                 continue
-            times = ratio(*(_of(summary, key, column["key"]) for key in (row["key"], summary["reference"])))
+            times = ratio(*(_of(summary, key, column["key"]) for key in (row["key"], reference_of(summary))))
             if times is not None:
                 found.append(Efficiency(row["key"], column, times))
     return found

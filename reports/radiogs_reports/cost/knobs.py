@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from ..summary import Summary
+from ..summary import Summary, reference_of
 from .paired import runs_of
 
 NAMES: Mapping[str, str] = {
@@ -33,7 +33,7 @@ class Knob(NamedTuple):
 def knobs(summary: Summary) -> list[Knob]:
     """Every knob of which at least two settings are there, in the order of the table's rows."""
     made = {row["key"]: _made_from(summary, row["key"]) for row in summary["rows"]}
-    base = made[summary["reference"]]
+    base = made[reference_of(summary)]
     if base is None or "budget" not in base:
         return []
     found: dict[str, list[Setting]] = {}
@@ -49,7 +49,7 @@ def knobs(summary: Summary) -> list[Knob]:
         Knob(
             name,
             NAMES.get(name, name.replace("_", " ")),
-            tuple(sorted([*settings, Setting(base["budget"][name], summary["reference"])])),
+            tuple(sorted([*settings, Setting(base["budget"][name], reference_of(summary))])),
         )
         for name, settings in found.items()
     ]

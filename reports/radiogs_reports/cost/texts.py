@@ -5,7 +5,7 @@ import pandas as pd
 from ..front import COSTS, points
 from ..latex import BOX_BEGIN, BOX_END, as_formula
 from ..plain import note, row_of
-from ..summary import Summary
+from ..summary import Summary, reference_of
 from .efficiency import efficiencies
 from .marginal import doublings, steps
 from .paired import Estimate
@@ -79,5 +79,5 @@ def cost_csv(summary: Summary, report: CostReport) -> str:
     for doubling in doublings(summary, report.knobs):
         record("slope per doubling", doubling.knob.field, "", doubling.column["key"], doubling.slope)
     for row in efficiencies(summary):
-        record("efficiency", row.row, summary["reference"], row.column["key"], row.times)
+        record("efficiency", row.row, reference_of(summary), row.column["key"], row.times)
     return pd.DataFrame.from_records(records).to_csv(index=False)

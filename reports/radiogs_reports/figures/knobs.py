@@ -8,7 +8,7 @@ from ..cost.knobs import Knob, knobs
 from ..cost.marginal import doublings
 from ..front import COSTS, Point, points
 from ..plain import ARROWS
-from ..summary import ColumnSummary, Summary
+from ..summary import ColumnSummary, Summary, reference_of
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 ACROSS = 2
@@ -33,7 +33,7 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch:
         figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines)
         grid = figure.subplots(lines, ACROSS, squeeze=False).ravel()
         for axes, column in zip(grid, columns, strict=False):
-            _panel(axes, turned, column, points(summary, column, cost), summary["reference"])
+            _panel(axes, turned, column, points(summary, column, cost), reference_of(summary))
             axes.set_xlabel(COSTS[cost])
         grid[len(columns)].legend(handles=_handles(summary, turned), loc="center left", frameon=False)
         for axes in grid[len(columns) :]:
@@ -84,9 +84,9 @@ def _mark(axes: Axes, point: Point, marker: str, colour: str, size: float) -> No
 
 def _handles(summary: Summary, turned: list[Knob]) -> list[Line2D]:
     texts = {row["key"]: plain(row["text"]) for row in summary["rows"]}
-    known = {summary["reference"], *(setting.row for knob in turned for setting in knob.settings)}
+    known = {reference_of(summary), *(setting.row for knob in turned for setting in knob.settings)}
     handles = [
-        Line2D([], [], linestyle="", marker="*", markersize=9, color="#000000", label=texts[summary["reference"]])
+        Line2D([], [], linestyle="", marker="*", markersize=9, color="#000000", label=texts[reference_of(summary)])
     ]
     for place, knob in enumerate(turned):
         label = f"{knob.text}:\n{', '.join(str(setting.value) for setting in knob.settings)}"
