@@ -21,7 +21,7 @@ from .cell import Cell
 from .figures import Figures
 from .frame_cost import Costs
 from .light_maps import light_maps
-from .metrics import protocol
+from .metrics import Value, protocol
 from .run_cell import Evaluation
 from .scoring import (
     Image,
