@@ -25,6 +25,7 @@ from radiogs.kernels.geometry import (
 from radiogs.model import Model
 from radiogs.rendering import Renderer
 from radiogs.surfels import PIXEL_FILTER_VARIANCE, ROUGHNESS_FLOOR, Surfels
+from radiogs.variant import Variant
 
 LARGEST = torch.finfo(torch.float32).max
 POISONS = (
@@ -47,7 +48,7 @@ Maps = dict[str, Tensor]
 
 def maps(surfels: Surfels, light: Tensor, camera: Camera) -> Maps:
     """Traced, shaded and splatted."""
-    return Renderer(Model(surfels, light), 4).render(camera)
+    return Renderer(Model(surfels, light), 4, Variant()).render(camera)
 
 
 def in_float64(surfels: Surfels, light: Tensor, camera: Camera) -> Maps:
