@@ -30,6 +30,12 @@ def content_key(content: dict[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()[:KEY_LENGTH]
 
 
+def plain(variant: Variant) -> dict[str, Any]:
+    """A variant's fields as a stored result gives them back, so that the two can be compared: JSON has no tuples."""
+    fields: dict[str, Any] = json.loads(json.dumps(asdict(variant)))
+    return fields
+
+
 @dataclass(frozen=True)
 class Cell:
     """One training and its evaluation: scene x variant x budget x seed, scored under a protocol.
@@ -78,7 +84,7 @@ class Cell:
         """Everything that the result depends on, as plain values."""
         scored = {"protocol": self.protocol, "evaluation_code": self.evaluation_code}
         done = {"experiment": self.experiment, "settings": dict(self.settings)}
-        return self._common() | {"variant": asdict(self.variant)} | scored | done
+        return self._common() | {"variant": plain(self.variant)} | scored | done
 
     def _budget_but(self, unread: tuple[str, ...]) -> dict[str, Any]:
         return {name: value for name, value in asdict(self.budget).items() if name not in ("name", *unread)}

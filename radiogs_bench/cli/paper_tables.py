@@ -14,7 +14,7 @@ from radiogs.variant import Variant
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
 
-from ..cell import TRAINING
+from ..cell import TRAINING, plain
 from ..schema import Result, training_seconds
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store import Store
@@ -85,7 +85,7 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
         except UsageError:
             continue
         made_from = {
-            "variant": asdict(row.variant), "budget": asdict(share), "experiment": TRAINING, "settings": {},
+            "variant": plain(row.variant), "budget": asdict(share), "experiment": TRAINING, "settings": {},
         }  # fmt: skip
         found[row.key] = [
             result for result in results if all(result["cell"][name] == content for name, content in made_from.items())

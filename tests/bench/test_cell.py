@@ -1,12 +1,14 @@
 """A cell's keys change with everything that its product depends on, and with nothing else."""
 
 import dataclasses
+import json
 from pathlib import Path
 
 import pytest
 
 from bench.fake_method import fake_cell
 from radiogs.budget import budget
+from radiogs.profile import PROFILES
 from radiogs.variant import Variant
 from radiogs_bench.cell import TRAINING, Cell, content_key
 from radiogs_bench.code_version import code_digest, evaluation_code, sources_of
@@ -54,6 +56,12 @@ def test_the_scene_counts_by_its_content_not_by_its_name() -> None:
 def test_every_field_of_the_variant_is_in_the_training_key() -> None:
     for field in dataclasses.fields(Variant):
         assert field.name in fake_cell().content()["variant"]
+
+
+def test_the_content_is_what_a_stored_result_gives_back() -> None:
+    """Else nothing that is looked for by its content is ever found in a store."""
+    content = fake_cell(variant=Variant(deviations=PROFILES["released"])).content()
+    assert json.loads(json.dumps(content)) == content
 
 
 def test_keys_are_the_same_in_every_process_and_forever() -> None:

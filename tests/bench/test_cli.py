@@ -16,7 +16,7 @@ import radiogs_datasets
 from bench import fake_method
 from radiogs.errors import NumericalFailure
 from radiogs_bench.cli import main
-from radiogs_bench.store import Store, strict_json
+from radiogs_bench.store import Store
 from radiogs_bench.suites import SUITES
 from radiogs_bench.sweep import read_sweep
 
@@ -185,26 +185,6 @@ def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsy
     capsys.readouterr()
     assert run("--dry-run") == 0
     assert "0 of 10 cells to run" in capsys.readouterr().out
-
-
-def test_a_dry_run_forecasts_what_more_seeds_and_workers_take_from_one_finished_seed(
-    run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("--seeds", "1", "--threads", "2") == 0
-    capsys.readouterr()
-    for result in list(Store(tmp_path).results()):
-        stored: Any = result | {"seconds": {"initialise": 90.0, "invert": 60.0, "evaluate": 0.0}}
-        Store(tmp_path).take_over({f"cells/{result['key']}.json": strict_json(stored)})
-    assert run("--seeds", "3", "--threads", "2", "--workers", "2", "--dry-run") == 0
-    said = capsys.readouterr().out
-    assert "10 of 15 cells to run" in said
-    # Two seeds: stage 1 twice each (with and without radiometric consistency), stage 2 ten times.
-    minutes = (4 * 90 + 10 * 60) / 60
-    assert (
-        f"time, one after the other: about {minutes:.1f} min (measured on 2 threads a cell; here a cell has 1)" in said
-    )
-    assert f"time, 2 at a time: about {minutes / 2:.1f} min\n" in said
-    assert "memory of one process: up to " in said
 
 
 def test_a_failing_cell_is_shown_and_decides_the_exit_code(

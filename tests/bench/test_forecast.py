@@ -5,10 +5,11 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep, fake_cell
+from bench.fake_method import CPU, SCENE, FakeSweep, fake_cell
 from radiogs.budget import budget
+from radiogs.kernels.runtime import workers
 from radiogs.variant import Variant
-from radiogs_bench.cli.planning import duration, whole_memory, whole_time
+from radiogs_bench.cli.planning import duration, show_plan, whole_memory, whole_time
 from radiogs_bench.forecast import Expected, forecast, total
 from radiogs_bench.store import Store, strict_json
 from radiogs_bench.suites import ABLATIONS
@@ -51,6 +52,30 @@ def test_a_row_takes_what_it_took_and_shared_stages_count_once(store: Store) -> 
     assert total(expected) == (pytest.approx(111 + 3 * 11 + 1110), 0)
     assert whole_time(expected) == "about 20.9 min"
     assert whole_memory(expected) == "up to 2.00 GiB, GPU 0.50 GiB"
+
+
+def test_several_at_a_time_share_the_work_until_the_longest_cell_decides() -> None:
+    cells = [None, *[Expected(100.0, None, None)] * 6]
+    assert whole_time(cells) == "about 10.0 min"
+    assert whole_time(cells, 2) == "about 5.0 min"
+    assert whole_time([*cells, Expected(1000.0, None, None)], 4) == "about 16.7 min"
+
+
+def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured(
+    store: Store, capsys: pytest.CaptureFixture[str]
+) -> None:
+    request = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+    measured_on = workers(CPU)
+    show_plan(request, store, 2, measured_on + 1)
+    said = capsys.readouterr().out
+    assert "10 of 15 cells to run" in said
+    note = f"measured on {measured_on} threads a cell; here a cell has {measured_on + 1}"
+    assert f"time, one after the other: about 41.8 min ({note})" in said  # twice 111 + 3 * 11 + 1110 seconds
+    assert "time, 2 at a time: about 20.9 min\n" in said
+    show_plan(request, store, 1, measured_on)
+    said = capsys.readouterr().out
+    assert "about 41.8 min\n" in said
+    assert "at a time" not in said
 
 
 def test_stages_in_the_store_take_nothing(store: Store) -> None:
