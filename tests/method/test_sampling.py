@@ -166,7 +166,7 @@ def test_every_mixture_of_strategies_estimates_the_same_irradiance(spread: int, 
     cosine = (toward @ normal[0]).clamp(min=0)
     expected = (light.lookup(toward) * (cosine * solid_angle)[:, None]).sum(0)
     repeated = normal.expand(1000, 3)
-    direction, weight = relighting_directions(repeated, light, spread, drawn, seeded(5))
+    direction, weight = relighting_directions(repeated, LightSampler(light), spread, drawn, seeded(5))
     incoming = (direction @ normal[0]).clamp(min=0) * weight
     found = (light.lookup(direction) * incoming[..., None]).sum(1)
     # Beside chance, the 4e-4 of the midpoint rule in height; see hemisphere_directions.
@@ -177,10 +177,10 @@ def test_every_mixture_of_strategies_estimates_the_same_irradiance(spread: int, 
 def test_directions_below_the_horizon_weigh_nothing_and_seeds_repeat() -> None:
     light = EnvironmentMap(torch.rand(4, 8, 3, dtype=torch.float64))
     normal = unit(50)
-    direction, weight = relighting_directions(normal, light, 8, 8, seeded())
+    direction, weight = relighting_directions(normal, LightSampler(light), 8, 8, seeded())
     below = torch.einsum("nsi,ni->ns", direction, normal) <= 0
     assert bool(below.any())
     assert bool((weight[below] == 0).all())
     assert bool((weight[~below] > 0).all())
-    again, _ = relighting_directions(normal, light, 8, 8, seeded())
+    again, _ = relighting_directions(normal, LightSampler(light), 8, 8, seeded())
     assert torch.equal(direction, again)
