@@ -8,7 +8,7 @@ from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs.errors import DataError, UsageError
 from radiogs_bench.cli import main
-from radiogs_bench.cli.view import model_in
+from radiogs_bench.cli.view import disks_of, model_in
 from radiogs_bench.store import Store
 from radiogs_bench.suites import ABLATIONS
 from radiogs_bench.sweep import Request, write_sweep
