@@ -25,7 +25,8 @@ ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
 def result(key: str, value: float = 1.0) -> Result:
     return Result(
         schema=RESULT_SCHEMA, key=key, scene="s", cell={}, protocol={}, views=["v"], shown_view="v", shown_light=None,
-        metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={}, albedo_scale=None,
+        metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
+        albedo_scale=None,
         surfels=1, losses={}, seconds={"initialise": 0.0, "invert": 0.0, "evaluate": 0.0}, work={}, sessions={},
     )  # fmt: skip
 
