@@ -59,12 +59,14 @@ def draw(disks: Disks, still: Path, turntable: Path, frames: int = 36, size: int
     plotter.add_mesh(mesh, scalars="colour", rgb=True)
     middle = np.median(disks.centres, axis=0)
     radius = float(np.quantile(np.linalg.norm(disks.centres - middle, axis=1), 0.98))
+    plotter.show(auto_close=False)
     pictures = []
     for frame in range(frames):
         turn, tilt = 2 * np.pi * frame / frames, np.radians(ELEVATION)
         away = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)])
         plotter.camera_position = [tuple(middle + 4 * radius * away), tuple(middle), (0.0, 0.0, 1.0)]
         plotter.reset_camera_clipping_range()
+        plotter.render()  # a screenshot by itself would show the first frame again
         pictures.append(Image.fromarray(np.asarray(plotter.screenshot(return_img=True))))
     plotter.close()
     pictures[0].save(still)
