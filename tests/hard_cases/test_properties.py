@@ -90,7 +90,8 @@ def test_what_lies_behind_a_wall_or_the_camera_is_not_seen(before: Surfels, hidd
     behind_camera = Surfels.of(
         hidden.parameters() | {"centre": hidden.centre - torch.tensor([0.0, 0.0, 50.0], dtype=torch.float64)}
     )
-    assert_same(seen(camera, joined(before, behind_camera)), seen_before, 0)
+    # PyTorch rounds activations by their place in an array, so the kernels' own inputs differ by a last digit.
+    assert_same(seen(camera, joined(before, behind_camera)), seen_before, 1e-14)
     features = torch.rand(len(hidden) + 4, 4, dtype=torch.float64)
     splats = {
         name: torch.cat([wall[name], getattr(hidden.geometry(), name)])

@@ -12,7 +12,7 @@ from ..finite import require_finite_blend
 from .counters import count
 from .geometry import SplatGeometry, support_radius
 from .rasterize_binning import TileLists, tile_lists
-from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels
+from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
 from .runtime import WorkerSums, as_array, launch_in_parallel
 
 
@@ -78,8 +78,8 @@ class _Blend(torch.autograd.Function):
         sums = like.new_empty(pixels, PIXEL_SUMS)
         ends, blended = (torch.empty(pixels, dtype=torch.int32, device=like.device) for _ in range(2))
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
-        outputs = [as_array(images, dtype=kernels.feature), *map(as_array, (sums, ends, blended))]
-        launch_in_parallel(kernels.forward, _threads(camera), like.device, lambda _: [*arguments, *outputs])
+        outputs = list(map(_flat, (images, sums, ends, blended)))
+        launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = int(blended.sum())
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
         ctx.camera, ctx.lists, ctx.depth_unit = camera, lists, depth_unit
@@ -91,18 +91,14 @@ class _Blend(torch.autograd.Function):
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1])
         gradients = WorkerSums(splats, images.device)
-        types = [kernels.record, kernels.feature]
         arguments = _arguments(kernels, ctx.camera, ctx.lists, ctx.depth_unit, splats)
-        saved = [
-            as_array(images, dtype=kernels.feature), as_array(sums), as_array(ends),
-            as_array(grad_images.contiguous(), dtype=kernels.feature), as_array(grad_sums.contiguous()),
-        ]  # fmt: skip
-
-        def given(worker: int) -> list[Any]:
-            own = zip(gradients.of(worker), types, strict=True)
-            return [*arguments, *saved, *(as_array(value, dtype=dtype) for value, dtype in own)]
-
-        launch_in_parallel(kernels.backward, _threads(ctx.camera), images.device, given)
+        saved = list(map(_flat, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
+        launch_in_parallel(
+            kernels.backward,
+            _items(ctx.camera, images.device),
+            images.device,
+            lambda worker: [*arguments, *saved, *map(_flat, gradients.of(worker))],
+        )
         return None, None, None, *gradients.total()
 
 
@@ -112,13 +108,16 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
     image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
     image.depth_unit = depth_unit
     packed = kernels.Splats()
-    packed.starts, packed.members = as_array(lists.starts), as_array(lists.members)
-    records, features = splats
-    packed.records = as_array(records, dtype=kernels.record)
-    packed.features = as_array(features, dtype=kernels.feature)
+    packed.starts, packed.members = _flat(lists.starts), _flat(lists.members)
+    packed.records, packed.features = map(_flat, splats)
     return [image, packed]
 
 
-def _threads(camera: Camera) -> int:
-    """One thread a pixel, of whole tiles."""
-    return -(-camera.width // TILE) * -(-camera.height // TILE) * TILE * TILE
+def _items(camera: Camera, device: torch.device) -> int:
+    """Items of the kernels in whole tiles."""
+    tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
+    return tiles * TILE * TILE // pixels_an_item(device)
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

@@ -1,15 +1,18 @@
 """Which surfels a tile must look at: exact screen bounds of every support ellipse, and lists in depth order."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import torch
+import warp as wp
 from jaxtyping import Bool, Int
 from torch import Tensor
 
 from ..camera import Camera
+from .binning_source import binning_kernels
 from .geometry import SplatGeometry, cull, support_radius
 from .rasterize_source import TILE
-from .runtime import require_countable
+from .runtime import as_array, launch_in_parallel, require_countable
 
 
 @dataclass(frozen=True)
@@ -29,70 +32,72 @@ def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
     are equal but for float32's rounding, and each pair that it swaps changes the image (measured 1e6 units away: by
     0.018, of which nothing is left).
     """
-    lowest, highest = pixel_bounds(camera, geometry)
-    across = -(-camera.width // TILE)
-    down = -(-camera.height // TILE)
-    first, last = lowest // TILE, highest // TILE
-    span = last - first + 1
-    touched = (highest >= lowest).all(-1)
-    depth = (geometry.centre.double() - camera.centre.double()) @ camera.axes[:, 2].double()
-    nearest_first = depth.argsort(stable=True)
-    nearest_first = nearest_first[touched[nearest_first]]
-    counts = span[nearest_first].prod(-1)
+    tiles, counts, depth = _bounds(camera, geometry)
+    touched = counts > 0
     entries = int(counts.sum())
     require_countable(entries, "pairs of a surfel and a tile", "Render a smaller image, or fewer surfels.")
-    entry = torch.arange(entries, device=counts.device)
+    drawn = torch.nonzero(touched)[:, 0]
+    nearest_first = drawn[depth[drawn].argsort(stable=True)]
+    gather = counted_lists if depth.device.type == "cpu" else sorted_lists
+    starts, members = gather(camera, tiles, nearest_first, entries)
+    return TileLists(starts, members, touched)
+
+
+def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Tensor]:
+    """Each surfel's first and last tile [surfels, 4], how many tiles that are, and its centre's depth in float64."""
+    centre = geometry.centre
+    kernels = binning_kernels(centre.dtype)
+    window = kernels.Window()
+    pose = torch.cat([camera.centre[None], camera.axes.mT]).double().contiguous()
+    window.pose = as_array(pose, dtype=wp.vec3d)
+    window.focal, window.offset = wp.vec2d(camera.fx, camera.fy), wp.vec2d(camera.cx, camera.cy)
+    window.width, window.height = camera.width, camera.height
+    tiles = torch.empty(len(centre), 4, dtype=torch.int32, device=centre.device)
+    counts = torch.empty(len(centre), dtype=torch.int64, device=centre.device)
+    depth = torch.empty(len(centre), dtype=torch.float64, device=centre.device)
+    vectors = [value.contiguous() for value in (centre, geometry.axis_u, geometry.axis_v, geometry.normal)]
+    radius, can_be_met = support_radius(geometry.opacity), cull(geometry)
+    arguments = [
+        window, *(as_array(value, dtype=kernels.vector) for value in vectors), as_array(radius), as_array(can_be_met),
+        as_array(tiles, dtype=wp.vec4i), as_array(counts), as_array(depth),
+    ]  # fmt: skip
+    launch_in_parallel(kernels.bound, len(centre), centre.device, lambda _: arguments)
+    return tiles, counts, depth
+
+
+def counted_lists(
+    camera: Camera, tiles: Int[Tensor, "surfels 4"], nearest_first: Int[Tensor, " drawn"], entries: int
+) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
+    """``starts`` and ``members`` by a counting sort in one thread, for the CPU."""
+    across, count = _grid(camera)
+    starts = torch.zeros(count + 1, dtype=torch.int32)
+    members = torch.empty(entries, dtype=torch.int32)
+    arrays: list[Any] = [as_array(nearest_first), as_array(tiles, dtype=wp.vec4i), as_array(starts), as_array(members)]
+    wp.launch(binning_kernels(torch.float32).listed, dim=1, inputs=[across, count, *arrays], device="cpu")
+    return starts, members
+
+
+def sorted_lists(
+    camera: Camera, tiles: Int[Tensor, "surfels 4"], nearest_first: Int[Tensor, " drawn"], entries: int
+) -> tuple[Int[Tensor, " tiles_and_one"], Int[Tensor, " entries"]]:
+    """``starts`` and ``members`` by a stable sort of all pairs, for CUDA."""
+    across, count = _grid(camera)
+    first, last = tiles[nearest_first].view(-1, 2, 2).unbind(1)
+    counts = (last - first + 1).prod(-1)
     begins = counts.cumsum(0) - counts
-    place = torch.repeat_interleave(torch.arange(len(counts), device=counts.device), counts)
-    local = entry - begins[place]
-    member = nearest_first[place]
-    column = first[member, 0] + local % span[member, 0]
-    row = first[member, 1] + local // span[member, 0]
-    tile = row * across + column
-    # Entries come in depth order; a stable sort by tile keeps that order within each tile.
+    tile, member = (torch.empty(entries, dtype=torch.int32, device=tiles.device) for _ in range(2))
+    arrays = [
+        as_array(nearest_first), as_array(begins), as_array(tiles, dtype=wp.vec4i), as_array(tile), as_array(member),
+    ]  # fmt: skip
+    write = binning_kernels(torch.float32).entries
+    launch_in_parallel(write, len(nearest_first), tiles.device, lambda _: [across, *arrays])
+    # Pairs come in depth order; a stable sort by tile keeps that order within each tile.
     tile, order = tile.sort(stable=True)
-    starts = torch.searchsorted(tile, torch.arange(across * down + 1, device=tile.device))
-    return TileLists(starts.int(), member[order].int(), touched)
+    starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)
+    return starts, member[order]
 
 
-def pixel_bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Int[Tensor, "surfels 2"], Int[Tensor, "surfels 2"]]:
-    """First and last (column, row) whose centre may lie inside each support ellipse; last < first where none does.
-
-    With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z touches it where
-    (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2: a quadratic in q. If the ellipse crosses the camera's
-    plane its image is unbounded, and every pixel may see it.
-    """
-    size = torch.tensor([camera.width, camera.height], device=geometry.centre.device)
-    radius = support_radius(geometry.opacity).double()[:, None]
-    axes = camera.axes.double()
-    centre = (geometry.centre.double() - camera.centre.double()) @ axes
-    span_u, span_v = (
-        radius * (axis.double() / axis.double().square().sum(-1, keepdim=True)) @ axes
-        for axis in (geometry.axis_u, geometry.axis_v)
-    )
-    reach = torch.hypot(span_u[:, 2], span_v[:, 2])
-    facing = (geometry.normal.double() * (geometry.centre.double() - camera.centre.double())).sum(-1) < 0
-    alive = cull(geometry) & facing & (centre[:, 2] + reach > 0)
-    whole = centre[:, 2] - reach > 0
-
-    def form(x: int, y: int) -> Tensor:
-        return centre[:, x] * centre[:, y] - span_u[:, x] * span_u[:, y] - span_v[:, x] * span_v[:, y]
-
-    square = torch.where(whole, form(2, 2), 1.0)[:, None]
-    middle = torch.stack([form(0, 2), form(1, 2)], -1)
-    constant = torch.stack([form(0, 0), form(1, 1)], -1)
-    width = (middle.square() - square * constant).clamp(min=0).sqrt()
-    focal = torch.tensor([camera.fx, camera.fy], dtype=torch.float64, device=size.device)
-    offset = torch.tensor([camera.cx, camera.cy], dtype=torch.float64, device=size.device)
-    low, high = (((middle + sign * width) / square * focal + offset) for sign in (-1, 1))
-    # Held next to the image on both sides: a place of 1e30 pixels (a surfel 1e38 away) is beyond 64-bit integers, and
-    # wrapped around it would stand for the whole image.
-    lowest = torch.minimum((low - 0.5).ceil().clamp(min=0), size.double())
-    highest = torch.minimum((high - 0.5).floor().clamp(min=-1), (size - 1).double())
-    lowest = torch.where(whole[:, None], lowest, 0.0)
-    highest = torch.where(whole[:, None], highest, (size - 1).double())
-    empty = ~alive[:, None]
-    return (
-        torch.where(empty, 0.0, lowest).long(),
-        torch.where(empty, -1.0, highest).long(),
-    )
+def _grid(camera: Camera) -> tuple[int, int]:
+    """Tiles across, and tiles of the whole image."""
+    across = -(-camera.width // TILE)
+    return across, across * -(-camera.height // TILE)

@@ -65,6 +65,9 @@ def require_countable(entries: int, what: str, remedy: str) -> None:
 
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors)."""
+    if tensor.numel() == 0:
+        # A view of nothing may have any strides, and Warp takes them at their word.
+        tensor = tensor.new_empty(tensor.shape)
     return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
 
 

@@ -1,5 +1,7 @@
 """K1 against a dense float64 implementation, finite differences, and what must not change the image."""
 
+from itertools import pairwise
+
 import pytest
 import torch
 
@@ -7,6 +9,7 @@ from radiogs.camera import Camera
 from radiogs.kernels.counters import work
 from radiogs.kernels.geometry import SplatGeometry
 from radiogs.kernels.rasterize import rasterize
+from radiogs.kernels.rasterize_binning import counted_lists, sorted_lists
 from radiogs.kernels.runtime import use_threads
 from reference.differences import assert_gradients
 from reference.rasterize import rasterize as dense_rasterize
@@ -148,6 +151,23 @@ def test_scaling_the_world_changes_only_depth(scale: float) -> None:
     features, alpha, depth, _ = fast(larger, moved)
     expected = fast(given, view)
     assert_same((features, alpha, depth / scale), expected[:3], 1e-10)
+
+
+@pytest.mark.parametrize("count", [0, 60])
+def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int) -> None:
+    view = camera(23, 14)
+    across, down = 6, 4
+    first = torch.stack([torch.randint(across, (count,)), torch.randint(down, (count,))], -1)
+    last = torch.minimum(first + torch.randint(3, (count, 2)), torch.tensor([across - 1, down - 1]))
+    tiles, order = torch.cat([first, last], -1).int(), torch.randperm(count)
+    expected = [
+        [int(surfel) for surfel in order if (first[surfel] <= place).all() and (place <= last[surfel]).all()]
+        for place in (torch.tensor([tile % across, tile // across]) for tile in range(across * down))
+    ]
+    for lists in (counted_lists, sorted_lists):
+        starts, members = lists(view, tiles, order, sum(map(len, expected)))
+        found = [members[begin:end].tolist() for begin, end in pairwise(starts.tolist())]
+        assert found == expected
 
 
 def test_an_empty_scene_is_the_background_and_takes_gradients() -> None:
