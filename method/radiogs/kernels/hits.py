@@ -67,7 +67,7 @@ def find_hits(
     tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
     start = t_min.index_select(0, order)
     at_once = RAYS_AT_ONCE[origin.device.type]
-    if origin.device.type == "cpu":
+    if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
         at_once = max(FEWEST_RAYS, min(at_once, share))
     chunks = zip(order.split(at_once), start.split(at_once), strict=True)
