@@ -134,8 +134,8 @@ def _complete(row: object) -> None:
     """Fill in what a row may leave out: the full method, and its text as LaTeX."""
     if isinstance(row, dict):
         row.setdefault("variant", {})
-        if isinstance(row.get("text"), str):
-            row.setdefault("latex", "".join(SPECIAL.get(character, character) for character in row["text"]))
+        text = row.get("text")
+        row.setdefault("latex", "".join(SPECIAL.get(each, each) for each in text) if isinstance(text, str) else "")
 
 
 def _check(suite: Suite, reader: _Reader) -> None:
