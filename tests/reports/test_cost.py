@@ -166,12 +166,13 @@ def test_the_front_in_the_tables_is_what_no_other_row_beats() -> None:
     assert len(points(made, made["columns"][0], "seconds")) == len(ROWS)
 
 
-def test_rows_that_differ_in_two_knobs_or_in_the_variant_belong_to_none() -> None:
+@pytest.mark.parametrize("part", ["variant", "settings"])
+def test_rows_that_differ_in_two_knobs_or_in_something_else_belong_to_none(part: str) -> None:
     made = made_up()
     assert {setting.row for knob in report_of(made).knobs for setting in knob.settings} == set(ROWS) - {"draft"}
     for each in made["runs"]:
         if each["row"] != "reference":
-            each["made_from"]["variant"] = {"detach": each["row"]}
+            each["made_from"][part] = {"detach": each["row"]}
     assert cost_report(made) is None
     assert knob_figures(made) == []
     assert not any("cost" in name for name in texts(made))

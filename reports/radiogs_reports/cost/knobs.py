@@ -38,7 +38,7 @@ def knobs(summary: Summary) -> list[Knob]:
         return []
     found: dict[str, list[Setting]] = {}
     for row, content in made.items():
-        if content is None or content["variant"] != base["variant"]:
+        if content is None or any(content.get(part) != base.get(part) for part in ("variant", "settings")):
             continue
         changed = [
             name for name, value in content["budget"].items() if name != "name" and value != base["budget"][name]
