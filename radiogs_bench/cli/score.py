@@ -41,9 +41,13 @@ def add_to(commands: "Commands") -> None:
 def score(options: argparse.Namespace) -> int:
     """Score, show what was compared and what could not be, and write the record."""
     from ..atomic import write_atomically
-    from .reporter import say, show
+    from ..metrics.weights import complaint
+    from .reporter import complain, say, show
 
     record = _pairs(options) if _are_pairs(options) else _folder(options)
+    for net in dict.fromkeys(each.net for rules in _protocols(options.protocol) for each in rules.lpips):
+        if complaint(net):
+            complain(complaint(net))
     text = json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n"
     if options.out is not None:
         write_atomically(options.out, text.encode())

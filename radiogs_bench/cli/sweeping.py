@@ -24,6 +24,7 @@ from ..experiments import EXPERIMENTS
 from ..interruption import Interruption
 from ..method import Method
 from ..metrics import protocol
+from ..metrics.weights import complaint
 from ..pool import run_pool, worker_commands
 from ..preflight import read_everything
 from ..progress import Progress, SweepProgress, progress_for_stderr
@@ -180,6 +181,10 @@ def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.devic
     for scene in scenes:
         read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
     if scenes:
+        if any(column.measure.startswith("lpips") for column in request.suite.columns):
+            for rules in protocol(request.protocol).lpips:
+                if complaint(rules.net):
+                    progress.say(complaint(rules.net))
         progress.say("compiling kernels (kept for the next run)")
         # Of a scene that holds images: some experiments are run on scenes without.
         compile_kernels(RADIOGS, load_scene(COMPILED_ON), device)

@@ -50,12 +50,25 @@ def weights_folder() -> Path:
 
 
 def missing_weights(net: Net = "alex") -> str:
-    """Why LPIPS on this network cannot be computed here, or nothing."""
+    """Why LPIPS on this network cannot be computed, or nothing. Results keep it: it says nothing about the machine."""
+    if not lacking(net):
+        return ""
+    return f"the published LPIPS weights of {net} were not found; radiogs-bench datasets weights fetches them"
+
+
+def lacking(net: Net) -> str:
+    """Which file this machine lacks, with the folder, or nothing: for messages, not for results."""
     folder = weights_folder()
     for names in (FILES[net].features, FILES[net].head):
         if _first(folder, names) is None:
-            return f"LPIPS weights not found: {folder} has neither {' nor '.join(names)}. {DOWNLOAD}"
+            return f"{folder} has neither {' nor '.join(names)}"
     return ""
+
+
+def complaint(net: Net) -> str:
+    """What a user is told at once about weights that this machine lacks, or nothing."""
+    missing = lacking(net)
+    return f"LPIPS ({net}) is n/a: {missing}. {DOWNLOAD}" if missing else ""
 
 
 def read_weights(net: Net, folder: Path) -> tuple[dict[str, Tensor], list[Tensor]]:
@@ -65,7 +78,7 @@ def read_weights(net: Net, folder: Path) -> tuple[dict[str, Tensor], list[Tensor
     """
     features, head = _first(folder, FILES[net].features), _first(folder, FILES[net].head)
     if features is None or head is None:
-        raise DataError(missing_weights(net))
+        raise DataError(f"LPIPS weights of {net} not found", f"{lacking(net)}.", DOWNLOAD)
     loaded = _tensors(head)
     layers = sorted(name for name in loaded if name.startswith("lin"))
     return _tensors(features), [loaded[name].float() for name in layers]

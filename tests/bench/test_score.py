@@ -169,6 +169,18 @@ def test_the_command_writes_its_record(
     assert json.loads(capsys.readouterr().out)["scene"]["name"] == "corner"
 
 
+def test_where_weights_were_looked_for_is_said_and_not_recorded(
+    folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
+    assert main(["score", str(folders["plain"]), "--scene", "corner", "--json"]) == 0
+    shown = capsys.readouterr()
+    assert str(tmp_path) in shown.err
+    record = json.loads(shown.out)
+    assert "not found" in record["protocols"]["default"]["metrics"]["nvs/lpips"]["reason"]
+    assert str(tmp_path) not in json.dumps(record["protocols"])
+
+
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
