@@ -19,6 +19,9 @@ from radiogs_reports.summary import (
 EMPTY = ("figures", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
 """What an unfinished cell has nothing of."""
 
+LIGHTS = ("sky", "night")
+"""Under which a view is kept."""
+
 CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
 
 
@@ -182,14 +185,19 @@ def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
 
 
 def arrays(seed: int, size: int = 16) -> dict[str, Any]:
-    """Maps of a cell, and its light: the truth of all cells is one, the rest differs; normals have unit length."""
+    """Maps of a cell, and its light: the truth of all cells is one, the rest differs; normals have unit length.
+
+    The light that arrives has no truth.
+    """
     generators = {"truth": np.random.default_rng(99), "render": np.random.default_rng(seed)}
     maps = {
         f"{side}/{name}": generator.random((size, size, count), dtype=np.float32)
         for side, generator in generators.items()
         for name, count in CHANNELS.items()
     }
+    maps["render/incident"] = generators["render"].random((size, size, 3), dtype=np.float32)
     for side, generator in generators.items():
+        maps |= {f"{side}/relit/{light}": generator.random((size, size, 3), dtype=np.float32) for light in LIGHTS}
         maps[f"{side}/environment"] = generator.random((4, 8, 3), dtype=np.float32)
         normal = maps[f"{side}/normal"] * 2 - 1
         maps[f"{side}/normal"] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)

@@ -73,6 +73,7 @@ KINDS: Mapping[str, Kind] = {
     "normal": Kind("normal", normal_colour, f"angle, 0 to {ANGLE_RANGE:g} degrees"),
     "roughness": Kind("roughness", as_is),
     "indirect": Kind(f"indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
+    "incident": Kind(f"incident light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
     "relit": Kind("relit", as_is),
 }
 """In the order in which they are shown."""

@@ -1,26 +1,29 @@
 """Figures: which there are, that their bytes depend on the results alone, and the computations behind them."""
 
 import itertools
+import math
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from made_up_run import arrays, run, summary, write_run
+from made_up_run import LIGHTS, arrays, run, summary, write_run
 from radiogs_reports import write_reports
 from radiogs_reports.figures import write_figures
-from radiogs_reports.figures.canvas import file_name
+from radiogs_reports.figures.canvas import ALL, file_name, number
 from radiogs_reports.figures.cost import cost_figure
 from radiogs_reports.figures.environment import factors
-from radiogs_reports.figures.illumination import direct, illumination_figures
-from radiogs_reports.figures.qualitative import crop_place
-from radiogs_reports.figures.views import scene_views
+from radiogs_reports.figures.illumination import components, direct, illumination_figures
+from radiogs_reports.figures.qualitative import crop_place, qualitative_figures
+from radiogs_reports.figures.relighting import relighting_figures
+from radiogs_reports.figures.views import MOST_ACROSS, scene_views
 from radiogs_reports.maps import display, linear
 from radiogs_reports.summary import Summary
 
-OF_A_SCENE = ("image", "albedo", "normal", "indirect", "relit", "illumination", "environment")
+OF_A_SCENE = ("image", "albedo", "normal", "indirect", "relit", "illumination", "environment", "relighting")
 CONVERGENCE = ("convergence-losses", "convergence-metrics")
 NAMES = ("cost-seconds", "cost-rays", *CONVERGENCE, *(f"my_scene-{name}" for name in OF_A_SCENE))
 
@@ -121,6 +124,63 @@ def test_direct_and_indirect_light_add_up_to_the_image() -> None:
     assert (direct({"image": np.zeros((1, 1, 3)), "indirect": np.ones((1, 1, 3))}) == 0).all()
 
 
+def test_the_light_that_arrives_stands_where_the_protocol_compares_it() -> None:
+    """Truth that a protocol takes for arriving light is no part of the image, so that nothing is direct there."""
+    found = {"image": np.full((2, 2, 3), 0.5), "indirect": np.full((2, 2, 3), 0.01)}
+    assert components(found).keys() == {"image", "indirect", "direct"}
+    arriving = components(found, arriving=True)
+    assert arriving.keys() == {"image", "incident"}
+    assert arriving["incident"] == pytest.approx(components(found)["indirect"])
+
+
+@pytest.mark.parametrize(("quantity", "absent"), [("outgoing", [3]), ("incident", [1, 2])])
+def test_what_the_truth_lacks_is_said_in_its_place(tmp_path: Path, quantity: str, absent: list[int]) -> None:
+    made = two_rows()
+    made["conventions"]["indirect"] = {"quantity": quantity}
+    (sketch,) = illumination_figures(made, write_run(tmp_path, made))
+    tiles = [axes for axes in sketch.figure.axes if axes.get_visible()]
+    assert len(tiles) == 4 * 3
+    assert [place // 3 for place, axes in enumerate(tiles) if axes.texts] == absent
+    assert [axes.get_ylabel() for axes in tiles[::3]] == [
+        "all light", "direct", "indirect light x 4", "incident light x 4",
+    ]  # fmt: skip
+
+
+def test_a_strip_has_a_line_a_light_and_holds_the_stored_pictures(tmp_path: Path) -> None:
+    made = two_rows()
+    (sketch,) = relighting_figures(made, write_run(tmp_path, made))
+    tiles = sketch.figure.axes
+    assert [axes.get_ylabel() for axes in tiles[::3]] == list(LIGHTS)
+    assert [axes.get_title() for axes in tiles[:3]] == ["truth", "Ours", "lambda_rad = 0"]
+    stored = [arrays(seed) for seed in (0, 1)]
+    for line, light in enumerate(LIGHTS):
+        sides = [stored[0][f"truth/relit/{light}"], *(each[f"render/relit/{light}"] for each in stored)]
+        for axes, image in zip(tiles[3 * line :], sides, strict=False):
+            assert np.array_equal(axes.images[0].get_array(), np.rint(image * 255))
+
+
+def test_many_rows_go_on_below_and_none_is_lost(tmp_path: Path) -> None:
+    made = two_rows()
+    (one,) = scene_views(made, write_run(tmp_path, made))
+    for count in range(1, 30):
+        views = replace(one, rows=[(str(place), {}) for place in range(count)])
+        bands = views.bands()
+        assert [label for band in bands for label, _ in band.rows] == [str(place) for place in range(count)]
+        sizes = [len(band.rows) for band in bands]
+        assert max(sizes) == sizes[0] <= MOST_ACROSS
+        assert len(bands) == math.ceil(count / MOST_ACROSS)
+
+
+def test_rows_that_agree_in_a_map_share_one_picture_of_it(tmp_path: Path) -> None:
+    made = two_rows()
+    folder = write_run(tmp_path, made)
+    mine, other = arrays(0), arrays(1)
+    np.savez(folder / "cells" / "def.npz", allow_pickle=False, **(other | {"render/image": mine["render/image"]}))
+    sketches = {each.name: each.figure.axes for each in qualitative_figures(made, folder)}
+    assert [axes.get_title() for axes in sketches["my_scene-image"][:2]] == ["truth", ALL]
+    assert [axes.get_title() for axes in sketches["my_scene-albedo"][:3]] == ["truth", "Ours", "lambda_rad = 0"]
+
+
 def test_a_light_is_scaled_by_the_factor_that_fits_best_over_the_sphere() -> None:
     """The factor of each channel, found by lstsq with rows weighted by their solid angle."""
     generator = np.random.default_rng(1)
@@ -154,3 +214,8 @@ def test_dollars_in_names_are_dollars(tmp_path: Path) -> None:
 def test_names_of_files_suit_every_system_and_latex() -> None:
     assert file_name("my scene/ä_%", "image") == "my_scene-image"
     assert file_name("../", "image") == "_-image"
+
+
+def test_numbers_of_ticks_are_short() -> None:
+    shown = [number(value) for value in (0.2, 5, 1000, 20_000, 5e6)]
+    assert shown == ["0.2", "5", "1k", "20k", "5M"]

@@ -7,9 +7,11 @@ from .canvas import Drawn, save
 from .convergence import convergence_figures
 from .cost import cost_figure
 from .environment import environment_figures
+from .finetuning import finetuning_figures
 from .illumination import illumination_figures
 from .knobs import knob_figures
 from .qualitative import qualitative_figures
+from .relighting import relighting_figures
 from .stability import stability_figure
 
 __all__ = ["Drawn", "write_figures"]
@@ -20,9 +22,11 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     figures = [
         *(knob_figures(summary) or cost_figure(summary)),
         *convergence_figures(summary),
+        *finetuning_figures(summary, out),
         *qualitative_figures(summary, out),
         *illumination_figures(summary, out),
         *environment_figures(summary, out),
+        *relighting_figures(summary, out),
         *stability_figure(summary, out),
     ]
     return [save(figure, out) for figure in figures]

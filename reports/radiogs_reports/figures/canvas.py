@@ -1,14 +1,19 @@
 """What all figures share: type, sizes, and files whose bytes depend on nothing but what is drawn."""
 
 import re
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 from .. import maps
 
@@ -28,6 +33,15 @@ COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5
 """For rows, in order; dark enough on white, told apart without red and green (after Okabe and Ito)."""
 
 MARKERS = "osD^vPX*"
+
+TILE = 1.25
+"""Inches of a picture in a grid."""
+
+ALL = "all rows"
+"""The label of what is the same in all of them."""
+
+LETTERS_ACROSS = 20
+"""Of a name, in the type of titles, that are as wide as a tile."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +93,26 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def plain_numbers(axis: Axis) -> None:
+    """Of a logarithmic axis: ticks at 1, 2, 5 of each decade, or a span below a decade would have one or none."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def number(value: float) -> str:
+    """A tick's number in few letters: thousands as k, millions as M."""
+    for unit, size in (("M", 1e6), ("k", 1e3)):
+        if abs(value) >= size:
+            return f"{value / size:g}{unit}"
+    return f"{value:g}"
+
+
+def wrapped(text: str) -> str:
+    """A row's name in lines that fit over a tile."""
+    return textwrap.fill(text, LETTERS_ACROSS, break_long_words=False)
+
+
 def show(axes: Axes, image: maps.Image) -> None:
     """A displayed map, pixel by pixel, without axes."""
     axes.imshow(maps.levels(image), interpolation="nearest")
@@ -86,6 +120,22 @@ def show(axes: Axes, image: maps.Image) -> None:
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_visible(False)
+
+
+def show_absence(axes: Axes, like: maps.Image) -> None:
+    """A frame as large as another map's, where the data have no such map."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.set_box_aspect(like.shape[0] / like.shape[1])
+    axes.text(0.5, 0.5, "no ground\ntruth", transform=axes.transAxes, ha="center", va="center", color="#767676")
+    for spine in axes.spines.values():
+        spine.set(visible=True, linewidth=0.5, edgecolor="#bbbbbb")
+
+
+def hide_empty(grid: NDArray[np.object_]) -> None:
+    """Leave no frame where a grid has nothing to show."""
+    for axes in grid.ravel():
+        axes.set_visible(axes.has_data() or bool(axes.texts))
 
 
 def name_row(axes: Axes, text: str) -> None:

@@ -1,18 +1,17 @@
 """How L_rad and the figures developed with the iterations."""
 
 import math
+import textwrap
 from collections.abc import Callable
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from ..plain import ARROWS
 from ..summary import RunSummary, Summary, TrailPoint
-from .canvas import COLOURS, STYLE, Sketch, blank, plain
+from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain, plain_numbers
 
 STAGES = {"initialise": "stage 1", "invert": "stage 2"}
 CONSISTENCY = "consistency"
@@ -20,6 +19,14 @@ CONSISTENCY = "consistency"
 
 ACROSS = 2
 PANEL = (3.4, 2.5)
+MOST_COLUMNS = 3
+LONGEST = 48
+"""Letters of a label in a line."""
+
+INCHES_A_LETTER = 0.065
+"""Of a legend, on average."""
+
+THICKEST, THINNEST = 3.0, 0.8
 DASHES = ("-", "--", ":", "-.")
 
 Curve = list[tuple[int, float]]
@@ -86,40 +93,60 @@ def _figure(
     summary: Summary, name: str, caption: str, panels: list[tuple[str, dict[str, Curve]]], losses: bool
 ) -> Sketch:
     lines = -(-len(panels) // ACROSS)
+    drawn = _labels(summary, [curves for _, curves in panels])
+    columns = _columns(list(drawn.values()))
+    below = sum(1 + label.count("\n") for label in drawn.values()) // columns
     handles = []
     with rc_context(STYLE):
-        figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines + 0.16 * (2 + len(summary["rows"]) // 3))
+        figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines + 0.16 * (2 + below))
         grid = figure.subplots(lines, ACROSS, squeeze=False).ravel()
-        for place, row in enumerate(summary["rows"]):
-            look: dict[str, Any] = {"color": COLOURS[place % 8], "linestyle": DASHES[place // 8 % 4], "linewidth": 1.0}
-            handles.append(Line2D([], [], label=plain(row["text"]), **look))
+        for place, (row, label) in enumerate(drawn.items()):
+            look: dict[str, Any] = {
+                "color": COLOURS[place % 8],
+                "linestyle": DASHES[place // 8 % 4],
+                "linewidth": _width(place, len(drawn)),
+            }
+            handles.append(Line2D([], [], label=label, **look))
             for axes, (_, curves) in zip(grid, panels, strict=False):
-                if curves[row["key"]]:
-                    axes.plot(
-                        *zip(*curves[row["key"]], strict=True), marker=None if losses else "o", markersize=3, **look
-                    )
+                if curves[row]:
+                    axes.plot(*zip(*curves[row], strict=True), marker=None if losses else "o", markersize=3, **look)
         for axes, (title, _) in zip(grid, panels, strict=False):
             _dress(axes, title, losses)
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 3), frameon=False)
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return Sketch(name, caption, figure, on_page=True)
 
 
-def _plain_numbers(axis: Axis) -> None:
-    """Ticks at 1, 2, 5 of each decade: with powers alone, a span below a decade would have one or none."""
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
+def _labels(summary: Summary, panels: list[dict[str, Curve]]) -> dict[str, str]:
+    """What each line is called, by its row; rows that agree in every panel (they share a training) are one line."""
+    alike: dict[str, list[str]] = {}
+    for row in summary["rows"]:
+        same = (first for first in alike if all(curves[first] == curves[row["key"]] for curves in panels))
+        alike.setdefault(next(same, row["key"]), []).append(plain(row["text"]))
+    if len(alike) == 1 < len(summary["rows"]):
+        return dict.fromkeys(alike, ALL)
+    return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in alike.items()}
+
+
+def _columns(labels: list[str]) -> int:
+    """How many of the longest label a legend has room for side by side."""
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    return max(1, min(len(labels), MOST_COLUMNS, int(PANEL[0] * ACROSS / (INCHES_A_LETTER * longest + 0.5))))
+
+
+def _width(place: int, count: int) -> float:
+    """Later lines are thinner and lie above: rows that share a stage have the same curve there, and all are seen."""
+    return THINNEST + (THICKEST - THINNEST) * (1 - place / max(1, count - 1))
 
 
 def _dress(axes: Axes, title: str, losses: bool) -> None:
     axes.set_title(title)
     axes.set_xlabel("iteration")
     axes.set_xscale("log")
-    _plain_numbers(axes.xaxis)
+    plain_numbers(axes.xaxis)
     if losses:
         axes.set_yscale("log")
-        _plain_numbers(axes.yaxis)
+        plain_numbers(axes.yaxis)
     axes.grid(color="#e4e4e4", linewidth=0.5)
     axes.set_axisbelow(True)

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from ..front import COSTS, Point, cost_of, points
 from ..plain import ARROWS
 from ..summary import ColumnSummary, Summary
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
@@ -78,6 +78,7 @@ def _panel(
     axes.set_ylim((high, low) if upside_down else (low, high))
     if max(costs) / min(costs) >= LOGARITHMIC_FROM:
         axes.set_xscale("log")
+        plain_numbers(axes.xaxis)
     unit = f" ({column['unit']})" if column["unit"] else ""
     axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"))
     axes.grid(color="#e4e4e4", linewidth=0.5)

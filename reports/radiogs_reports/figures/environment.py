@@ -20,7 +20,7 @@ WHITE = 0.95
 def environment_figures(summary: Summary, out: Path) -> list[Sketch]:
     """A figure for every scene whose rows keep the light they found, and whose true light is known."""
     return [
-        _figure(views)
+        _figure(views.told_apart("environment"))
         for views in scene_views(summary, out)
         if "environment" in views.truth and all("environment" in found for _, found in views.rows)
     ]

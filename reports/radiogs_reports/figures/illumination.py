@@ -1,22 +1,25 @@
-"""Where the light of a view comes from: all of it, the direct part, the indirect part, beside the truth."""
+"""Where the light of a view comes from: all of it, its direct and indirect part, the indirect light that arrives."""
 
 from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
+from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import Summary
-from .canvas import STYLE, Sketch, blank, file_name, name_row, show
+from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, show, show_absence, wrapped
 from .views import SceneViews, scene_views
 
-TILE = 1.25
+COMPONENTS = ("image", "direct", "indirect", "incident")
+NAMES = {"image": "all light", "direct": "direct"}
 
 
 def illumination_figures(summary: Summary, out: Path) -> list[Sketch]:
     """A figure for every scene whose rows have an image and its indirect part."""
+    arriving = summary["conventions"].get("indirect", {}).get("quantity") == "incident"
     return [
-        _figure(views)
+        _figure(views.told_apart("image", "indirect", "incident"), arriving)
         for views in scene_views(summary, out)
         if all({"image", "indirect"} <= found.keys() for _, found in views.rows)
     ]
@@ -30,21 +33,51 @@ def direct(found: dict[str, maps.Image]) -> maps.Image:
     return np.maximum(maps.linear(found["image"]) - found["indirect"], 0)
 
 
-def _figure(views: SceneViews) -> Sketch:
-    whole = {"image", "indirect"} <= views.truth.keys()
-    columns = [("truth", views.truth), *views.rows] if whole else views.rows
+def components(found: dict[str, maps.Image], arriving: bool = False) -> dict[str, maps.Image]:
+    """The displayed parts of ``COMPONENTS`` that maps give.
+
+    ``arriving``: what is called indirect there is light that arrives, so that it is no part of the image.
+    """
+    maps_of = {("incident" if arriving and name == "indirect" else name): image for name, image in found.items()}
+    known = [name for name in COMPONENTS if name in maps_of]
+    parts: dict[str, maps.Image] = {name: maps.KINDS[name].shown(maps_of[name]) for name in known}
+    if parts.keys() >= {"image", "indirect"}:
+        parts["direct"] = maps.display(direct(maps_of))
+    return parts
+
+
+def _figure(views: SceneViews, arriving: bool) -> Sketch:
+    """``arriving`` is what the protocol takes the scene's true indirect light for."""
+    truth = components(views.truth, arriving)
+    rows = [components(found) for _, found in views.rows]
+    names = [name for name in COMPONENTS if all(name in parts for parts in rows)]
+    bands = views.bands()
+    true = len(truth) > 1
+    across = len(bands[0].rows) + true
     with rc_context(STYLE):
-        figure = blank(TILE * len(columns) + 0.4, TILE * 3 + 0.4)
-        grid = figure.subplots(3, len(columns), squeeze=False)
-        for place, (label, found) in enumerate(columns):
-            grid[0, place].set_title(label)
-            show(grid[0, place], found["image"])
-            show(grid[1, place], maps.display(direct(found)))
-            show(grid[2, place], maps.KINDS["indirect"].shown(found["indirect"]))
-        for place, text in enumerate(("all light", "direct", f"indirect x {maps.INDIRECT_GAIN:g}")):
-            name_row(grid[place, 0], text)
+        figure = blank(TILE * across + 0.4, (TILE * len(names) + 0.4) * len(bands))
+        grid = figure.subplots(len(names) * len(bands), across, squeeze=False)
+        for start, band in zip(range(0, len(grid), len(names)), bands, strict=True):
+            columns = [("truth", truth)] if true else []
+            columns += [(label, components(found)) for label, found in band.rows]
+            _band(grid[start : start + len(names)], columns, names)
+        hide_empty(grid)
     caption = (
         f"Illumination of {views.scene}, view {views.view}. Direct: the image less its indirect part, in linear"
         " radiance; a lower bound where the image is clipped."
     )
+    if "incident" in names:
+        caption += " Incident: the mean of the indirect radiance that arrives over each surfel's hemisphere."
     return Sketch(file_name(views.scene, "illumination"), caption, figure)
+
+
+def _band(grid: NDArray[np.object_], columns: list[tuple[str, dict[str, maps.Image]]], names: list[str]) -> None:
+    for place, (label, parts) in enumerate(columns):
+        grid[0, place].set_title(wrapped(label))
+        for line, name in zip(grid[:, place], names, strict=True):
+            if name in parts:
+                show(line, parts[name])
+            else:
+                show_absence(line, parts["image"])
+    for line, name in zip(grid[:, 0], names, strict=True):
+        name_row(line, NAMES.get(name) or maps.KINDS[name].label)

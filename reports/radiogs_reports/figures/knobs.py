@@ -3,19 +3,22 @@
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from ..cost.knobs import Knob, knobs
 from ..cost.marginal import doublings
 from ..front import COSTS, Point, points
 from ..plain import ARROWS
 from ..summary import ColumnSummary, Summary, reference_of
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
 
 ACROSS = 2
 PANEL = (3.6, 2.7)
 LOGARITHMIC_FROM = 4.0
 NAMES = {"seconds": "cost", "rays": "cost-in-rays"}
 OTHER = "#777777"
+TICKS = 5
+"""Of an axis of slopes, at most: numbers with signs are wide."""
 
 
 def knob_figures(summary: Summary) -> list[Sketch]:
@@ -41,7 +44,8 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch:
     caption = (
         f"What accuracy costs in {COSTS[cost]}: means over the finished cells. A line joins the settings of one knob,"
         " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the front (dashed);"
-        " bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel."
+        " bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel. A row that costs"
+        " nothing has no point."
     )
     return Sketch(NAMES[cost], caption, figure, on_page=True)
 
@@ -69,6 +73,7 @@ def _panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Po
     axes.set_ylim((high, low) if column["direction"] == "down" else (low, high))  # better is higher up
     if max(costs) / min(costs) >= LOGARITHMIC_FROM:
         axes.set_xscale("log")
+        plain_numbers(axes.xaxis)
     unit = f" ({column['unit']})" if column["unit"] else ""
     axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"))
     axes.grid(color="#e4e4e4", linewidth=0.5)
@@ -110,6 +115,7 @@ def _doublings(summary: Summary, turned: list[Knob]) -> Sketch:
                     reach = 0.0 if slope.high is None else slope.high - slope.mean
                     axes.errorbar(slope.mean, place, xerr=reach, fmt="o", color=COLOURS[place % 8], markersize=5)
             axes.axvline(0, color="#888888", linewidth=0.8)
+            axes.xaxis.set_major_locator(MaxNLocator(TICKS))
             axes.set_yticks(range(len(turned)), [knob.text for knob in turned])
             axes.set_ylim(len(turned) - 0.5, -0.5)
             axes.grid(color="#e4e4e4", linewidth=0.5, axis="x")

@@ -4,27 +4,26 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
 from .. import maps
 from ..summary import Summary
-from .canvas import STYLE, Sketch, blank, file_name, name_row, show
+from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, show, wrapped
 from .views import SceneViews, scene_views
 
 SHOWN = ("image", "albedo", "normal", "indirect", "relit")
 CROP = 3
 """A crop is a third of the picture's width and height."""
 
-TILE = 1.25
 BOX = "#ffd400"
 
 
 def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
     """A figure for every scene and every kind of map that its rows have."""
     return [
-        _figure(views, kind)
+        _figure(views.told_apart(kind), kind)
         for views in scene_views(summary, out)
         for kind in SHOWN
         if all(kind in found for _, found in views.rows)
@@ -46,40 +45,52 @@ def crop_place(images: list[maps.Image]) -> tuple[slice, slice]:
 
 def _figure(views: SceneViews, name: str) -> Sketch:
     kind = maps.KINDS[name]
-    truth = views.truth.get(name)
-    shown = [np.clip(kind.shown(found[name]), 0, 1) for _, found in views.rows]
-    images = shown if truth is None else [np.clip(kind.shown(truth), 0, 1), *shown]
-    labels = [label for label, _ in views.rows]
-    labels = labels if truth is None else ["truth", *labels]
-    place = crop_place(shown if len(shown) > 1 else images)
-    lines = 2 if truth is None else 3
+    true = views.truth.get(name)
+    mine = [np.clip(kind.shown(found[name]), 0, 1) for _, found in views.rows]
+    # One row alone differs from nothing but the truth.
+    place = crop_place(mine if len(mine) > 1 or true is None else [np.clip(kind.shown(true), 0, 1), *mine])
+    bands = views.bands()
+    lines = 2 if true is None else 3
+    across = len(bands[0].rows) + (true is not None)
     with rc_context(STYLE):
-        figure = blank(TILE * len(images) + 0.4, TILE * lines + 0.5)
-        grid = figure.subplots(lines, len(images), squeeze=False)
-        for column, (label, image) in enumerate(zip(labels, images, strict=True)):
-            show(grid[0, column], image)
-            grid[0, column].set_title(label)
-            down, across = place
-            grid[0, column].add_patch(
-                Rectangle(
-                    (across.start - 0.5, down.start - 0.5), across.stop - across.start, down.stop - down.start,
-                    fill=False, edgecolor=BOX, linewidth=1,
-                )
-            )  # fmt: skip
-            show(grid[1, column], image[place])
-        name_row(grid[0, 0], kind.label)
-        name_row(grid[1, 0], "crop")
-        if truth is not None:
-            _errors(figure, grid[2], truth, views, name)
+        figure = blank(TILE * across + 0.4, (TILE * lines + 0.5) * len(bands))
+        grid = figure.subplots(lines * len(bands), across, squeeze=False)
+        for start, band in zip(range(0, len(grid), lines), bands, strict=True):
+            _band(grid[start : start + lines], band, name, place)
+        hide_empty(grid)
     light = f" under {views.light}" if name == "relit" and views.light else ""
-    caption = f"{views.scene}, view {views.view}, {kind.label}{light}. The box is where the rows differ most."
-    if truth is not None:
+    where = "The box is where the rows differ most" if len(mine) > 1 else "The box is where it varies most"
+    caption = f"{views.scene}, view {views.view}, {kind.label}{light}. {where}."
+    if true is not None:
         caption += f" Error: {kind.error_unit}."
     return Sketch(file_name(views.scene, name), caption, figure)
 
 
-def _errors(figure: Figure, line: np.ndarray, truth: maps.Image, views: SceneViews, name: str) -> None:
-    for axes, (_, found) in zip(line[1:], views.rows, strict=True):
+def _band(grid: NDArray[np.object_], views: SceneViews, name: str, place: tuple[slice, slice]) -> None:
+    """Pictures, crops and, where there is a truth, errors; the truth on the left."""
+    shown = maps.KINDS[name].shown
+    true = views.truth.get(name)
+    truth = [] if true is None else [("truth", views.truth)]
+    down, across = place
+    for column, (label, found) in enumerate([*truth, *views.rows]):
+        image = np.clip(shown(found[name]), 0, 1)
+        show(grid[0, column], image)
+        grid[0, column].set_title(wrapped(label))
+        grid[0, column].add_patch(
+            Rectangle(
+                (across.start - 0.5, down.start - 0.5), across.stop - across.start, down.stop - down.start,
+                fill=False, edgecolor=BOX, linewidth=1,
+            )
+        )  # fmt: skip
+        show(grid[1, column], image[place])
+    name_row(grid[0, 0], maps.KINDS[name].label)
+    name_row(grid[1, 0], "crop")
+    if true is not None:
+        _errors(grid[2], true, views, name)
+
+
+def _errors(line: NDArray[np.object_], truth: maps.Image, views: SceneViews, name: str) -> None:
+    for axes, (_, found) in zip(line[1:], views.rows, strict=False):
         show(axes, maps.false_colour(maps.error(name, found[name], truth)))
     scale = np.linspace(1, 0, 64)[:, None, None].repeat(6, 1)
     show(line[0], maps.false_colour(scale))

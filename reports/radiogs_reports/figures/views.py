@@ -1,11 +1,16 @@
 """The stored views by scene: the truth and what each row of the table made of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from .. import maps
 from ..summary import Summary
-from .canvas import plain
+from .canvas import ALL, plain
+
+MOST_ACROSS = 7
+"""Rows of the table that stand side by side; more of them go on below, or print would make them too small to read."""
 
 
 @dataclass(frozen=True)
@@ -17,6 +22,20 @@ class SceneViews:
     light: str
     truth: dict[str, maps.Image]
     rows: list[tuple[str, dict[str, maps.Image]]]
+
+    def bands(self) -> "list[SceneViews]":
+        """The same with a share of the rows each, in order, as equal as can be; none is wider than the first."""
+        count = -(-len(self.rows) // MOST_ACROSS)
+        across = -(-len(self.rows) // count)
+        return [replace(self, rows=self.rows[start : start + across]) for start in range(0, len(self.rows), across)]
+
+    def told_apart(self, *names: str) -> "SceneViews":
+        """One row for all where they agree in these maps bit by bit: rows that relight one model, say."""
+        _, first = self.rows[0]
+        for _, found in self.rows[1:]:
+            if not all(np.array_equal(found[name], first[name]) for name in names if name in first):
+                return self
+        return replace(self, rows=[(ALL if len(self.rows) > 1 else self.rows[0][0], first)])
 
 
 def scene_views(summary: Summary, out: Path) -> list[SceneViews]:
