@@ -57,9 +57,9 @@ def explanation(summary: Summary) -> str:
     """What stands below each figure."""
     if summary["reference"] is None:
         return "Rows are no variants of one thing: no difference is taken between them."
-    pairs = len(summary["scenes"]) * len(summary["seeds"])
+    pairs = max(cell["count"] for row in summary["cells"].values() for cell in row.values())
     below = f"Below each figure: its difference to '{summary['reference']}'"
-    if pairs == 1:
+    if pairs <= 1:
         return f"{below}; one run cannot tell how sure it is (--seeds 2 or more gives an interval)."
     return f"{below}, paired over {pairs} (scene, seed), with its 95 % t interval."
 

@@ -113,7 +113,7 @@ def row_seconds(cells: Finished, row: str) -> float | None:
 def machines(results: Sequence[Result]) -> str:
     """What the results were made on; several machines are all named, because their seconds do not compare."""
     cards = {
-        f"{card['gpu'] or card['cpu']}, {card['threads']} threads"
+        f"{card['gpu'] or card['cpu']}, {card['threads']} thread{'' if card['threads'] == 1 else 's'}"
         for result in results
         for sessions in result["sessions"].values()
         for card in [session["machine"] for session in sessions]

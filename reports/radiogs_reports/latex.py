@@ -2,6 +2,7 @@
 
 import re
 
+from .plain import signed_figure, unfinished
 from .ranks import ranks
 from .summary import CellSummary, ColumnSummary, Summary
 
@@ -136,7 +137,7 @@ def _difference(cell: CellSummary, column: ColumnSummary) -> str:
     difference = cell["difference"]
     if difference is None:
         return ""
-    text = f"{difference['mean']:+.{column['decimals']}f}"
+    text = signed_figure(difference["mean"], column["decimals"])
     if difference["low"] is not None and difference["high"] is not None:
         reach = (difference["high"] - difference["low"]) / 2
         text = rf"{text} \pm {reach:.{column['decimals']}f}"
@@ -159,7 +160,8 @@ def _caption(summary: Summary) -> str:
     )
     return (
         f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
-        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{differences}{published}{ranked}"
+        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{unfinished(summary)}"
+        f"{differences}{published}{ranked}"
     )
 
 

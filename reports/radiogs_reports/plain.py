@@ -13,6 +13,12 @@ def heading(column: ColumnSummary) -> str:
     return f"{column['label']} {ARROWS[column['direction']]}{unit}"
 
 
+def signed_figure(value: float, decimals: int) -> str:
+    """A difference with its sign, which what rounds to nothing has not."""
+    text = f"{value:+.{decimals}f}"
+    return text if float(text) else text[1:]
+
+
 def measured(cell: CellSummary, decimals: int) -> str:
     """Mean, and the paired difference with its interval."""
     if cell["mean"] is None:
@@ -22,9 +28,11 @@ def measured(cell: CellSummary, decimals: int) -> str:
     if difference is None:
         return text
     if difference["low"] is None or difference["high"] is None:
-        return f"{text} ({difference['mean']:+.{decimals}f})"
-    low, high = (f"{difference[end]:+.{decimals}f}" for end in ("low", "high"))
-    return f"{text} ({difference['mean']:+.{decimals}f}, {low} to {high})"
+        return f"{text} ({signed_figure(difference['mean'], decimals)})"
+    middle, low, high = (
+        signed_figure(end, decimals) for end in (difference["mean"], difference["low"], difference["high"])
+    )
+    return f"{text} ({middle}, {low} to {high})"
 
 
 def markdown(summary: Summary) -> str:
@@ -46,16 +54,22 @@ def markdown(summary: Summary) -> str:
 def note(summary: Summary) -> str:
     """What the figures are, in a sentence each."""
     differences = (
-        f" In brackets: paired difference to {_text(summary, summary['reference'])}, with its 95 % t interval."
+        f" In brackets: paired difference to '{_text(summary, summary['reference'])}', with its 95 % t interval."
         if summary["reference"] is not None
         else ""
     )
     return (
         f"Mean over {count_of(len(summary['scenes']), 'scene')} ({', '.join(summary['scenes'])}) and"
         f" {count_of(len(summary['seeds']), 'seed')}; preset {summary['preset']}; metric protocol"
-        f" {summary['protocol']}.{differences} Published figures: {summary['published_data']}."
+        f" {summary['protocol']}.{unfinished(summary)}{differences} Published figures: {summary['published_data']}."
         f" Machine: {summary['machine']}."
     )
+
+
+def unfinished(summary: Summary) -> str:
+    """A sentence where the means are over fewer cells than the run is to have."""
+    finished = sum(run["state"] == "finished" for run in summary["runs"])
+    return "" if finished == len(summary["runs"]) else f" {finished} of {len(summary['runs'])} cells are finished."
 
 
 def csv(summary: Summary) -> str:

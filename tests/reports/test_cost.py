@@ -1,5 +1,6 @@
 """The report of cost: its sentences and tables against figures computed from the runs by other means."""
 
+import copy
 import io
 import re
 from typing import Any
@@ -12,11 +13,12 @@ from scipy import stats
 from made_up_run import run, summary
 from radiogs_reports import texts
 from radiogs_reports.cost import CostReport, cost_csv, cost_markdown, cost_report
-from radiogs_reports.cost.along import Point, figure_at, seconds_to
+from radiogs_reports.cost.along import Point, figure_at, seconds_to, to_equal_quality
 from radiogs_reports.cost.paired import figures_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.knobs import knob_figures
 from radiogs_reports.front import points
+from radiogs_reports.plain import signed_figure
 from radiogs_reports.summary import Summary
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
@@ -153,6 +155,33 @@ def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
     assert seconds_to([Point(1, 9.0), Point(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
 
 
+def test_targets_are_each_scenes_own_and_the_reference_reaches_them() -> None:
+    """A second scene lies 10 dB higher, its training is three times slower; one row lies 0.6 dB lower throughout."""
+    made = made_up()
+    for each in list(made["runs"]):
+        slower = copy.deepcopy(each)
+        slower["scene"] = "other"
+        for point in slower["trail"]["invert"]:
+            point["seconds"] *= 3
+            point["metrics"]["nvs/psnr"] += 10
+        made["runs"].append(slower)
+    for each in made["runs"]:
+        for point in each["trail"]["invert"]:
+            point["metrics"]["nvs/psnr"] -= 0.6 if each["row"] == "draft" else 0.0
+    found = [each for each in to_equal_quality(made) if each.column["key"] == "nvs/psnr"]
+    # 26, 27, 28, 29 dB after 1, 2, 4, 8 quarters of a second; stage 1 takes 4 s.
+    for each, share in zip(found, (0.5, 0.75, 0.9, 1.0), strict=True):
+        assert each.target == pytest.approx(31 + 3 * share)
+        quarters = np.interp(3 * share, [0, 1, 2, 3], [1, 2, 4, 8])
+        assert each.reference == pytest.approx(4 + 0.25 * quarters * (1 + 3) / 2)
+    assert [each.reached for each in found] == [5, 5, 4, 4]  # 26 - 0.6 + 3 dB are 80 % of the way
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    shown = [signed_figure(value, 2) for value in (-0.004, 0.004, 0.0, -0.006, 0.006)]
+    assert shown == ["0.00", "0.00", "0.00", "-0.01", "+0.01"]
+
+
 def test_the_front_in_the_tables_is_what_no_other_row_beats() -> None:
     made = made_up()
     table = frame(made).groupby("row").mean()
@@ -199,3 +228,16 @@ def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:
     (line, *_) = metrics.figure.axes[0].get_lines()
     assert line.get_ydata() == pytest.approx([26, 27, 28, 29])
     assert mean_curve([], "invert", lambda point: 1.0) == []
+
+
+def test_rows_that_share_a_training_are_one_line_and_others_are_not() -> None:
+    made = made_up()
+    losses, _ = convergence_figures(made)
+    assert [text.get_text() for text in losses.figure.legends[0].get_texts()] == ["all rows"]
+    for each in made["runs"]:
+        if each["row"] in ("ns-half", "draft"):
+            each["trail"]["invert"][0]["losses"]["consistency"] = 9.0
+    losses, _ = convergence_figures(made)
+    assert [text.get_text() for text in losses.figure.legends[0].get_texts()] == [
+        "reference; iterations-half; ns-double", "ns-half; draft",
+    ]  # fmt: skip

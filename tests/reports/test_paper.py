@@ -157,7 +157,7 @@ def test_the_caption_says_seeds_interval_and_where_published_figures_come_from()
 
 def test_markdown_and_csv_carry_the_figures_of_the_latex() -> None:
     text = paper_markdown(TABLE, SUMMARY)
-    assert "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500) | 0.2500 (+0.0000 ± 0.5000) | 0.00047 | 64 |" in text
+    assert "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500) | 0.2500 (0.0000 ± 0.5000) | 0.00047 | 64 |" in text
     assert "|  | paper [3] | 37.252 | 0.0275 | 1.1 | 64 |" in text
     assert "1. not in this store; 100 % lost & gone" in text
     records = list(csv.DictReader(io.StringIO(paper_csv(TABLE))))

@@ -34,14 +34,16 @@ class AtTime(NamedTuple):
 
 
 class ToQuality(NamedTuple):
-    """When each target is reached: mean seconds of the fastest row and of the reference, and how many rows reach it."""
+    """When a target (mean over scenes and seeds) is reached: mean seconds of the fastest row and of the reference, and
+    how many rows reach it.
+    """  # fmt: skip
 
     column: ColumnSummary
     share: float
     target: float
     row: str
     seconds: float
-    reference: float | None
+    reference: float
     reached: int
 
 
@@ -79,26 +81,30 @@ def at_equal_time(summary: Summary) -> list[AtTime]:
 
 
 def to_equal_quality(summary: Summary) -> list[ToQuality]:
-    """For each target; a row reaches it if each of its runs does."""
+    """For each share of what the reference gains; columns that it does not better in each of its runs are left out.
+
+    Every (scene, seed) has a target of its own, which the reference reaches there: figures of scenes are not alike. A
+    row reaches it if it does in every (scene, seed) of the reference.
+    """
     found = []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
         reference = every[reference_of(summary)]
-        first, last = (_mean([points[end].figure for points in reference.values()]) for end in (0, -1))
-        if first is None or last is None or _goodness(last, column) <= _goodness(first, column):
+        ends = {pair: (points[0].figure, points[-1].figure) for pair, points in reference.items()}
+        if not ends or any(_goodness(last, column) <= _goodness(first, column) for first, last in ends.values()):
             continue
         for share in SHARES:
-            target = first + share * (last - first)
+            targets = {
+                pair: last if share == 1 else first + share * (last - first) for pair, (first, last) in ends.items()
+            }
             times = {
-                row: _mean([seconds_to(points, target, column) for points in runs.values()])
-                for row, runs in every.items()
+                row: _mean([seconds_to(points.get(pair, []), target, column) for pair, target in targets.items()])
+                for row, points in every.items()
             }
             known = {row: each for row, each in times.items() if each is not None}
-            if known:
-                best = min(known, key=lambda row: known[row])
-                found.append(
-                    ToQuality(column, share, target, best, known[best], known.get(reference_of(summary)), len(known))
-                )
+            best = min(known, key=lambda row: known[row])
+            target = math.fsum(targets.values()) / len(targets)
+            found.append(ToQuality(column, share, target, best, known[best], known[reference_of(summary)], len(known)))
     return found
 
 
@@ -132,6 +138,8 @@ def figure_at(points: list[Point], seconds: float) -> float | None:
 def seconds_to(points: list[Point], target: float, column: ColumnSummary) -> float | None:
     """When the figure is first as good as the target, linear between scored points; None if it never is."""
     aim = _goodness(target, column)
+    if not points:
+        return None
     if _goodness(points[0].figure, column) >= aim:
         return points[0].seconds
     for before, after in pairwise(points):

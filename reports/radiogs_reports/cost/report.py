@@ -4,7 +4,8 @@ from itertools import groupby
 from typing import NamedTuple
 
 from ..front import COSTS, points
-from ..summary import ColumnSummary, Summary
+from ..plain import signed_figure
+from ..summary import ColumnSummary, Summary, reference_of
 from .along import at_equal_time, to_equal_quality
 from .efficiency import efficiencies
 from .knobs import Knob, knobs
@@ -117,7 +118,7 @@ def _efficiencies(summary: Summary) -> Grid:
             rows.append(
                 [
                     Item(row["text"], row["text"]),
-                    *(Item(factor(each), each.mean) if each else Item("n/a") for each in mine),
+                    *(_times_the_reference(summary, row["key"], each) for each in mine),
                 ]
             )
     return Grid(
@@ -127,6 +128,12 @@ def _efficiencies(summary: Summary) -> Grid:
         ["row", *(column["label"] for column in columns)],
         rows,
     )
+
+
+def _times_the_reference(summary: Summary, row: str, ratio: Estimate | None) -> Item:
+    if row == reference_of(summary):
+        return Item("1", 1.0)
+    return Item("n/a") if ratio is None else Item(factor(ratio), ratio.mean)
 
 
 def _times(summary: Summary) -> Grid:
@@ -161,7 +168,7 @@ def _qualities(summary: Summary) -> Grid:
             Item(f"{each.target:.{each.column['decimals']}f}", each.target),
             Item(texts[each.row], texts[each.row]),
             Item(f"{each.seconds:.1f}", each.seconds),
-            Item("not by every seed") if each.reference is None else Item(f"{each.reference:.1f}", each.reference),
+            Item(f"{each.reference:.1f}", each.reference),
             Item(f"{each.reached} of {len(summary['rows'])}", each.reached),
         ]
         for each in to_equal_quality(summary)
@@ -169,8 +176,9 @@ def _qualities(summary: Summary) -> Grid:
     return Grid(
         "equal-quality",
         "Time to quality: the seconds to equal figures",
-        "A target is a share of what the reference gains from its first scored point to its last; time is"
-        " linear between scored points; a row reaches it if it does in every seed.",
+        "A target is a share of what the reference gains from its first scored point to its last, on each scene and"
+        " seed by itself (the mean is shown); time is linear between scored points; a row reaches a target if it does"
+        " on every scene and seed.",
         ["metric", "share", "target", "fastest row", "its seconds", "the reference's", "rows that reach it"],
         rows,
     )
@@ -178,7 +186,7 @@ def _qualities(summary: Summary) -> Grid:
 
 def spread(estimate: Estimate, digits: int, *, signed: bool) -> str:
     """Mean and half-width of the interval."""
-    text = f"{estimate.mean:+.{digits}f}" if signed else f"{estimate.mean:.{digits}f}"
+    text = signed_figure(estimate.mean, digits) if signed else f"{estimate.mean:.{digits}f}"
     if estimate.low is None or estimate.high is None:
         return text
     return f"{text} ± {(estimate.high - estimate.low) / 2:.{digits}f}"

@@ -1,5 +1,6 @@
 """Sentences that state results, with every figure computed from the summary."""
 
+from ..plain import signed_figure
 from ..summary import ColumnSummary, Summary
 from .along import second_half
 from .marginal import Doubling, Step
@@ -42,7 +43,7 @@ def second_half_sentence(summary: Summary) -> str | None:
 def change(estimate: Estimate, column: ColumnSummary) -> str:
     """Label, difference with the half-width of its interval if there is one, unit."""
     digits = column["decimals"]
-    text = f"{column['label']} {estimate.mean:+.{digits}f}"
+    text = f"{column['label']} {signed_figure(estimate.mean, digits)}"
     if estimate.low is not None and estimate.high is not None:
         text += f" ± {(estimate.high - estimate.low) / 2:.{digits}f}"
     return f"{text} {column['unit']}".rstrip()

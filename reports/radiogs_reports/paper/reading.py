@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from ..plain import count_of
+from ..plain import count_of, signed_figure
 from ..summary import PaperColumn, PaperFigure, PaperTable, Summary
 
 
@@ -28,7 +28,7 @@ def change(figure: PaperFigure, column: PaperColumn, plus_minus: str) -> str:
     difference, half = figure["difference"], reach(figure)
     if difference is None:
         return ""
-    text = f"{difference['mean']:+.{column['decimals']}f}"
+    text = signed_figure(difference["mean"], column["decimals"])
     return text if half is None else f"{text}{plus_minus}{half:.{column['decimals']}f}"
 
 
