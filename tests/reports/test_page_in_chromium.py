@@ -163,6 +163,20 @@ def test_marks_of_the_scatter_speak_when_hovered_and_by_arrow_keys(opened: Watch
     assert tip.is_visible()
 
 
+def test_rows_beyond_the_eight_colours_are_rings(browser: "playwright.Browser", tmp_path: Path) -> None:
+    made = summary()
+    for place in range(7):
+        made["rows"].append({"key": f"r{place}", "latex": "", "text": f"row {place}", "seconds": 1.0})
+        made["cells"][f"r{place}"] = made["cells"]["ours"]
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)), viewport=DESK)
+    looks = watched.page.eval_on_selector_all(
+        "#scatter-legend .dot",
+        "dots => dots.map(dot => [getComputedStyle(dot).borderColor, getComputedStyle(dot).backgroundColor].join())",
+    )
+    assert len(looks) == len(set(looks)) == 9
+    watched.close()
+
+
 def test_a_cell_tells_where_it_comes_from_and_shows_its_images(opened: Watched) -> None:
     opened.page.locator('table[data-name="cells"] button.open').nth(1).press("Enter")
     dialog = opened.page.locator("dialog")

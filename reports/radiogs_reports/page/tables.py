@@ -8,7 +8,7 @@ from ..front import cost_of
 from ..paper.layout import as_printed
 from ..paper.reading import change, measured
 from ..paper.reading import ranks as paper_ranks
-from ..plain import ARROWS
+from ..plain import ARROWS, signed_figure
 from ..ranks import ranks
 from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary
 
@@ -43,12 +43,16 @@ class Entry:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``rows`` are entries under ``heads``, the first of them the row's name."""
+    """A table: ``rows`` are entries under ``heads``, the first of them the row's name.
+
+    ``title`` is what it is called where it is folded away; its ``caption`` then says the rest.
+    """
 
     name: str
     caption: str
     heads: list[Head]
     rows: list[list[Entry]]
+    title: str = ""
 
     @property
     def reasons(self) -> list[str]:
@@ -94,7 +98,7 @@ def figure(cell: CellSummary, column: ColumnSummary, published: float | None, ra
     interval = cell["difference"]
     difference = ""
     if interval is not None:
-        difference = f"{interval['mean']:+.{digits}f}"
+        difference = signed_figure(interval["mean"], digits)
         if interval["low"] is not None and interval["high"] is not None:
             difference += f" ± {(interval['high'] - interval['low']) / 2:.{digits}f}"
     return Entry(
@@ -146,7 +150,11 @@ def paper_table(table: PaperTable) -> Table:
     heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], arrows[each["direction"]])
              for each in table["columns"]]  # fmt: skip
     return Table(
-        f"paper-{table['key']}", f"{table['title']} ({table['data']})", [Head("row", numeric=False), *heads], rows
+        f"paper-{table['key']}",
+        f"Published: {table['data']}.",
+        [Head("row", numeric=False), *heads],
+        rows,
+        table["title"],
     )
 
 
@@ -155,7 +163,7 @@ def cost_table(grid: Grid) -> Table:
     rows = [[Entry(item.text, item.value, reason="not known") for item in row] for row in grid.rows]
     kinds = [{type(row[place].value) for row in rows} - {type(None)} for place in range(len(grid.heads))]
     heads = [Head(text, numeric=str not in kind) for text, kind in zip(grid.heads, kinds, strict=True)]
-    return Table(f"cost-{grid.name}", f"{grid.title}. {grid.note}", heads, rows)
+    return Table(f"cost-{grid.name}", grid.note, heads, rows, grid.title)
 
 
 def cells_table(summary: Summary) -> Table:

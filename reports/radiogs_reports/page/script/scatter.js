@@ -10,6 +10,7 @@
 
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colourOf = (place) => colour(`--row-${place % 8}`);
+  const hollow = (place) => Math.floor(place / 8) % 2 === 1; // colours come round again after eight rows
   const textOf = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
 
   let plot = null;
@@ -50,10 +51,10 @@
       paths: () => null,
       points: {
         show: true,
-        size: large ? 13 : 6,
-        width: large ? 2 : 1,
+        size: large ? 12 : 6,
+        width: large ? 3 : 1,
         stroke: colourOf(place),
-        fill: large ? colourOf(place) : "transparent",
+        fill: large && !hollow(place) ? colourOf(place) : "transparent",
       },
     }));
   }
@@ -62,6 +63,14 @@
     if (logarithmic) return [low / 1.15, high * 1.15];
     const room = (high - low || Math.abs(high) || 1) * 0.1;
     return [low - room, high + room];
+  }
+
+  function ticks(low, high) { // 1, 2 and 5 of each decade: powers of ten alone may be one or none
+    const found = [];
+    for (let power = Math.floor(Math.log10(low)); 10 ** power <= high; power += 1) {
+      found.push(...[1, 2, 5].map((digit) => Number(`${digit}e${power}`)).filter((each) => low <= each && each <= high));
+    }
+    return found;
   }
 
   function drawFront(chart, column) {
@@ -142,6 +151,7 @@
     const qualities = marks.map((mark) => mark.quality); // not the bars: with few pairs they dwarf what was measured
     const values = (large) =>
       data.rows.map((row) => marks.map((mark) => (mark.large === large && mark.row === row.key ? mark.quality : null)));
+    const ticked = logarithmic ? { splits: (chart, place, from, to) => ticks(from, to), filter: (chart, splits) => splits } : {};
     const axis = { stroke: colour("--ink"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line") } };
     const better = { up: "higher is better", down: "lower is better", zero: "closer to zero is better" }[column.direction];
     const unit = column.unit ? `, ${column.unit}` : "";
@@ -156,7 +166,7 @@
           y: { range: padded(Math.min(...qualities), Math.max(...qualities), false) },
         },
         axes: [
-          { ...axis, label: data.costs[cost], labelSize: 26, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) },
+          { ...axis, ...ticked, label: data.costs[cost], labelSize: 26, values: (chart, splits) => splits.map((each) => (each === null ? "" : digits(each))) },
           { ...axis, label: `${column.label}${unit} (${better})`, labelSize: 26, size: 64 },
         ],
         series: [{}, ...seriesOf(false), ...seriesOf(true)],
@@ -192,7 +202,8 @@
         const item = document.createElement("li");
         const dot = document.createElement("span");
         dot.className = "dot";
-        dot.style.backgroundColor = colourOf(place);
+        dot.style.borderColor = colourOf(place);
+        dot.style.backgroundColor = hollow(place) ? "transparent" : colourOf(place);
         item.append(dot, row.text);
         return item;
       }),
