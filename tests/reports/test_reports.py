@@ -36,6 +36,16 @@ def test_reports_are_rebuilt_byte_for_byte(run: Path, tmp_path: Path) -> None:
     }  # fmt: skip
 
 
+def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path: Path) -> None:
+    made = summary()
+    made["reference"] = None
+    for row in made["cells"].values():
+        for cell in row.values():
+            cell["difference"] = None
+    written = {path.name for path in write_reports(write_run(tmp_path, made))}
+    assert {"ablations.tex", "report.html", "report.tex"} <= written
+
+
 def test_the_table_says_everything_that_the_summary_says() -> None:
     text = table(summary())
     assert r"\cellcolor[HTML]{FF9999}31.23~\textcolor{gray}{(37.86)}" in text

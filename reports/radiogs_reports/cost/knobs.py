@@ -31,7 +31,12 @@ class Knob(NamedTuple):
 
 
 def knobs(summary: Summary) -> list[Knob]:
-    """Every knob of which at least two settings are there, in the order of the table's rows."""
+    """Every knob of which at least two settings are there, in the order of the table's rows.
+
+    None where the rows are not compared with one of them.
+    """
+    if summary["reference"] is None:
+        return []
     made = {row["key"]: _made_from(summary, row["key"]) for row in summary["rows"]}
     base = made[reference_of(summary)]
     if base is None or "budget" not in base:
