@@ -104,8 +104,12 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
 
 
 def row_seconds(cells: Finished, row: str) -> float | None:
-    """Mean seconds of the stages but the evaluation over the row's finished cells."""
-    spent = [training_seconds(result) for place, result in cells if place["row"] == row and result is not None]
+    """Mean seconds of the stages but the evaluation over the row's finished cells; None where they have no other."""
+    spent = [
+        training_seconds(result)
+        for place, result in cells
+        if place["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
+    ]
     mean = estimate(spent)
     return None if mean is None else mean.mean
 

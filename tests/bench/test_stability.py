@@ -1,5 +1,6 @@
 """Suite ``stability``: what it measures is what there is, within the documented tolerances, and stored whole."""
 
+import json
 import math
 from pathlib import Path
 
@@ -207,3 +208,13 @@ def test_a_suite_of_ones_own_draws_the_figure_and_report_rebuilds_it(tmp_path: P
     assert main(["report", str(out)]) == 0
     assert figure.read_bytes() == before
     assert not (out / "contact_sheet.png").exists()
+
+
+def test_the_suite_that_comes_with_the_package_ends_with_a_figure_and_claims_no_seconds_of_training(
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "out"
+    assert main(["run", "stability", "--out", str(out)]) == 0
+    assert (out / "figures" / "stability.png").is_file()
+    rows = json.loads((out / "summary.json").read_text())["rows"]
+    assert {row["key"]: row["seconds"] for row in rows} == dict.fromkeys(AXES)
