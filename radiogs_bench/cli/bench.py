@@ -1,4 +1,4 @@
-"""``radiogs-bench bench kernels``: how fast the kernels are here, beside yardsticks of the same run."""
+"""``radiogs-bench bench kernels|frames``: how fast the kernels and a relit frame are here, beside yardsticks."""
 
 import argparse
 from pathlib import Path
@@ -7,10 +7,13 @@ from typing import TYPE_CHECKING
 from .options import add_verbose, names, positive
 
 if TYPE_CHECKING:
+    import torch
+
     from .options import Commands
 
 KERNELS = ("trace", "rasterize", "shade")
 SCENES = ("S", "M", "Mi")
+SPACINGS = ("0.12", "0.06", "0.03")
 
 
 def add_to(commands: "Commands") -> None:
@@ -19,21 +22,24 @@ def add_to(commands: "Commands") -> None:
     subjects = parser.add_subparsers(title="subjects", required=True, metavar="SUBJECT")
     measuring = subjects.add_parser("kernels", help="tracing, rasterizing, shading", allow_abbrev=False)
     measuring.set_defaults(command=bench_kernels)
-    measuring.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     measuring.add_argument("--kernels", type=names, default=KERNELS, metavar="A,B", help="(default: all three)")
     measuring.add_argument("--scenes", type=names, default=SCENES, metavar="A,B", help="(default: S,M,Mi)")
     measuring.add_argument("--points", type=Path, metavar="NPZ", help="real points, as gsplat's test_garden.npz")
     measuring.add_argument("--repetitions", type=positive, default=5, metavar="N", help="(default: 5)")
-    measuring.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-    add_verbose(measuring)
+    framing = subjects.add_parser("frames", help="a relit frame, by rays and by surfels alone", allow_abbrev=False)
+    framing.set_defaults(command=bench_frames)
+    framing.add_argument("--scene", default="corner-128", help="a generated scene (default: corner-128)")
+    framing.add_argument("--spacings", type=names, default=SPACINGS, metavar="A,B", help="world units between surfels")
+    for each in (measuring, framing):
+        each.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
+        each.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
+        add_verbose(each)
 
 
 def bench_kernels(options: argparse.Namespace) -> int:
     """Measure, print the table, and write the record."""
     import json
     import os
-
-    import torch
 
     from radiogs.errors import UsageError
 
@@ -47,9 +53,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
         for name in given:
             if name not in known:
                 raise UsageError(f"there is no {kind} '{name}' to measure", "", f"There are: {', '.join(known)}.")
-    if options.device == "cuda" and not torch.cuda.is_available():
-        raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
-    device = torch.device(options.device)
+    device = _device(options.device)
     reasons = [missing_embree()] if "trace" in options.kernels else []
     if options.points is None and "trace" in options.kernels:
         reasons.append("real geometry: no file was named with --points")
@@ -75,3 +79,56 @@ def bench_kernels(options: argparse.Namespace) -> int:
         record = kernel_bench.as_json(rows, scaling, skipped, dict(session(device)))
         write_atomically(options.json, json.dumps(record, indent=1).encode())
     return 0
+
+
+def bench_frames(options: argparse.Namespace) -> int:
+    """Measure, print the table, and write the record."""
+    import json
+    from dataclasses import asdict
+
+    from rich.table import Table
+
+    from radiogs_datasets import load_scene
+
+    from .. import frame_bench
+    from ..atomic import write_atomically
+    from ..provenance import session
+    from .reporter import complain, show
+
+    device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
+    rows = list(frame_bench.bench_frames(load_scene(options.scene), spacings, device, complain))
+    table = Table("surfels", "apart", "by rays, ms", "by surfels alone, ms", "ratio")
+    for row in rows:
+        table.add_row(
+            f"{row.surfels}", f"{row.spacing:g}",
+            f"{row.rays_milliseconds:.1f}", f"{row.surfels_milliseconds:.1f}", f"{row.ratio:.1f}",
+        )  # fmt: skip
+    show(table)
+    if options.json is not None:
+        record = {**session(device), "scene": options.scene, "rows": [{**asdict(r), "ratio": r.ratio} for r in rows]}
+        write_atomically(options.json, json.dumps(record, indent=1).encode())
+    return 0
+
+
+def _device(name: str) -> "torch.device":
+    import torch
+
+    from radiogs.errors import UsageError
+
+    if name == "cuda" and not torch.cuda.is_available():
+        raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
+    return torch.device(name)
+
+
+def _spacing(text: str) -> float:
+    import math
+
+    from radiogs.errors import UsageError
+
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise UsageError(f"'{text}' is no distance between surfels", "It is a length above zero, in world units.")
+    return value
