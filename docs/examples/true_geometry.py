@@ -1,0 +1,90 @@
+"""Where L_rad costs on a scene without inter-reflection: stage 2 over the reconstruction, and over the true solids.
+
+    python docs/examples/true_geometry.py [SCENE] [SEED] [N_s]
+
+Trains with and without L_rad on both geometries (preset tiny, one thread, some seven minutes), and prints how much of
+the cosine-weighted hemisphere of the surfels is blocked, how bright what blocks it is, and the scores.
+"""
+
+import sys
+from copy import deepcopy
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+from radiogs.budget import budget
+from radiogs.incident import SurfelTracer, gather_incident
+from radiogs.kernels.runtime import use_threads
+from radiogs.model import Model
+from radiogs.rendering import shade_surfels
+from radiogs.scene import Scene
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
+from radiogs.surfels import Surfels, radiance_to_sh
+from radiogs.variant import Variant
+from radiogs_bench.cell import Cell
+from radiogs_bench.evaluate import evaluate
+from radiogs_datasets import load_scene
+from radiogs_datasets.generate.catalogue import recipe
+from radiogs_datasets.generate.surfels import surfels_over
+
+SPACING = 0.06
+CPU = torch.device("cpu")
+SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness/mse")
+
+
+def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
+    """A state of stage 1 with true geometry and the mean radiance that stage 1 has found nearby."""
+    surfels = surfels_over(recipe(scene.name).solids, SPACING)
+    learnt = state["optimiser"]["tensors"]
+    nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
+    tensors = surfels.parameters() | {"log_environment": learnt["log_environment"]}
+    tensors |= {"sh": learnt["sh"].detach()[nearest], "sh_rest": torch.zeros(len(surfels), 15, 3)}
+    return {"optimiser": {"tensors": tensors}}
+
+
+@torch.no_grad()
+def blocked(model: Model) -> tuple[float, float, float]:
+    """Share of the hemisphere, mean L_ind over all of it, and what L_ind would be were all surfels consistent."""
+    surfels = model.surfels
+    normal = surfels.frame[..., 2]
+
+    def indirect(among: Surfels) -> tuple[float, float]:
+        incident = gather_incident(SurfelTracer(among), among, 64, None)
+        cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0) * incident.weight
+        share = float((cosine * (1 - incident.visibility)).sum() / cosine.sum())
+        return share, float((cosine * incident.radiance.mean(-1)).sum() / cosine.sum())
+
+    incident = gather_incident(SurfelTracer(surfels), surfels, 64, None)
+    sent = shade_surfels(surfels, surfels.albedo, incident, normal[:, None], model.environment)[:, 0].sum(1)
+    sh = torch.cat([radiance_to_sh(sent)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    share, arriving = indirect(surfels)
+    return share, arriving, indirect(Surfels.of(surfels.parameters() | {"sh": sh}))[1]
+
+
+def main(name: str = "convex", seed: str = "0", samples: str = "32") -> None:
+    """Train, and print a line a model."""
+    use_threads(1)
+    scene, cost = load_scene(name), replace(budget("tiny"), incident_samples=int(samples))
+    first = Initialisation(scene, Variant(), cost, int(seed), CPU)
+    while first.iteration < first.iterations:
+        first.step()
+    starts = {"reconstruction": first.state(), "true solids": over_the_solids(scene, first.state())}
+    for geometry, start in starts.items():
+        for weight in (Variant().radiometric_weight, 0.0):
+            variant = Variant(radiometric_weight=weight)
+            stage = InverseRendering(scene, variant, cost, int(seed), CPU, deepcopy(start))
+            while stage.iteration < stage.iterations:
+                stage.step()
+            cell = Cell(name, scene.checksum, variant, cost, int(seed), "cpu", "default", "", "")
+            metrics = evaluate(stage.model, scene, cell, CPU, lambda done, total: None, timed=False).metrics
+            scores = ", ".join(f"{key} {metrics[key]['value']:.3f}" for key in SCORES)
+            share, arriving, consistent = blocked(stage.model)
+            line = f"{geometry}, lambda_rad {weight}: {scores}; blocked {share:.4f}, L_ind {arriving:.4f}"
+            sys.stdout.write(f"{line}, consistent {consistent:.4f}\n")
+            sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
