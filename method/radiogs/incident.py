@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from .effects.plan import EffectPlan, everything
 from .kernels.bvh import SurfelBVH
 from .kernels.geometry import TRACE_TRANSMITTANCE_STOP
 from .kernels.trace import Hits, trace
@@ -17,6 +18,8 @@ from .variant import Variant
 SELF_OFFSET = 1.0
 """Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
 are the same surface seen twice, not occluders."""
+
+EVERYTHING = everything()
 
 RAYS_AT_ONCE = 1 << 18
 """Their hits are in memory together: some hundred bytes a ray."""
@@ -51,7 +54,7 @@ def tracer_of(surfels: Surfels, variant: Variant) -> "SurfelTracer":
 
 
 class SurfelTracer:
-    """Traces rays from surfels to surfels; holds the bounding volumes, which ``follow`` refits.
+    """Traces rays from surfels to surfels; holds the bounding volumes, which are made when the first ray asks for them.
 
     ``offset``: how far from their own surfel rays start, in its standard deviations; with ``world_offset``, that many
     world units instead.
@@ -59,15 +62,26 @@ class SurfelTracer:
 
     def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET, world_offset: float | None = None) -> None:
         self.offset, self.world_offset = offset, world_offset
+        self._bvh: SurfelBVH | None = None
         self.follow(surfels)
-        self.bvh = SurfelBVH.build(self.geometry.detach())
+        # The tree is that of these surfels whenever it is built, so that a run that is resumed has the same one.
+        self._first = self.geometry.detach()
 
     def follow(self, surfels: Surfels) -> None:
         """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
         self.surfels = surfels
         self.geometry = surfels.geometry()
-        if hasattr(self, "bvh"):
-            self.bvh.refit(self.geometry.detach())
+        self._fitted = False
+
+    @property
+    def bvh(self) -> SurfelBVH:
+        """The bounding volumes, fitted to the surfels that are followed."""
+        if self._bvh is None:
+            self._bvh = SurfelBVH.build(self._first)
+        if not self._fitted:
+            self._bvh.refit(self.geometry.detach())
+            self._fitted = True
+        return self._bvh
 
     def trace(
         self,
@@ -91,14 +105,35 @@ class SurfelTracer:
         index: Int[Tensor, " chosen"],
         direction: Float[Tensor, "chosen samples 3"],
         weight: Float[Tensor, "chosen samples"],
+        plan: EffectPlan = EVERYTHING,
     ) -> Incident:
-        """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels."""
+        """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels.
+
+        What ``plan`` leaves out is not traced: V = 1 and L_ind = 0 there.
+        """
+        alone = unoccluded(direction, weight)
+        places = plan.traced_among(index)
+        if not len(places):
+            return alone
         none = self.geometry.centre.new_zeros(len(self.geometry), 0)
-        hits = self.trace(index, direction, none)
+        hits = self.trace(index[places], direction[places], none)
         visibility, whole = visibility_of(hits)
-        shape = direction.shape[:2]
-        radiance = hits.radiance * whole[:, None]
-        return Incident(direction, weight, visibility.view(shape), radiance.view(*shape, 3))
+        shape = (len(places), direction.shape[1])
+        visibility, radiance = visibility.view(shape), (hits.radiance * whole[:, None]).view(*shape, 3)
+        if len(places) < len(index):
+            visibility = alone.visibility.index_copy(0, places, visibility)
+            radiance = alone.radiance.index_copy(0, places, radiance)
+        return Incident(
+            direction,
+            weight,
+            visibility if plan.visibility else alone.visibility,
+            radiance if plan.indirect else alone.radiance,
+        )
+
+
+def unoccluded(direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]) -> Incident:
+    """The light on surfels around which there is nothing."""
+    return Incident(direction, weight, torch.ones_like(weight), torch.zeros_like(direction))
 
 
 def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"]]:
@@ -114,23 +149,31 @@ def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " r
 
 @torch.no_grad()
 def gather_incident(
-    tracer: SurfelTracer, surfels: Surfels, samples: int, generator: torch.Generator | None, floor: bool = False
+    tracer: SurfelTracer,
+    surfels: Surfels,
+    samples: int,
+    generator: torch.Generator | None,
+    floor: bool = False,
+    plan: EffectPlan = EVERYTHING,
 ) -> Incident:
     """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off.
 
     ``floor``: see ``hemisphere_directions``.
     """
     direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator, floor)
-    return incident_along(tracer, direction, weight)
+    return incident_along(tracer, direction, weight, plan)
 
 
 @torch.no_grad()
 def incident_along(
-    tracer: SurfelTracer, direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]
+    tracer: SurfelTracer,
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    plan: EffectPlan = EVERYTHING,
 ) -> Incident:
     """Trace the given directions of every surfel, without gradient, as many rays at a time as memory likes."""
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     index = torch.arange(len(direction), device=direction.device)
-    parts = [tracer.incident(some, direction[some], weight[some]) for some in index.split(together)]
+    parts = [tracer.incident(some, direction[some], weight[some], plan) for some in index.split(together)]
     visibility, radiance = (torch.cat([getattr(part, name) for part in parts]) for name in ("visibility", "radiance"))
     return Incident(direction, weight, visibility, radiance)

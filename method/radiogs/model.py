@@ -1,20 +1,28 @@
 """What training recovers: surfels with their materials, and the light that they were seen under."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from .effects.plan import EffectPlan, everything
 from .surfels import Surfels
 
 
 @dataclass(frozen=True)
 class Model:
-    """Surfels and the logarithm of the environment's radiance [height, 2 height, 3] (see ``light``)."""
+    """Surfels and the logarithm of the environment's radiance [height, 2 height, 3] (see ``light``).
+
+    ``plan`` is what was simulated when training ended, ``evidence`` the records of the decisions that led to it.
+    """
 
     surfels: Surfels
     log_environment: Float[Tensor, "height width 3"]
+    plan: EffectPlan = field(default_factory=everything)
+    evidence: tuple[Mapping[str, Any], ...] = ()
 
     @property
     def environment(self) -> Float[Tensor, "height width 3"]:

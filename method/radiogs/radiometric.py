@@ -1,7 +1,7 @@
 """Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9)."""
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from .camera import Camera
@@ -23,12 +23,14 @@ def consistency_loss(
     incident: Incident,
     variant: Variant,
     generator: torch.Generator,
+    specular: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, ""]:
     """L_rad over the surfels ``index`` from the light ``incident`` on them.
 
     Per surfel the residual is taken towards the camera (where it faces it) and towards one direction drawn
     uniformly over its hemisphere, both from the same incident samples; the two l1-norms are added and averaged
-    over surfels and channels. ``variant.detach`` stops the gradient of one side of the residual.
+    over surfels and channels. ``variant.detach`` stops the gradient of one side of the residual. ``specular``: which of
+    all surfels have a specular part (None: all).
     """
     normal = surfels.frame[index, :, 2]
     with torch.no_grad():
@@ -40,6 +42,7 @@ def consistency_loss(
     physical = shade(
         normal, surfels.albedo[index], surfels.roughness[index], outgoing,
         incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
+        None if specular is None else specular[index],
     ).sum(2)  # fmt: skip
     own = surfel_radiance(surfels.sh[index], outgoing)
     if variant.detach == "pbr":

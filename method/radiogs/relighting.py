@@ -9,7 +9,8 @@ from torch import Tensor
 
 from .budget import Budget
 from .camera import Camera
-from .incident import RAYS_AT_ONCE, Incident, SurfelTracer, incident_along, visibility_of
+from .effects.plan import EffectPlan
+from .incident import EVERYTHING, RAYS_AT_ONCE, Incident, SurfelTracer, incident_along, unoccluded, visibility_of
 from .light import EnvironmentMap
 from .model import Model
 from .rendering import radiance_maps, shaded_maps
@@ -36,9 +37,11 @@ def relight(
     budget: Budget,
     seed: int,
     mode: Relighting = "pbr",
+    plan: EffectPlan = EVERYTHING,
 ) -> Relit:
     """The model under ``light``; ``mode`` is explained in ``variant``.
 
+    ``plan`` is what the rays simulate (``effects.lighting`` makes one for a light); fine-tuning always has everything.
     ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). ``cameras`` are where
     fine-tuning looks from; the training views do. Raises DataError for a light that is not finite.
     """
@@ -57,27 +60,33 @@ def relight(
     with torch.no_grad():
         direction, weight = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
-            budget.relight_hemisphere_samples, budget.relight_light_samples, generator,
+            budget.relight_hemisphere_samples, budget.relight_light_samples if plan.light_sampling else 0, generator,
         )  # fmt: skip
         tracer = SurfelTracer(surfels)
         if mode == "pbr":
-            incident = split_sum_incident(tracer, surfels, albedo, light, direction, weight)
+            incident = split_sum_incident(tracer, surfels, albedo, light, direction, weight, plan)
         else:
-            incident = incident_along(tracer, direction, weight)
-    return RelitByRays(surfels, albedo, light, incident)
+            incident = incident_along(tracer, direction, weight, plan)
+    return RelitByRays(surfels, albedo, light, incident, plan)
 
 
 class RelitByRays:
     """Shaded at every surfel from what its rays met: V once, L_ind once, the BRDF anew for every camera."""
 
     def __init__(
-        self, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], light: EnvironmentMap, incident: Incident
+        self,
+        surfels: Surfels,
+        albedo: Float[Tensor, "surfels 3"],
+        light: EnvironmentMap,
+        incident: Incident,
+        plan: EffectPlan = EVERYTHING,
     ) -> None:
         self.surfels, self.albedo, self.light, self.incident = surfels, albedo, light, incident
+        self.specular = plan.specular_among(albedo)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """The same maps as ``Renderer.render``, under the new light."""
-        return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.light.radiance)
+        return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular)
 
 
 class RelitBySurfels:
@@ -99,16 +108,19 @@ def split_sum_incident(
     light: EnvironmentMap,
     direction: Float[Tensor, "surfels samples 3"],
     weight: Float[Tensor, "surfels samples"],
+    plan: EffectPlan = EVERYTHING,
 ) -> Incident:
     """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets.
 
     The surfels' own radiance belongs to another light; the met surface is lit by the new one, unoccluded (one bounce).
+    What ``plan`` leaves out is not traced.
     """
+    incident = unoccluded(direction, weight)
+    chosen = plan.traced_among(torch.arange(len(surfels), device=direction.device))
     prefiltered = PrefilteredLight(light.radiance)
     features = torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None]], -1)
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
-    visibility, radiance = [], []
-    for index in torch.arange(len(surfels), device=direction.device).split(together):
+    for index in chosen.split(together) if len(chosen) else ():
         hits = tracer.trace(index, direction[index], features)
         seen, whole = visibility_of(hits)
         blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
@@ -118,6 +130,8 @@ def split_sum_incident(
             met_normal, blended[:, 3:6], blended[:, 6], -direction[index].flatten(0, 1), prefiltered
         )
         coverage = (1 - hits.transmittance) * whole
-        visibility.append(seen.view(len(index), -1))
-        radiance.append(((diffuse + specular) * coverage[:, None]).view(len(index), -1, 3))
-    return Incident(direction, weight, torch.cat(visibility), torch.cat(radiance))
+        if plan.visibility:
+            incident.visibility[index] = seen.view(len(index), -1)
+        if plan.indirect:
+            incident.radiance[index] = ((diffuse + specular) * coverage[:, None]).view(len(index), -1, 3)
+    return incident

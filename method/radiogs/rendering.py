@@ -70,11 +70,12 @@ def shade_surfels(
     incident: Incident,
     outgoing: Float[Tensor, "surfels views 3"],
     environment: Float[Tensor, "rows columns 3"],
+    specular: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
     """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade``."""
     return shade(
         surfels.frame[..., 2], albedo, surfels.roughness, outgoing,
-        incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
+        incident.direction, incident.weight, incident.visibility, incident.radiance, environment, specular,
     )  # fmt: skip
 
 
@@ -101,12 +102,13 @@ def shaded_maps(
     albedo: Float[Tensor, "surfels 3"],
     incident: Incident,
     environment: Float[Tensor, "rows columns 3"],
+    specular: Bool[Tensor, " surfels"] | None = None,
 ) -> dict[str, Float[Tensor, "height width _"]]:
     """All maps of one view under a given light, as ``Renderer.render`` describes them.
 
     ``albedo`` is given apart, because relighting scales it.
     """
-    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment)[:, 0]
+    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular)[:, 0]
     direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     return _maps(camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT])
 
@@ -154,7 +156,8 @@ def split_sum_maps(
 class Renderer:
     """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
 
-    For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel.
+    For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel; what the
+    model's plan left out stays out.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
@@ -162,7 +165,7 @@ class Renderer:
         if variant.shading == "monte-carlo":
             with torch.no_grad():
                 tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
-                self.incident = gather_incident(tracer, model.surfels, samples, None, floor)
+                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.
@@ -173,4 +176,5 @@ class Renderer:
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
             return split_sum_maps(camera, surfels, environment)
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment)
+        specular = self.model.plan.specular_among(surfels.albedo)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular)

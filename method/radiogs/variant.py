@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from .effects.plan import Effects, checked_effects
 from .errors import UsageError
 from .profile import FIRST_STAGE, RELEASED
 
@@ -31,6 +32,8 @@ class Variant:
     relighting: see ``Relighting``.
     deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
     any other.
+    effects: what stage 2 and relighting simulate: "all", "auto" (what a scene calls for, by measured evidence; see
+    ``effects``), or the names of the effects that are on. Raises UsageError for what is no effect.
     """
 
     radiometric_weight: float = 0.2
@@ -41,6 +44,7 @@ class Variant:
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     relighting: Relighting = "pbr"
     deviations: tuple[str, ...] = ()
+    effects: Effects = "all"
 
     def __post_init__(self) -> None:
         unknown = set(self.deviations) - RELEASED.keys()
@@ -49,6 +53,13 @@ class Variant:
                 f"unknown deviation '{sorted(unknown)[0]}'",
                 "A deviation is something that the released code does otherwise than the paper.",
                 f"Deviations: {', '.join(RELEASED)}.",
+            )
+        object.__setattr__(self, "effects", checked_effects(self.effects))
+        if self.effects != "all" and self.shading == "split-sum":
+            raise UsageError(
+                "a choice of effects for split-sum shading",
+                "It has neither visibility nor indirect light, and draws no samples: there is nothing to leave out.",
+                'Use effects = "all" with it, or shading = "monte-carlo".',
             )
 
     def of_initialisation(self) -> dict[str, Any]:

@@ -89,6 +89,24 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
     assert torch.equal(whole.incident.radiance, resumed.incident.radiance)
 
 
+def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
+    """Probes stand at steps 0, 5, 10 and 15: one is before the checkpoint and two are after it."""
+    variant = Variant(effects="auto")
+    whole = inverse(initialised, variant)
+    for step in range(18):
+        if step == 8:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = inverse(initialised, variant)
+    resumed.restore(saved)
+    while resumed.iteration < 18:
+        resumed.step()
+    assert same(whole, resumed)
+    assert whole.planner.evidence == resumed.planner.evidence
+    assert {record.iteration for record in whole.planner.evidence} == {0, 5, 10, 15}
+    assert whole.plan == resumed.plan
+
+
 def test_initialisation_learns_the_images() -> None:
     longer = dataclasses.replace(BUDGET, initialise_iterations=120, densify_interval=20)
     stage = Initialisation(SCENE, Variant(), longer, 0, CPU)

@@ -6,8 +6,8 @@ work: Counter[str] = Counter()
 """Work done by this process since it was last cleared.
 
 rays; node_visits and leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels.
-shaded_samples: surfels times views times directions. bytes_read: of nodes, leaves, surfels and samples, each time that
-one is used (caches may serve most of it).
+shaded_samples: surfels times views times directions; lobes: those of surfels that have a specular part. bytes_read: of
+nodes, leaves, surfels and samples, each time that one is used (caches may serve most of it).
 """
 
 

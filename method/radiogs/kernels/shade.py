@@ -3,7 +3,7 @@
 from typing import Any
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from .counters import count
@@ -24,39 +24,46 @@ def shade(
     visibility: Float[Tensor, "surfels samples"],
     indirect: Float[Tensor, "surfels samples 3"],
     environment: Float[Tensor, "height width 3"],
+    specular: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
     """Outgoing radiance of each surfel towards its views, linear RGB, in four parts.
 
     The parts are diffuse direct, diffuse indirect, specular direct, specular indirect: sums over the samples of
     weight f(wo, wi) (n.wi)+ times V Env(wi) or L_ind. ``outgoing`` and ``direction`` are unit, in the world, away
     from the surface; ``weight`` in steradian; ``environment`` lat-long radiance (see ``light``), looked up
-    bilinearly. Zero where a view is below the surface.
+    bilinearly. Zero where a view is below the surface. ``specular`` says which surfels have specular parts (None: all);
+    those of the others are zero, and no lobe is evaluated for them.
 
     Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
     made without gradient, and get none.
     """
-    return _Shade.apply(normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment)
+    if specular is None:
+        specular = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
+    return _Shade.apply(
+        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular
+    )
 
 
 class _Shade(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.detach().contiguous() for value in inputs)
-        outgoing, direction = inputs[3], inputs[4]
+        outgoing, direction, specular = inputs[3], inputs[4], inputs[9]
         kernels = shade_kernels(outgoing.dtype)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
         given, result = _inputs(kernels, inputs), _flat(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         samples = surfels * views * direction.shape[1]
-        count(shaded_samples=samples, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
+        lobes = int(specular.sum()) * views * direction.shape[1]
+        count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
         ctx.save_for_backward(*inputs)
         return out
 
     @staticmethod
     def backward(ctx: Any, grad_out: Tensor) -> Any:
         inputs = ctx.saved_tensors
-        normal, albedo, roughness, _, _, _, visibility, indirect, environment = inputs
+        normal, albedo, roughness, _, _, _, visibility, indirect, environment, _ = inputs
         kernels = shade_kernels(normal.dtype)
         wants_incident = ctx.needs_input_grad[6] or ctx.needs_input_grad[7]
         wants_environment = ctx.needs_input_grad[8]
@@ -75,7 +82,7 @@ class _Shade(torch.autograd.Function):
             lambda worker: [given, pull, int(wants_incident), int(wants_environment), *outputs, lights[worker]],
         )
         traced = incident if wants_incident else [None, None]
-        return *own, None, None, None, *traced, light.sum(0) if wants_environment else None
+        return *own, None, None, None, *traced, light.sum(0) if wants_environment else None, None
 
 
 def _inputs(kernels: Any, inputs: Any) -> Any:
@@ -83,8 +90,9 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
     names = (
         "normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment",
     )  # fmt: skip
-    for name, value in zip(names, inputs, strict=True):
+    for name, value in zip(names, inputs[:9], strict=True):
         setattr(given, name, _flat(value))
+    given.glossy = as_array(inputs[9].int())
     given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
     given.height, given.width = inputs[8].shape[:2]
     return given

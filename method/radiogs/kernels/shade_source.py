@@ -35,6 +35,8 @@ _SURFEL = """
     constexpr int LANES = CPU_LANES;
 #endif
     const int views = given.views, samples = given.samples, height = given.height, width = given.width;
+    // A surfel without a specular part has no view that a lobe is evaluated for.
+    const int glossy_views = given.glossy.data[surfel] ? views : 0;
     const SCALAR zero = SCALAR(0), one = SCALAR(1), pi = SCALAR(3.14159265358979323846);
     const SCALAR* wo_of_view = given.outgoing.data + 3LL * views * surfel;
     const SCALAR* wi_of_sample = given.direction.data + 3LL * samples * surfel;
@@ -175,7 +177,7 @@ _FORWARD = (
 """
     + _BLOCK
     + """
-        for (int view = 0; view < views; ++view) {
+        for (int view = 0; view < glossy_views; ++view) {
             const SCALAR ox = wo_of_view[3 * view], oy = wo_of_view[3 * view + 1], oz = wo_of_view[3 * view + 2];
             const SCALAR view_cosine = nx * ox + ny * oy + nz * oz;
             if (!(view_cosine > zero)) continue;
@@ -214,7 +216,7 @@ _BACKWARD = (
         SCALAR incident_pull[6][LANES];
         for (int i = 0; i < 6; ++i)
             for (int c = 0; c < LANES; ++c) incident_pull[i][c] = albedo[i % 3] / pi * matte_pull[i];
-        for (int view = 0; view < views; ++view) {
+        for (int view = 0; view < glossy_views; ++view) {
             const SCALAR ox = wo_of_view[3 * view], oy = wo_of_view[3 * view + 1], oz = wo_of_view[3 * view + 2];
             const SCALAR view_cosine = nx * ox + ny * oy + nz * oz;
             if (!(view_cosine > zero)) continue;
@@ -307,6 +309,7 @@ def shade_kernels(dtype: torch.dtype) -> Any:
         visibility: flat
         indirect: flat
         environment: flat
+        glossy: wp.array(dtype=wp.int32)
 
     @wp.func_native(_written_for(_FORWARD, dtype))
     def shade_surfel(surfel: wp.int32, given: Inputs, out: flat): ...

@@ -8,6 +8,10 @@ from torch import Tensor
 
 from ..budget import Budget
 from ..colour import LINEAR_KNEE, srgb_decode, srgb_encode
+from ..effects.plan import HIGHEST_DEGREE, EffectPlan
+from ..effects.planner import Planner
+from ..effects.prices import Step
+from ..effects.staleness import staleness
 from ..finite import backward
 from ..incident import Incident, gather_incident, tracer_of
 from ..losses import (
@@ -89,6 +93,9 @@ class InverseRendering:
         light = {"log_environment": constant_light(budget.light_height, self._start_light(), device)}
         rates = RATES | RATES_OF_THIS_STAGE | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
         self.optimiser = SurfelOptimiser(surfels, light, rates)
+        self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
+        # Materials and light as stage 1 left them: what begins here afresh would say little of what effects do.
+        self.before = Model(surfels_of(initialised, device), initialised["optimiser"]["tensors"]["log_environment"])
         if variant.shading == "monte-carlo":
             self.tracer = tracer_of(surfels, variant)
             self.incident = self._gathered(surfels)
@@ -99,18 +106,46 @@ class InverseRendering:
     @property
     def model(self) -> Model:
         """What is learnt so far."""
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
+        evidence = tuple(each.plain() for each in self.planner.evidence)
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], self.plan, evidence)
+
+    @property
+    def plan(self) -> EffectPlan:
+        """What is simulated."""
+        return self.planner.plan
 
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
-        model = self.model
+        if self.planner.due(self.iteration):
+            self._plan_anew()
+        model = self._seen_model()
         losses = {"consistency": self._consistency(model, view)}
         losses |= self._image_losses(model, view)
         backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
         return {name: float(value.detach()) for name, value in losses.items()}
+
+    def _plan_anew(self) -> None:
+        """Probe what the scene calls for now; another plan begins with incident light of its own."""
+        model, budget = self.model if self.iteration else self.before, self.budget
+        step = Step(len(model.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+        stale = None
+        if self.iteration and self.plan.traces and self.variant.incident != "precomputed":
+            self.tracer.follow(model.surfels)
+            drawn = torch.Generator(self.device).manual_seed(self.seed + self.iteration)
+            stale = staleness(self.tracer, model.surfels, model.environment, self.incident, self.plan, drawn)
+        if self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale):
+            self.tracer.follow(self.model.surfels)
+            self.incident = self._gathered(self.model.surfels)
+
+    def _seen_model(self) -> Model:
+        """The model, with as many harmonics of the surfels' radiance as the plan has."""
+        model = self.model
+        if self.plan.sh_degree < HIGHEST_DEGREE:
+            model.surfels.sh = model.surfels.sh[:, : (self.plan.sh_degree + 1) ** 2]
+        return model
 
     def _consistency(self, model: Model, view: TrainingView) -> Tensor:
         """L_rad; by the split sum over all surfels, else over N_g random ones by rays."""
@@ -124,21 +159,21 @@ class InverseRendering:
             index = drawn[: self.budget.consistency_surfels]
             incident = self._incident_of(index, model)
             return weight * consistency_loss(
-                model.surfels, model.environment, view.camera, index, incident, self.variant, self.generator
-            )
+                model.surfels, model.environment, view.camera, index, incident, self.variant, self.generator,
+                self.plan.specular_among(model.surfels.albedo_logit),
+            )  # fmt: skip
 
     def _incident_of(self, index: Tensor, model: Model) -> Incident:
         """The light on some surfels; unless it is frozen, traced now, and kept in the cache too."""
         if self.variant.incident == "precomputed":
             return self.incident.of(index)
-        samples = self.budget.incident_samples
         self.tracer.follow(model.surfels)
-        if self.iteration and self.iteration % self.budget.refresh_interval == 0:
+        if self.iteration and self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0:
             self.incident = self._gathered(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
             normal = model.surfels.frame[index, :, 2].detach()
-            direction, weight = hemisphere_directions(normal, samples, self.generator, self._floor)
-            fresh = self.tracer.incident(index, direction, weight)
+            direction, weight = hemisphere_directions(normal, self._samples, self.generator, self._floor)
+            fresh = self.tracer.incident(index, direction, weight, self.plan)
         self.incident.store(index, fresh)
         return fresh
 
@@ -147,7 +182,11 @@ class InverseRendering:
         return 1.0 if "image-weight" in self.variant.deviations else 0.8
 
     def _gathered(self, surfels: Surfels) -> Incident:
-        return gather_incident(self.tracer, surfels, self.budget.incident_samples, self.generator, self._floor)
+        return gather_incident(self.tracer, surfels, self._samples, self.generator, self._floor, self.plan)
+
+    @property
+    def _samples(self) -> int:
+        return max(1, self.budget.incident_samples // self.plan.samples)
 
     @property
     def _floor(self) -> bool:
@@ -189,7 +228,9 @@ class InverseRendering:
                 split_sum_radiance(surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light),
                 start=torch.zeros_like(outgoing),
             )
-        return shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment)[:, 0].sum(1)
+        specular = self.plan.specular_among(surfels.albedo_logit)
+        parts = shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment, specular)
+        return parts[:, 0].sum(1)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
@@ -198,6 +239,7 @@ class InverseRendering:
             "optimiser": self.optimiser.state(),
             "generator": self.generator.get_state(),
             "incident": vars(self.incident) if self.variant.shading == "monte-carlo" else {},
+            "effects": self.planner.state(),
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -205,6 +247,7 @@ class InverseRendering:
         self.iteration = state["iteration"]
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
+        self.planner.restore(state["effects"])
         if state["incident"]:
             self.incident = Incident(**state["incident"])
 

@@ -1,0 +1,85 @@
+"""One-sided bounds on means and shares that are known from a sample."""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+RESAMPLES_PER_TAIL = 5
+"""Resamples that fall beyond the quantile asked for: its probability is known to within a factor of about 1.5."""
+
+MOST_BATCHES = 256
+"""Observations that are resampled at most; their means are nearer to normal than they are."""
+
+
+def sidak(level: float, comparisons: int) -> float:
+    """The level of each of several statements that hold together with ``level`` (of error, such as 0.01).
+
+    >>> round(sidak(0.01, 10), 6)
+    0.001005
+    """
+    return -math.expm1(math.log1p(-level) / comparisons)
+
+
+def zero_events_upper(trials: int, level: float) -> float:
+    """Upper bound on the probability of an event that none of ``trials`` independent trials has seen.
+
+    1 - level^(1/n): with 2048 trials and a level of 0.01 it is 0.22 %.
+    """
+    return -math.expm1(math.log(level) / trials) if trials else 1.0
+
+
+def empirical_bernstein_upper(values: Float[Tensor, " sample"], largest: float, level: float) -> float:
+    """Upper bound on the mean of independent values in [0, largest], whatever their distribution (Maurer 2009).
+
+    mean + sqrt(2 V ln(2/level) / n) + 7 largest ln(2/level) / (3 (n - 1)).
+    """
+    count = len(values)
+    if count < 2:
+        return largest
+    logarithm = math.log(2 / level)
+    spread = math.sqrt(2 * float(values.double().var()) * logarithm / count)
+    return min(largest, float(values.double().mean()) + spread + 7 * largest * logarithm / (3 * (count - 1)))
+
+
+def bootstrap_t(
+    values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
+) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
+    """Lower and upper bounds on the means by the bootstrap-t, each with an error of ``level``; float64.
+
+    mean - q s / sqrt(n), q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)): skewed samples, which squared
+    errors are, get the longer tail that Student's t would deny them. All statistics share the resamples. More than
+    MOST_BATCHES values are averaged in that many batches first. Infinite for fewer than two values, and where so many
+    resamples are constant that the quantile is not known.
+    """
+    values = _batched(values.detach().double().cpu(), generator)
+    mean, count = values.mean(1), values.shape[1]
+    if count < 2:
+        return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
+    resamples = math.ceil(RESAMPLES_PER_TAIL / level)
+    drawn = torch.randint(count, (resamples, count), generator=generator)
+    times = torch.zeros(resamples, count, dtype=torch.float64).scatter_add_(1, drawn, torch.ones_like(drawn).double())
+    centred = values - mean[:, None]
+    moved = centred @ times.T / count
+    spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
+    # A resample that is constant says that the mean may be arbitrarily many of its errors away, on either side.
+    constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
+    ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
+    place = max(1, math.floor(level * resamples))
+    lowest = torch.where(constant, -torch.inf, ratio).kthvalue(place, 1).values
+    highest = torch.where(constant, torch.inf, ratio).kthvalue(resamples + 1 - place, 1).values
+    error = values.std(1) / math.sqrt(count)
+    known = error > 0
+    below = torch.where(known, mean - highest * error, mean)
+    above = torch.where(known, mean - lowest * error, mean)
+    return below, above
+
+
+def _batched(values: Float[Tensor, "statistics sample"], generator: torch.Generator) -> Tensor:
+    count = values.shape[1]
+    if count <= MOST_BATCHES:
+        return values
+    kept = count - count % MOST_BATCHES
+    shuffled = values[:, torch.randperm(count, generator=generator)[:kept]]
+    return shuffled.unflatten(1, (MOST_BATCHES, -1)).mean(2)

@@ -1,0 +1,106 @@
+"""The radiance that surfels send under different plans, from one set of directions: differences carry no noise."""
+
+from functools import cached_property
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ..errors import UsageError
+from ..incident import Incident
+from ..rendering import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    shade_surfels,
+    towards,
+)
+from ..spherical_harmonics import surfel_radiance
+from ..surfels import Surfels, roughness_to_logit
+from .plan import EffectPlan
+from .subject import Subject, alone, halved
+
+SHARP_ROUGHNESS = 0.2
+"""Roughness at which a specular part is looked at besides the present one: what training may still make of it."""
+
+
+class Candidates:
+    """Radiance of a subject's surfels towards its sights under any plan.
+
+    ``albedo``, ``roughness`` and ``environment`` are leaves, so that gradients can be compared too. Shading is done
+    once for each set of directions and kind of light, and put together for a plan.
+    """
+
+    def __init__(self, subject: Subject) -> None:
+        self.subject = subject
+        surfels = subject.surfels
+        self.albedo = surfels.albedo.clone().requires_grad_()
+        self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
+        self.environment = subject.environment.clone().requires_grad_()
+        self.outgoing = torch.stack([towards(sight.camera, surfels) for sight in subject.sights], 1)
+
+    @property
+    def leaves(self) -> dict[str, Tensor]:
+        """What gradients are compared of."""
+        return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
+
+    def radiance(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
+        """L_PBR under a plan; ``sharp``: as if every surface had a roughness of SHARP_ROUGHNESS."""
+        traced = self._where(plan.traced) if plan.traces else self._where(False)
+        parts, free = self._parts(plan.samples, sharp)
+        diffuse, specular = (
+            torch.where(traced, parts[:, :, place], free[:, :, place]) if plan.visibility else free[:, :, place]
+            for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT)
+        )
+        if plan.indirect:
+            met = parts if plan.bounces else self._first
+            diffuse = diffuse + torch.where(traced, met[:, :, DIFFUSE_INDIRECT], 0.0)
+            specular = specular + torch.where(traced, met[:, :, SPECULAR_INDIRECT], 0.0)
+        shiny = plan.specular_among(self.subject.surfels.albedo)
+        return diffuse + torch.where(self._where(shiny), specular, 0.0)
+
+    def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
+        """L_G with harmonics up to ``degree``."""
+        return surfel_radiance(self.subject.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
+
+    def _where(self, mask: Bool[Tensor, " surfels"] | bool | None) -> Tensor:
+        if mask is None or isinstance(mask, bool):
+            return torch.tensor(mask is not False, device=self.albedo.device)
+        return mask[:, None, None]
+
+    def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
+        """The four parts with what is in the way, and without."""
+        if sharp:
+            return self._sharp
+        return self._whole if samples == 1 else self._half
+
+    @cached_property
+    def _whole(self) -> tuple[Tensor, Tensor]:
+        return self._shaded(self.subject.incident)
+
+    @cached_property
+    def _half(self) -> tuple[Tensor, Tensor]:
+        return self._shaded(halved(self.subject.incident))
+
+    @cached_property
+    def _sharp(self) -> tuple[Tensor, Tensor]:
+        return self._shaded(self.subject.incident, SHARP_ROUGHNESS)
+
+    @cached_property
+    def _first(self) -> Tensor:
+        incident, first = self.subject.incident, self.subject.first
+        if first is None:
+            raise UsageError("bounces of a subject that was traced without them")
+        once = Incident(incident.direction, incident.weight, incident.visibility, first)
+        return self._lit(once)
+
+    def _shaded(self, incident: Incident, roughness: float | None = None) -> tuple[Tensor, Tensor]:
+        return self._lit(incident, roughness), self._lit(alone(incident), roughness)
+
+    def _lit(self, incident: Incident, roughness: float | None = None) -> Float[Tensor, "surfels views 4 3"]:
+        surfels = self.subject.surfels
+        surfels = Surfels.of(surfels.parameters() | {"roughness_logit": self.roughness_logit})
+        if roughness is not None:
+            surfels.roughness_logit = torch.full_like(surfels.roughness_logit, roughness_to_logit(roughness))
+        return shade_surfels(surfels, self.albedo, incident, self.outgoing, self.environment)

@@ -1,0 +1,149 @@
+"""What a light calls for: whether directions are to be drawn from it, and what relighting by it may leave out.
+
+A model that was trained under one light is probed anew under every other: a sun needs the shadows that an overcast sky
+did not.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..colour import srgb_encode
+from ..incident import Incident
+from ..light import EnvironmentMap, texel_solid_angles
+from ..rendering import own_radiance, shade_surfels, splat
+from ..sampling import LightSampler, hemisphere_directions, relighting_directions
+from ..surfels import Surfels
+from .bounds import bootstrap_t, sidak
+from .decision import decide
+from .evidence import Evidence, Measured
+from .images import mean_error
+from .plan import EffectPlan
+from .prices import Step
+from .probe import LEVEL, PROBES, Findings, probe
+from .subject import Sight, subject_of
+from .tolerance import TOLERANCE_DB, Tolerance
+
+CHECKED = 128
+"""Surfels that are shaded by both kinds of directions."""
+
+REFERENCE_DIRECTIONS = 16384
+"""Directions over the hemisphere that are taken for the truth: 1.1 degrees apart."""
+
+DIRECTIONS = 16
+"""That a probe traces from every surfel: an eighth of what relighting with preset tiny traces."""
+
+IN_RELIGHTING = ("visibility", "indirect", "specular")
+
+
+@dataclass(frozen=True)
+class Concentration:
+    """How a light is spread over the sphere.
+
+    peak: brightest texel over the mean radiance. effective: 1 / sum p^2 over the map's texels, p their shares of its
+    power, over the number of texels that a constant light of this map has: 1 for a constant light, small for a sun.
+    """
+
+    peak: float
+    effective: float
+
+
+def concentration(light: EnvironmentMap) -> Concentration:
+    """P5: of the brightest channel, weighted by solid angle."""
+    area = texel_solid_angles(*light.radiance.shape[:2]).to(light.radiance.device)
+    power = (light.radiance.double().max(-1).values.clamp(min=0) * area).flatten()
+    total = float(power.sum())
+    if total == 0:
+        return Concentration(1.0, 1.0)
+    share, even = power / total, (area.expand(light.radiance.shape[:2]) / (4 * math.pi)).flatten()
+    peak = float((share / even).max())
+    return Concentration(peak, float(even.square().sum() / share.square().sum()))
+
+
+@torch.no_grad()
+def settle_light_sampling(
+    surfels: Surfels,
+    light: EnvironmentMap,
+    tolerance: Tolerance,
+    spread: int,
+    drawn: int,
+    seed: int,
+) -> Evidence:
+    """Whether ``drawn`` directions from the light beside ``spread`` ones over the hemisphere make images better.
+
+    Both are compared with REFERENCE_DIRECTIONS on CHECKED surfels that nothing occludes, seen along their normals.
+    """
+    generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+    chosen = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
+    some = surfels.take(chosen)
+    normal = some.frame[..., 2]
+
+    def shaded(direction: Tensor, weight: Tensor) -> Tensor:
+        incident = Incident(direction, weight, torch.ones_like(weight), torch.zeros_like(direction))
+        radiance = shade_surfels(some, some.albedo, incident, normal[:, None], light.radiance)[:, 0].sum(1)
+        return srgb_encode(radiance)
+
+    truth = shaded(*hemisphere_directions(normal, REFERENCE_DIRECTIONS, generator))
+    without = (shaded(*hemisphere_directions(normal, spread, generator)) - truth).square().mean(-1)
+    both = relighting_directions(normal, LightSampler(light), spread, drawn, generator)
+    rise = without - (shaded(*both) - truth).square().mean(-1)
+    below, above = bootstrap_t(rise[None], sidak(LEVEL, PROBES), torch.Generator().manual_seed(seed))
+    measured = Measured(
+        contribution=tolerance.loss(float(rise.mean())),
+        lowest=tolerance.loss(float(below)),
+        bound=tolerance.loss(float(above)),
+        worst=tolerance.worst_case(float(without.mean())),
+        tail=0.0,
+        unseen=1.0,
+        gradient=0.0,
+        share=drawn / (spread + drawn),
+        rays=len(surfels) * drawn,
+        seconds=0.0,
+    )
+    verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
+    shape = concentration(light)
+    why += f"; peak {shape.peak:.1f} times the mean, {100 * shape.effective:.0f} % of the sphere in effect"
+    return Evidence("light-sampling", verdict, why, 0, seed, tolerance.decibel, measured)
+
+
+@torch.no_grad()
+def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
+    """Mean squared error of the surfels' own radiance against the sights' targets: what the method misses anyway."""
+    seen = [splat(sight.camera, surfels, {"own": own_radiance(sight.camera, surfels)}, 1.0) for sight in sights]
+    covered = [each.alpha > 0.5 for each in seen]
+    return mean_error([each.images["own"] for each in seen], sights, covered)
+
+
+def plan_for_light(
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    light: EnvironmentMap,
+    sights: Sequence[Sight],
+    spread: int,
+    drawn: int,
+    seed: int,
+    decibel: float = TOLERANCE_DB,
+) -> Findings:
+    """What relighting by ``light`` may leave out. ``sights`` have the images that the model was trained on.
+
+    ``albedo``: linear, as it will be relit. ``spread``, ``drawn``: relighting's directions over the hemisphere and from
+    the light. L_ind is that of light that has met one surface, as in relighting: the surfels' own is another light's.
+    """
+    mse = own_error(surfels, sights)
+    painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
+    generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+    blind = tuple(Sight(sight.camera, None) for sight in sights)
+    subject = subject_of(painted, light.radiance, blind, DIRECTIONS, generator, bounces=True)
+    if subject.first is not None:
+        met = replace(subject.incident, radiance=subject.first)
+        subject = replace(subject, incident=met)
+    # Every surfel is traced once, as in a step that does nothing but refresh.
+    step = Step(len(surfels), 0, spread + drawn, 1)
+    found = probe(subject, step, seed, effects=IN_RELIGHTING, decibel=decibel, mse=mse)
+    sampling = settle_light_sampling(painted, light, found.tolerance, spread, drawn, seed)
+    plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
+    return Findings(plan, (*found.evidence, sampling), found.tolerance)

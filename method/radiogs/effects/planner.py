@@ -1,0 +1,126 @@
+"""The plan of a training: fixed, or decided by probes at a few iterations that depend on nothing but the budget."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..camera import Camera
+from ..errors import NumericalFailure
+from ..surfels import Surfels
+from .evidence import Evidence
+from .plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
+from .prices import Step
+from .probe import PROBES, Findings, probe
+from .staleness import Staleness, settle_refresh
+from .subject import Sight, Subject, subject_of
+
+DIRECTIONS = 2
+"""A probe traces the samples of training divided by this from every surfel: four probes are then 2 % of the rays of a
+training with preset tiny. Halving samples that are fewer costs more, so what it finds of them is on the safe side."""
+
+SIGHTS = 4
+"""Training views that a probe looks from, one of each quarter of their list."""
+
+
+@runtime_checkable
+class Seen(Protocol):
+    """A training view as a probe needs it."""
+
+    @property
+    def camera(self) -> Camera:
+        """Where it was taken from."""
+
+    def over(self, background: float) -> Float[Tensor, "height width 3"]:
+        """Its image in display sRGB on a grey background."""
+
+
+class Planner:
+    """Holds the plan; with ``effects`` "auto", probes at 0, 1/4, 1/2 and 3/4 of ``iterations`` and decides anew.
+
+    Every probe has a seed of its own, made of the training's seed and the iteration, so that what one probe saw by
+    chance the next one does not see again, and a training that is resumed decides as it would have.
+    """
+
+    def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:
+        self.auto = effects == "auto"
+        self.seed, self.samples = seed, max(2, samples // DIRECTIONS)
+        self.plan = plan_of(effects)
+        self.evidence: tuple[Evidence, ...] = ()
+        self.at = frozenset(iterations * place // PROBES for place in range(PROBES)) if self.auto else frozenset()
+
+    def due(self, iteration: int) -> bool:
+        """Whether to probe before this iteration."""
+        return iteration in self.at
+
+    def observe(
+        self,
+        surfels: Surfels,
+        environment: Float[Tensor, "rows columns 3"],
+        views: Sequence[Seen],
+        step: Step,
+        iteration: int,
+        stale: Staleness | None = None,
+    ) -> bool:
+        """Probe, and take the plan that follows; says whether it is another one than before.
+
+        ``stale``: how far the cache of incident light was off before its last refresh, where that is known. A probe
+        that meets a value that is not finite means everything on.
+        """
+        seed = 1_000_003 * (self.seed + 1) + iteration
+        before = self.plan
+        try:
+            subject = self.subject(surfels, environment, views, seed)
+            found = probe(subject, step, seed, iteration, before)
+            if stale is not None:
+                found = with_refresh(found, stale, step, before, iteration, seed)
+        except NumericalFailure as failure:
+            self.plan = everything()
+            self.evidence += (Evidence("plan", "on", f"the probe failed: {failure.what}", iteration, seed, 0.0, None),)
+            return bool(before.off)
+        self.plan = found.plan
+        self.evidence += found.evidence
+        return not same(before, found.plan)
+
+    def subject(
+        self, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], views: Sequence[Seen], seed: int
+    ) -> Subject:
+        """What a probe with this seed looks at."""
+        generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+        chosen = torch.Generator().manual_seed(seed)
+        sights = []
+        for place in range(min(SIGHTS, len(views))):
+            low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
+            view = views[int(torch.randint(low, high, (), generator=chosen))]
+            sights.append(Sight(view.camera, view.over(0.0)))
+        return subject_of(surfels, environment, tuple(sights), self.samples, generator)
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {"plan": self.plan.state(), "evidence": [each.plain() for each in self.evidence]}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.plan = EffectPlan(**state["plan"])
+        self.evidence = tuple(Evidence.of(each) for each in state["evidence"])
+
+
+def with_refresh(
+    found: Findings, stale: Staleness, step: Step, before: EffectPlan, iteration: int, seed: int
+) -> Findings:
+    """The findings with the interval of the refresh settled too."""
+    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed)
+    plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
+    return replace(found, plan=plan, evidence=(*found.evidence, record))
+
+
+def same(first: EffectPlan, second: EffectPlan) -> bool:
+    """Whether two plans leave out the same, masks included."""
+
+    def equal(one: Tensor | None, other: Tensor | None) -> bool:
+        return one is other if one is None or other is None else torch.equal(one, other)
+
+    return first == second and equal(first.traced, second.traced) and equal(first.specular_at, second.specular_at)

@@ -1,0 +1,290 @@
+"""One probe: every effect measured on the same images, decided, and the plan of all decisions measured once more."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..colour import srgb_encode
+from .bounds import bootstrap_t, sidak, zero_events_upper
+from .candidates import Candidates
+from .decision import LEAST_SHARE, decide
+from .evidence import Evidence, Measured
+from .gradient import gradient_changes, pull_of_images
+from .images import TileErrors, mean_error, same_light, splatted, tile_errors
+from .plan import HIGHEST_DEGREE, EffectPlan, everything
+from .prices import Step, cost
+from .subject import Subject
+from .tolerance import TOLERANCE_DB, Tolerance
+
+LEVEL = 0.01
+"""Probability that any bound of a run is too low, over all effects and probes."""
+
+PROBES = 4
+"""Probes that a run has at most."""
+
+OCCLUSION_EDGES = (0.05, 0.1, 0.2, 0.4)
+"""Rays may be left to the surfels that have more than one of these shares of their sky hidden."""
+
+ROUGHNESS_EDGES = (0.7, 0.5, 0.3)
+"""Specular parts may be left to the surfels that are smoother than one of these."""
+
+IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
+"""What is probed of images during training."""
+
+NO_GAUGE = ("view-dependence", "samples")
+"""Effects whose absence no factor on the light takes back."""
+
+
+@dataclass(frozen=True)
+class Findings:
+    """What a probe has found: the plan, an ``Evidence`` for each effect, and one for the plan as a whole."""
+
+    plan: EffectPlan
+    evidence: tuple[Evidence, ...]
+    tolerance: Tolerance
+
+
+def offers(subject: Subject, effect: str) -> list[EffectPlan]:
+    """Ways of leaving an effect out, from the most careful to the boldest: each leaves out what the one before does.
+
+    Rays are needed for visibility as for indirect light; so visibility is only ever given up with both.
+    """
+    full = everything()
+    if effect == "visibility":
+        occlusion = subject.occlusion
+        masks = [occlusion > edge for edge in OCCLUSION_EDGES]
+        return [*(EffectPlan(traced=mask) for mask in masks), full.without("indirect").without("visibility")]
+    if effect == "specular":
+        roughness = subject.surfels.roughness
+        masks = [roughness < edge for edge in ROUGHNESS_EDGES]
+        return [*(EffectPlan(specular_at=mask) for mask in masks), full.without("specular")]
+    if effect == "view-dependence":
+        return [EffectPlan(sh_degree=degree) for degree in reversed(range(HIGHEST_DEGREE))]
+    return [full.without(effect)]
+
+
+def probe(
+    subject: Subject,
+    step: Step,
+    seed: int,
+    iteration: int = 0,
+    before: EffectPlan | None = None,
+    effects: Sequence[str] = IN_TRAINING,
+    decibel: float = TOLERANCE_DB,
+    mse: float | None = None,
+) -> Findings:
+    """Measure and decide. ``before``: the plan until now, which hysteresis keeps.
+
+    ``mse``: the method's own error where the sights have no targets. Bounds hold with an error of LEVEL together over
+    ``effects`` and PROBES.
+    """
+    judge = _Judge(subject, step, seed, len(effects) * PROBES, decibel, mse)
+    before = before or everything()
+    plan, records = everything(), []
+    for effect in effects:
+        chosen, record = _settle(judge, effect, offers(subject, effect), before, iteration)
+        records.append(record)
+        plan = _joined(plan, chosen)
+    plan, whole = _accepted(judge, plan, before, iteration)
+    return Findings(plan, (*records, whole), judge.tolerance)
+
+
+def _settle(
+    judge: "_Judge", effect: str, plans: Sequence[EffectPlan], before: EffectPlan, iteration: int
+) -> tuple[EffectPlan, Evidence]:
+    """The boldest of the plans up to which all are accepted, and its record (of leaving it all out, if none is)."""
+    measured = judge.measure(effect, plans)
+    was_off = effect in before.off
+    chosen, record = everything(), None
+    for place, (plan, each) in enumerate(zip(plans, measured, strict=True)):
+        if each.share < LEAST_SHARE:
+            continue  # not refused, but not worth it: a bolder plan may be
+        verdict, why = decide(each, was_off, judge.tolerance.decibel)
+        if verdict == "on":
+            break
+        last = place == len(plans) - 1
+        chosen = plan
+        record = Evidence(effect, "off" if last else "local", why, iteration, judge.seed, judge.tolerance.decibel, each)
+    # What is refused is judged by leaving it out altogether: that is the effect's contribution.
+    if record is None:
+        verdict, why = decide(measured[-1], was_off, judge.tolerance.decibel)
+        if verdict == "off":
+            why = "leaving it out altogether would pass, but leaving out less does not"
+        record = Evidence(effect, "on", why, iteration, judge.seed, judge.tolerance.decibel, measured[-1])
+    return chosen, record
+
+
+def _accepted(judge: "_Judge", plan: EffectPlan, before: EffectPlan, iteration: int) -> tuple[EffectPlan, Evidence]:
+    """The joint plan if it passes as a whole; else with one effect after the other put back, the cheapest first."""
+    while plan.off:
+        measured = judge.measure("plan", [plan])[0]
+        verdict, why = decide(measured, bool(before.off), judge.tolerance.decibel)
+        if verdict == "off":
+            return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured)
+        least = min(plan.off, key=lambda effect: judge.step.saving(_only(plan, effect), everything()))
+        plan = _put_back(plan, least)
+    return plan, Evidence("plan", "on", "nothing is left out", iteration, judge.seed, judge.tolerance.decibel, None)
+
+
+_FIELDS: Mapping[str, tuple[str, ...]] = {
+    "visibility": ("visibility", "indirect", "traced"),
+    "indirect": ("visibility", "indirect", "traced"),
+    "bounces": ("bounces",),
+    "specular": ("specular", "specular_at"),
+    "light-sampling": ("light_sampling",),
+    "view-dependence": ("sh_degree",),
+    "samples": ("samples",),
+    "refresh": ("refresh",),
+}
+"""Fields of a plan that say how an effect is left out."""
+
+
+def _only(plan: EffectPlan, effect: str) -> EffectPlan:
+    return replace(everything(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
+
+
+def _put_back(plan: EffectPlan, effect: str) -> EffectPlan:
+    return replace(plan, **{name: getattr(everything(), name) for name in _FIELDS[effect]})
+
+
+def _joined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
+    """Everything that either plan leaves out; of two masks of rays the bolder plan's one."""
+    traced = None
+    if first.traces and second.traces:
+        traced = first.traced if second.traced is None else second.traced
+    return EffectPlan(
+        visibility=first.visibility and second.visibility,
+        indirect=first.indirect and second.indirect,
+        bounces=first.bounces and second.bounces,
+        specular=first.specular and second.specular,
+        light_sampling=first.light_sampling and second.light_sampling,
+        sh_degree=min(first.sh_degree, second.sh_degree),
+        samples=max(first.samples, second.samples),
+        refresh=max(first.refresh, second.refresh),
+        traced=traced,
+        specular_at=first.specular_at if second.specular_at is None else second.specular_at,
+    )
+
+
+class _Judge:
+    """Measures plans against the full images of a subject."""
+
+    def __init__(
+        self, subject: Subject, step: Step, seed: int, comparisons: int, decibel: float, mse: float | None
+    ) -> None:
+        self.subject, self.step, self.seed = subject, step, seed
+        self.level = sidak(LEVEL, comparisons)
+        self.generator = torch.Generator().manual_seed(seed)
+        self.candidates = Candidates(subject)
+        self.pull = pull_of_images(self.candidates)
+        full = {
+            "shaded": self.candidates.radiance(everything()).detach(),
+            "sharp": self.candidates.radiance(everything(), sharp=True).detach(),
+            "own": self.candidates.own(HIGHEST_DEGREE),
+        }
+        self.full, self.covered = splatted(subject.sights, subject.surfels, full)
+        if mse is None:
+            mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
+        self.tolerance = Tolerance(mse, decibel)
+
+    def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
+        """What each plan loses against everything."""
+        asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
+        for place, plan in enumerate(plans):
+            if plan.sh_degree < HIGHEST_DEGREE:
+                asked[place, "own"] = self.candidates.own(plan.sh_degree)
+            if replace(plan, sh_degree=HIGHEST_DEGREE).off:
+                asked[place, "shaded"] = self.candidates.radiance(plan).detach()
+            if not plan.specular or plan.specular_at is not None:
+                asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
+        names = {key: f"{key[0]} {key[1]}" for key in asked}
+        images, _ = splatted(
+            self.subject.sights, self.subject.surfels, {names[key]: value for key, value in asked.items()}
+        )
+        scaled = effect not in NO_GAUGE
+        errors = {
+            key: tile_errors(images[names[key]], self.full[key[1]], self.subject.sights, self.covered, scaled)
+            for key in asked
+        }
+        bounds = self._bounds(errors)
+        changes = gradient_changes(self.candidates, plans, self.pull)
+        return [
+            self._measured(
+                plan,
+                changes[place],
+                {kind: errors[where, kind] for where, kind in errors if where == place},
+                {kind: bounds[where, kind] for where, kind in bounds if where == place},
+            )
+            for place, plan in enumerate(plans)
+        ]
+
+    def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
+        """Of the mean difference and the mean rise; sharp images have no target, and so no rise."""
+        stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
+        below, above = bootstrap_t(stacked, self.level, self.generator)
+        mean = stacked.double().mean(1).cpu()
+        found = {}
+        for place, key in enumerate(errors):
+            rows = slice(2 * place, 2 * place + (1 if key[1] == "sharp" else 2))
+            found[key] = _Bounds(
+                float(mean[rows].max()), float(below[rows].max()), float(above[rows].max()), float(above[2 * place])
+            )
+        return found
+
+    def _measured(
+        self,
+        plan: EffectPlan,
+        changes: Mapping[str, float],
+        errors: Mapping[str, TileErrors],
+        bounds: Mapping[str, "_Bounds"],
+    ) -> Measured:
+        tolerance = self.tolerance
+        worst_tile = max(float(each.difference.max()) for each in errors.values())
+        tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
+        tiles = len(next(iter(errors.values())).difference)
+        saved = self.step.work(everything())["rays"] - self.step.work(plan)["rays"]
+        seconds = 1e-6 * (cost(self.step.work(everything())) - cost(self.step.work(plan)))
+        return Measured(
+            contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
+            lowest=max(tolerance.loss(each.below) for each in bounds.values()),
+            bound=max(tolerance.loss(each.above) for each in bounds.values()),
+            worst=max(tolerance.worst_case(each.difference) for each in bounds.values()),
+            tail=tail,
+            unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
+            gradient=max(changes.values(), default=0.0),
+            share=self.step.saving(plan, everything()),
+            rays=round(saved),
+            seconds=seconds,
+        )
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Of an error: estimate, bounds from both sides, and the upper bound of the difference alone."""
+
+    mean: float
+    below: float
+    above: float
+    difference: float
+
+
+def difference_maps(subject: Subject, effects: Sequence[str]) -> dict[str, Float[Tensor, "height width"]]:
+    """Of the first sight: how much leaving each effect out changes each pixel, mean over channels, display sRGB."""
+    candidates, first = Candidates(subject), replace(subject, sights=subject.sights[:1])
+    plans = {effect: offers(subject, effect)[-1] for effect in effects}
+    radiance = {"shaded": candidates.radiance(everything()), "own": candidates.own(HIGHEST_DEGREE)}
+    for effect, plan in plans.items():
+        own = plan.sh_degree < HIGHEST_DEGREE
+        radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
+    seen = {name: value[:, :1].detach() for name, value in radiance.items()}
+    images, covered = splatted(first.sights, subject.surfels, seen)
+    maps = {}
+    for effect, plan in plans.items():
+        full = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"]
+        factor = torch.ones(3) if effect in NO_GAUGE else same_light(images[effect], full, covered)
+        change = srgb_encode(images[effect][0] * factor.to(full[0])) - srgb_encode(full[0])
+        maps[effect] = change.abs().mean(-1)
+    return maps

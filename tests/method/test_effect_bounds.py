@@ -1,0 +1,149 @@
+"""Bounds hold as often as they say, judged by simulation of distributions whose mean is known."""
+
+import math
+
+import pytest
+import torch
+
+from radiogs.effects.bounds import bootstrap_t, empirical_bernstein_upper, sidak, zero_events_upper
+from radiogs.effects.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
+from radiogs.effects.evidence import Evidence, Measured
+from radiogs.effects.tolerance import Tolerance
+
+LEVEL = 0.05
+TRIALS = 300
+
+
+def squared_normals(generator: torch.Generator) -> torch.Tensor:
+    """Skewed as squared errors are; mean 1."""
+    return torch.randn(TRIALS, 120, generator=generator, dtype=torch.float64).square()
+
+
+def mostly_zero(generator: torch.Generator) -> torch.Tensor:
+    """Three in ten tiles differ; mean 0.3."""
+    return (torch.rand(TRIALS, 120, generator=generator, dtype=torch.float64) < 0.3).double()
+
+
+@pytest.mark.parametrize(("sample", "mean"), [(squared_normals, 1.0), (mostly_zero, 0.3)])
+def test_the_mean_is_within_each_bound_as_often_as_its_level_says(sample: object, mean: float) -> None:
+    """Misses in 300 samples are binomial: 30 is five standard deviations above 15."""
+    values = sample(torch.Generator().manual_seed(0))  # type: ignore[operator]
+    generator = torch.Generator().manual_seed(1)
+    bounds = [bootstrap_t(row[None], LEVEL, generator) for row in values]
+    too_low = sum(float(above) < mean for _, above in bounds)
+    too_high = sum(float(below) > mean for below, _ in bounds)
+    assert too_low < 30
+    assert too_high < 30
+    # And they are not merely wide: on average within a factor of two of the normal theory's.
+    theory = 1.645 * float(values.std(1).mean()) / math.sqrt(values.shape[1])
+    width = sum(float(above) for _, above in bounds) / TRIALS - mean
+    assert 0.5 * theory < width < 2 * theory
+
+
+def test_statistics_bounded_together_are_bounded_as_alone() -> None:
+    values = squared_normals(torch.Generator().manual_seed(3))[:2]
+    below, above = bootstrap_t(values, LEVEL, torch.Generator().manual_seed(4))
+    for place in range(2):
+        alone = bootstrap_t(values[place : place + 1], LEVEL, torch.Generator().manual_seed(4))
+        assert float(alone[0]) == pytest.approx(float(below[place]))
+        assert float(alone[1]) == pytest.approx(float(above[place]))
+
+
+def test_what_cannot_be_known_is_not_bounded() -> None:
+    generator = torch.Generator().manual_seed(0)
+    assert bootstrap_t(torch.ones(1, 1), LEVEL, generator)[1] == math.inf
+    # Of two values every other resample is constant: it says nothing of how they scatter.
+    assert bootstrap_t(torch.tensor([[0.0, 1.0]]), LEVEL, generator)[1] == math.inf
+    assert bootstrap_t(torch.full((1, 50), 2.0), LEVEL, generator)[1] == 2.0
+
+
+def test_many_values_are_bounded_by_the_means_of_batches() -> None:
+    values = torch.randn(1, 40_000, generator=torch.Generator().manual_seed(0), dtype=torch.float64).square()
+    below, above = bootstrap_t(values, LEVEL, torch.Generator().manual_seed(1))
+    theory = 1.645 * math.sqrt(2) / math.sqrt(values.shape[1])
+    assert float(values.mean()) - 1.5 * theory < float(below) < float(values.mean()) < float(above)
+    assert float(above) < float(values.mean()) + 1.5 * theory
+
+
+def test_the_certificate_holds_for_rare_large_values() -> None:
+    """One in a thousand is 1: most samples of 500 have none, which no bound by the sample's spread survives."""
+    values = torch.rand(TRIALS, 500, generator=torch.Generator().manual_seed(0), dtype=torch.float64) < 1e-3
+    misses = sum(empirical_bernstein_upper(row.double(), 1.0, LEVEL) < 1e-3 for row in values)
+    assert misses < 30
+    assert empirical_bernstein_upper(torch.zeros(1), 0.5, LEVEL) == 0.5
+
+
+def test_an_event_that_was_never_seen_is_as_rare_as_the_bound_says() -> None:
+    """P(no event in n | p = bound) is the level: drawn, not computed."""
+    share = zero_events_upper(50, LEVEL)
+    drawn = torch.rand(40_000, 50, generator=torch.Generator().manual_seed(0)) < share
+    assert float((drawn.sum(1) == 0).float().mean()) == pytest.approx(LEVEL, abs=0.005)
+    assert zero_events_upper(2048, 0.01) == pytest.approx(0.00225, abs=5e-5)
+    assert zero_events_upper(0, LEVEL) == 1.0
+
+
+def test_comparisons_that_are_independent_hold_together() -> None:
+    for count in (1, 7, 28):
+        assert (1 - sidak(0.01, count)) ** count == pytest.approx(0.99)
+
+
+def test_a_tolerance_of_decibels_is_an_error_between_images() -> None:
+    """Errors of known correlation are added in float64 and their PSNR compared."""
+    generator = torch.Generator().manual_seed(0)
+    error = 0.03 * torch.randn(400_000, generator=generator, dtype=torch.float64)
+    tolerance = Tolerance(float(error.square().mean()))
+    independent = torch.randn(400_000, generator=generator, dtype=torch.float64) * math.sqrt(tolerance.error)
+
+    def loss(change: torch.Tensor) -> float:
+        return 10 * math.log10(float((error + change).square().mean() / error.square().mean()))
+
+    assert loss(independent) == pytest.approx(0.1, abs=0.01)
+    assert tolerance.loss(tolerance.error) == pytest.approx(0.1)
+    for scale in (1e-3, 0.02, 0.5):
+        along = scale * error
+        assert loss(along) == pytest.approx(tolerance.worst_case(float(along.square().mean())))
+        assert loss(independent * scale) < tolerance.worst_case(float((independent * scale).square().mean()))
+    assert Tolerance(0.0).loss(1e-9) == math.inf
+    assert Tolerance(0.0).loss(0.0) == 0.0
+
+
+HARMLESS = Measured(0.01, 0.0, 0.02, 0.4, 0.1, 0.02, 0.1, 0.3, 9000, 0.03)
+
+
+def but(**changes: float) -> Measured:
+    return Measured(**{**vars(HARMLESS), **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("measured", "was_off", "verdict"),
+    [
+        (HARMLESS, False, "off"),
+        (None, False, "on"),
+        (None, True, "on"),
+        (but(bound=math.inf), True, "on"),
+        (but(contribution=math.nan), True, "on"),
+        (but(gradient=math.nan), True, "on"),
+        (but(share=LEAST_SHARE / 2), False, "on"),
+        (but(tail=1.2), False, "on"),
+        # Hysteresis: between half the tolerance and the whole of it things stay as they are.
+        (but(bound=0.1 * OFF_BELOW - 1e-3), False, "off"),
+        (but(bound=0.1 * OFF_BELOW + 1e-3), False, "on"),
+        (but(bound=0.1 * OFF_BELOW + 1e-3), True, "off"),
+        (but(bound=0.1 + 1e-3), True, "on"),
+        (but(gradient=0.6 * GRADIENT_TOLERANCE), False, "on"),
+        (but(gradient=0.6 * GRADIENT_TOLERANCE), True, "off"),
+        (but(gradient=1.1 * GRADIENT_TOLERANCE), True, "on"),
+    ],
+)
+def test_an_effect_is_left_out_only_where_that_is_shown_to_matter_little_and_to_save_something(
+    measured: Measured | None, was_off: bool, verdict: str
+) -> None:
+    found, why = decide(measured, was_off)
+    assert found == verdict
+    assert why
+
+
+def test_evidence_survives_being_written_down() -> None:
+    for measured in (None, HARMLESS, but(bound=math.inf)):
+        record = Evidence("visibility", "on", "because", 200, 7, 0.1, measured)
+        assert Evidence.of(record.plain()) == record

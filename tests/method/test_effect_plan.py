@@ -1,0 +1,116 @@
+"""What a plan leaves out is really not done: the counters say so, and what is left equals the full method's part."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs.budget import budget
+from radiogs.effects.plan import EFFECTS, EffectPlan, everything, plan_of
+from radiogs.errors import UsageError
+from radiogs.incident import SurfelTracer, gather_incident
+from radiogs.kernels.counters import work
+from radiogs.rendering import Renderer
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.variant import Variant
+from scenes import sphere_scene
+
+CPU = torch.device("cpu")
+BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
+SCENE = sphere_scene(views=4, size=16)
+
+
+@pytest.fixture(scope="module")
+def initialised() -> dict[str, Any]:
+    stage = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    return stage.state()
+
+
+def but(*off: str) -> tuple[str, ...]:
+    return tuple(name for name in EFFECTS if name not in off)
+
+
+def work_of(initialised: dict[str, Any], *off: str, steps: int = 12) -> tuple[dict[str, int], InverseRendering]:
+    stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
+    work.clear()
+    for _ in range(steps):
+        stage.step()
+    return dict(work), stage
+
+
+def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_built(
+    initialised: dict[str, Any],
+) -> None:
+    counted, stage = work_of(initialised, "visibility", "indirect")
+    assert not any(counted.get(name) for name in ("rays", "node_visits", "leaf_visits", "hits"))
+    assert stage.tracer._bvh is None
+    Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
+    assert not work["rays"]
+
+
+def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]) -> None:
+    whole, _ = work_of(initialised)
+    assert whole["rays"] > 0
+    assert whole["lobes"] == whole["shaded_samples"]
+    assert work_of(initialised, "specular")[0]["lobes"] == 0
+    assert work_of(initialised, "view-dependence")[0]["bytes_read"] < whole["bytes_read"]
+    half = work_of(initialised, "samples")[0]
+    assert (2 * half["rays"], 2 * half["shaded_samples"]) == (whole["rays"], whole["shaded_samples"])
+    # Twelve steps hold one refresh of all surfels, at the tenth; twice the interval holds none.
+    seldom = work_of(initialised, "refresh")[0]
+    assert whole["rays"] - seldom["rays"] == BUDGET.incident_samples * len(
+        initialised["optimiser"]["tensors"]["centre"]
+    )
+
+
+def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -> None:
+    named = work_of(initialised)[1].optimiser.tensors
+    full = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    for _ in range(12):
+        full.step()
+    assert all(torch.equal(value, named[name]) for name, value in full.optimiser.tensors.items())
+
+
+def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: dict[str, Any]) -> None:
+    stage = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    surfels = stage.model.surfels
+    some = torch.arange(len(surfels)) % 3 == 0
+    whole = gather_incident(SurfelTracer(surfels), surfels, 8, None)
+    work.clear()
+    part = gather_incident(SurfelTracer(surfels), surfels, 8, None, plan=EffectPlan(traced=some))
+    assert work["rays"] == 8 * int(some.sum())
+    assert torch.equal(part.visibility[some], whole.visibility[some])
+    assert torch.equal(part.radiance[some], whole.radiance[some])
+    assert bool((part.visibility[~some] == 1).all())
+    assert not part.radiance[~some].any()
+
+
+@pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
+def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
+    stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
+    loss = stage._consistency(stage._seen_model(), stage.views[0])
+    loss.backward()
+    gradient = {name: value.grad for name, value in stage.optimiser.tensors.items()}
+    moved = {name for name, value in gradient.items() if value is not None and bool((value != 0).any())}
+    assert {"albedo_logit", "sh", "log_environment"} <= moved
+    assert ("roughness_logit" in moved) == ("specular" not in off)
+
+
+def test_plans_are_named_by_what_they_leave_out() -> None:
+    assert everything().off == ()
+    for name in EFFECTS:
+        assert plan_of(but(name)).off == (name,)
+    assert not plan_of(()).traces
+    assert plan_of("auto") == everything()
+
+
+def test_variants_know_the_effects() -> None:
+    assert Variant(effects=("specular", "visibility")).effects == ("visibility", "specular")
+    for wrong in ("some", ("visbility",)):
+        with pytest.raises(UsageError, match="unknown effect"):
+            Variant(effects=wrong)
+    with pytest.raises(UsageError, match="split-sum"):
+        Variant(shading="split-sum", effects="auto")

@@ -1,0 +1,259 @@
+"""Probes on surfels whose answer is known, and on scenes made to deceive them: nothing needed goes off for all."""
+
+import dataclasses
+import math
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs.budget import budget
+from radiogs.effects.candidates import Candidates
+from radiogs.effects.gradient import gradient_changes, pull_of_images
+from radiogs.effects.lighting import concentration, plan_for_light
+from radiogs.effects.plan import EffectPlan, everything
+from radiogs.effects.planner import Planner
+from radiogs.effects.prices import Step
+from radiogs.effects.probe import Findings, probe
+from radiogs.effects.staleness import Staleness, settle_refresh
+from radiogs.effects.subject import Sight, Subject, subject_of
+from radiogs.effects.tolerance import Tolerance
+from radiogs.light import EnvironmentMap, texel_directions
+from radiogs.rendering import shaded_maps
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.surfels import Surfels, radiance_to_sh
+from radiogs.variant import Variant
+from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from radiogs_datasets.generate.surfels import surfels_over
+from scenes import look_at, sphere_scene
+
+SAMPLES = 32
+CLAY = Material((0.6, 0.5, 0.4), 0.7)
+FLOOR = Box((-0.8, -0.8, -0.1), (0.8, 0.8, 0.0), CLAY)
+
+
+def sky(sun: float = 0.0, sharpness: float = 60.0) -> torch.Tensor:
+    """Grey above, darker below; ``sun``: radiance of a lobe 45 degrees high."""
+    direction = texel_directions(16, 32).float()
+    towards = torch.nn.functional.normalize(torch.tensor([1.0, 0.3, 1.0]), dim=0)
+    glow = sun * torch.exp(sharpness * ((direction @ towards) - 1))
+    return (0.6 + 0.3 * direction[..., 2:] + glow[..., None]).expand(16, 32, 3).contiguous()
+
+
+def cameras(height: float = 2.5) -> list[Any]:
+    places = [torch.tensor([2.5 * math.cos(a), 2.5 * math.sin(a), height]) for a in (0.2, 1.8, 3.3, 4.9)]
+    return [look_at(place, torch.zeros(3), 32, 40.0) for place in places]
+
+
+def subject(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> Subject:
+    """Seen under that light with everything on, as a method sees it whose images are off by ``noise``."""
+    blind = tuple(Sight(camera, None) for camera in cameras())
+    made = subject_of(surfels, light, blind, SAMPLES, torch.Generator().manual_seed(seed), bounces=True, offset=0.1)
+    drawn = torch.Generator().manual_seed(99)
+    sights = tuple(
+        Sight(sight.camera, image + noise * torch.randn(image.shape, generator=drawn))
+        for sight in blind
+        for image in [shaded_maps(sight.camera, made.surfels, made.surfels.albedo, made.incident, light)["image"]]
+    )
+    return dataclasses.replace(made, sights=sights)
+
+
+def step(surfels: Surfels) -> Step:
+    return Step(len(surfels), 256, SAMPLES, 100)
+
+
+def found(made: Subject, seed: int = 0, **more: Any) -> Findings:
+    return probe(made, step(made.surfels), seed, **more)
+
+
+def grey(surfels: Surfels, radiance: float) -> Surfels:
+    own = torch.zeros_like(surfels.sh)
+    own[:, 0] = radiance_to_sh(torch.full((len(surfels), 3), radiance))
+    return Surfels.of(surfels.parameters() | {"sh": own})
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_around_a_sphere_alone_nothing_is_traced(seed: int) -> None:
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.12)
+    plan = found(subject(ball, sky(), seed=seed), seed).plan
+    assert not plan.traces
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_under_a_table_light_is_traced(seed: int) -> None:
+    table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), Material((0.05, 0.05, 0.05), 0.8))
+    made = subject(surfels_over([FLOOR, table], 0.12), sky(), seed=seed)
+    assert found(made, seed).plan.visibility
+
+
+def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
+    """A box of one hundredth of the floor's area, open above: 0.3 % of the surfels are inside and see each other."""
+    wall = Material((0.8, 0.2, 0.2), 0.8)
+    cell = [
+        Box((0.2, 0.2, 0.002), (0.21, 0.36, 0.12), wall), Box((0.35, 0.2, 0.002), (0.36, 0.36, 0.119), wall),
+        Box((0.212, 0.2, 0.002), (0.348, 0.21, 0.118), wall), Box((0.212, 0.35, 0.002), (0.348, 0.36, 0.117), wall),
+    ]  # fmt: skip
+    surfels = surfels_over([FLOOR, *cell], 0.08)
+    made = subject(surfels, sky(), noise=0.005)
+    inside = made.occlusion > 0.3
+    assert 0.001 < float(inside.float().mean()) < 0.2
+    plan = found(made).plan
+    assert plan.traces
+    if plan.traced is not None:
+        assert bool(plan.traced[inside].all())
+
+
+def test_light_where_only_hidden_surfels_would_see_it_is_kept_by_its_gradient_alone() -> None:
+    """The sky above is black, and so is what V = 1 would let through: images are the same. Only the gradient says that
+    the light would not stay so."""
+    table = Box((-0.78, -0.78, 0.2), (0.78, 0.78, 0.25), CLAY)
+    surfels = grey(surfels_over([FLOOR, table], 0.12), 0.0)
+    light = sky()
+    light[:8] = 1e-6
+    made = subject(surfels, light)
+    candidates = Candidates(made)
+    pull = torch.ones_like(candidates.radiance(everything()))
+    whole, none = gradient_changes(
+        candidates, [everything(), everything().without("indirect").without("visibility")], pull
+    )
+    assert whole["light"] == 0.0
+    assert none["light"] > 0.5
+    images = [candidates.radiance(plan).detach() for plan in (everything(), everything().without("visibility"))]
+    assert float((images[0] - images[1]).abs().max()) < 1e-4
+
+
+def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
+    """Two separate balls cast no shadow that an even light shows; a sun throws one onto the other."""
+    balls = [Sphere((-0.45, 0.0, 0.0), 0.3, CLAY), Sphere((0.5, 0.15, 0.75), 0.3, CLAY)]
+    surfels = surfels_over(balls, 0.1)
+    made = subject(surfels, sky())
+    plans = [
+        plan_for_light(surfels, surfels.albedo, EnvironmentMap(light), made.sights, 32, 32, 0, decibel=1.0)
+        for light in (torch.full((16, 32, 3), 0.7), sky(sun=4000.0, sharpness=2000.0))
+    ]
+    records = [{each.effect: each for each in each_plan.evidence} for each_plan in plans]
+    for effect in ("visibility", "light-sampling"):
+        even, sunny = (each[effect].measured for each in records)
+        assert even is not None
+        assert sunny is not None
+        assert sunny.contribution > 3 * even.contribution, effect
+    assert not plans[0].plan.light_sampling
+    assert plans[1].plan.light_sampling
+    assert plans[1].plan.visibility
+
+
+def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
+    assert concentration(EnvironmentMap(torch.full((8, 16, 3), 0.3))).effective == pytest.approx(1.0)
+    spot = torch.zeros(8, 16, 3)
+    spot[3, 5] = 9.0
+    assert concentration(EnvironmentMap(spot)).effective < 0.02
+    assert concentration(EnvironmentMap(torch.zeros(8, 16, 3))).effective == 1.0
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_specular_parts_stay_where_they_show(seed: int) -> None:
+    shiny = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.04, 0.04, 0.04), 0.2))], 0.12)
+    assert found(subject(shiny, sky(sun=8.0), seed=seed), seed).plan.specular
+
+
+def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
+    """Roughness may yet be learnt: what it could still do counts as much as what it does."""
+    rough = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), 0.98))], 0.12)
+    made = subject(rough, sky(sun=8.0), noise=0.1)
+    record = next(each for each in found(made).evidence if each.effect == "specular")
+    assert record.verdict == "on"
+
+
+def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None:
+    ball = grey(surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.08), 0.4)
+    made = subject(ball, sky())
+    assert found(made, effects=("view-dependence",)).plan.sh_degree == 0
+    ball.sh[:, 2] = 0.3
+    assert found(subject(ball, sky()), effects=("view-dependence",)).plan.sh_degree == 1
+
+
+def test_bolder_masks_leave_out_more_and_masked_images_lie_between() -> None:
+    table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), CLAY)
+    made = subject(surfels_over([FLOOR, table], 0.12), sky())
+    candidates = Candidates(made)
+    full = candidates.radiance(everything()).detach()
+    masks = [made.occlusion > edge for edge in (0.05, 0.2, 0.4)]
+    changes = [float((candidates.radiance(EffectPlan(traced=mask)) - full).square().mean()) for mask in masks]
+    assert changes == sorted(changes)
+    everywhere = EffectPlan(traced=torch.ones(len(made.surfels), dtype=torch.bool))
+    assert torch.equal(candidates.radiance(everywhere), full)
+
+
+def test_a_probe_repeats_for_its_seed() -> None:
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.15)
+    assert found(subject(ball, sky())).evidence == found(subject(ball, sky())).evidence
+
+
+def test_gradients_are_pulled_by_the_images_errors() -> None:
+    """Against central differences of the images' squared error, in the radiance of one surfel."""
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
+    made = subject(ball, sky())
+    pull = pull_of_images(Candidates(made))
+    assert float(pull.abs().max()) > 0
+    behind = (Candidates(made).outgoing * made.surfels.frame[:, None, :, 2]).sum(-1) < -0.2
+    assert not pull[behind].any()
+
+
+CPU = torch.device("cpu")
+BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
+
+
+@pytest.fixture(scope="module")
+def initialised() -> dict[str, Any]:
+    stage = Initialisation(sphere_scene(views=4, size=16), Variant(), BUDGET, 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    return stage.state()
+
+
+def planned(initialised: dict[str, Any]) -> InverseRendering:
+    scene = sphere_scene(views=4, size=16)
+    return InverseRendering(scene, Variant(effects="auto"), BUDGET, 0, CPU, initialised)
+
+
+def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
+    stage = planned(initialised)
+    stage.planner.plan = everything().without("indirect").without("visibility")
+    with torch.no_grad():
+        stage.before.surfels.sh[3] = torch.nan
+    stage.step()
+    assert stage.plan == everything()
+    assert "failed" in stage.planner.evidence[-1].why
+
+
+def test_an_effect_that_appears_during_training_is_switched_on_again(initialised: dict[str, Any]) -> None:
+    """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
+    planner = Planner("auto", 0, 40, SAMPLES)
+    planner.plan = everything().without("indirect").without("visibility")
+    wall = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
+    surfels = surfels_over([FLOOR, wall], 0.12)
+    made = subject(surfels, sky())
+
+    @dataclasses.dataclass(frozen=True)
+    class View:
+        camera: Any
+        image: torch.Tensor
+
+        def over(self, background: float) -> torch.Tensor:
+            return self.image
+
+    views = [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
+    assert planner.due(10)
+    changed = planner.observe(surfels, sky(), views, step(surfels), 10)
+    assert changed
+    assert planner.plan.visibility
+
+
+def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
+    tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
+    still = Staleness(1e-9 * torch.rand(200))
+    factor, record = settle_refresh(still, tolerance, budgeted, everything(), 10, 0)
+    assert (factor, record.verdict) == (2, "off")
+    moving = Staleness(1e-2 * torch.rand(200))
+    factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0)
+    assert (factor, record.verdict) == (1, "on")
