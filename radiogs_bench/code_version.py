@@ -10,6 +10,7 @@ from .cell import TRAINING
 from .metrics.weights import FILES, missing_weights
 
 EVALUATION_MODULES = (
+    "radiogs_bench.effects",
     "radiogs_bench.evaluate",
     "radiogs_bench.figures",
     "radiogs_bench.light_maps",

@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.camera import Camera
+from radiogs.effects.plan import plan_of
 from radiogs.incident import Incident
 from radiogs.light import EnvironmentMap
 from radiogs.model import Model
@@ -18,6 +19,7 @@ from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene
 
 from .cell import Cell
+from .effects import plan_under
 from .figures import Figures
 from .frame_cost import Costs
 from .light_maps import light_maps
@@ -139,7 +141,10 @@ def relit_models(
     for light in lights:
         environment, mode = scene.lights[light], cell.variant.relighting
         started = time.perf_counter()
-        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode)
+        plan = plan_of(cell.variant.effects)
+        if cell.variant.effects == "auto":
+            plan = plan_under(model, environment, albedo_scale, scene, cell.budget, cell.seed, device).plan
+        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan)
         if device.type == "cuda":
             torch.cuda.synchronize(device)
         yield light, relit, time.perf_counter() - started

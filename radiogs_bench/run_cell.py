@@ -1,7 +1,8 @@
 """One cell from beginning to end: train, score, store."""
 
+import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +16,7 @@ from radiogs.scene import Scene
 from .cell import Cell
 from .provenance import forget_peaks, session
 from .schema import RESULT_SCHEMA, MetricValue, Result
-from .train import Bench, Score, trained
+from .train import Bench, Ledger, Score, trained
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,30 @@ Evaluate = Callable[[Model, Scene, Cell, torch.device, Callable[[int, int], None
 """Scores a model on the test views; the last argument is told (done, total) images."""
 
 
+def accounts(model: Model, ledgers: Mapping[str, Ledger], views: int) -> tuple[dict[str, MetricValue], ...]:
+    """What training cost and what the plan predicts, as metrics and as timings.
+
+    ``stage2/rays`` in millions; ``plan/bound`` and ``plan/worst``: dB that the last probe says its plan costs at most,
+    0 where nothing is left out by a probe. ``stage2/seconds``, ``training/seconds`` (both stages).
+    """
+    judged = [record for record in model.evidence if record["effect"] == "plan" and record["measured"] is not None]
+    last = judged[-1]["measured"] if judged and model.plan.off else {"bound": 0.0, "worst": 0.0}
+    figures = {
+        "stage2/rays": 1e-6 * ledgers["invert"]["work"].get("rays", 0),
+        "plan/bound": last["bound"],
+        "plan/worst": last["worst"],
+    }
+    spent = {
+        "stage2/seconds": ledgers["invert"]["seconds"],
+        "training/seconds": math.fsum(ledger["seconds"] for ledger in ledgers.values()),
+    }
+    metrics, timings = (
+        {name: MetricValue(value=value, reason=None, views=[None] * views) for name, value in each.items()}
+        for each in (figures, spent)
+    )
+    return metrics, timings
+
+
 def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_the_way: Score | None = None) -> None:
     """Train the cell's model (or find it trained), score it, and store the result.
 
@@ -60,14 +85,15 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_t
     started = time.perf_counter()
     evaluation = evaluate(model, scene, cell, bench.device, advance)
     seconds = time.perf_counter() - started
+    counted, spent = accounts(model, ledgers, len(evaluation.views))
     result = Result(
         schema=RESULT_SCHEMA,
         key=cell.key,
         scene=cell.scene,
         cell=cell.content(),
         protocol=evaluation.protocol,
-        metrics=evaluation.metrics,
-        timings=evaluation.timings,
+        metrics=evaluation.metrics | counted,
+        timings=evaluation.timings | spent,
         views=evaluation.views,
         shown_view=evaluation.shown_view,
         shown_light=evaluation.shown_light,
@@ -82,6 +108,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_t
         },
         work={name: ledger["work"] for name, ledger in ledgers.items()} | {"evaluate": dict(work)},
         guards={name: ledger["guards"] for name, ledger in ledgers.items()} | {"evaluate": dict(fired)},
+        effects={"plan": model.plan.plain(), "evidence": [dict(each) for each in model.evidence]},
         sessions={name: ledger["sessions"] for name, ledger in ledgers.items()} | {"evaluate": [session(bench.device)]},
     )
     bench.store.put_result(result, evaluation.arrays)

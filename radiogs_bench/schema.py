@@ -85,6 +85,10 @@ class Result(TypedDict):
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
     guards: NotRequired[dict[str, dict[str, int]]]
     """How often each guard of ``radiogs.guards`` acted, by stage; absent in results from before it was counted."""
+    effects: NotRequired[dict[str, Any]]
+    """``plan``: what was simulated when training ended (see ``radiogs.effects.plan``; of masks the share of surfels
+    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.evidence``). Absent in
+    results of experiments that train nothing."""
     sessions: dict[str, list[Session]]
     """By stage, oldest first."""
 

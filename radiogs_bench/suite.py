@@ -1,9 +1,10 @@
 """What a suite is: the types of its rows and columns, and the measures and tasks that columns are made of."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
+from radiogs.effects.plan import Effects
 from radiogs.errors import UsageError
 from radiogs.variant import Variant
 
@@ -47,6 +48,11 @@ MEASURES: Mapping[str, Measure] = {
     "hard": Measure("error, hard end", "eps", "down", 1),
     "share": Measure("share of the tolerance", "", "down", 3),
     "fired": Measure("that acted", "times", "down", 0),
+    # Of leaving out effects: what is traced, and what that may cost.
+    "rays": Measure("rays", "M", "down", 2),
+    "seconds": Measure("time", "s", "down", 1),
+    "bound": Measure("bound on the loss", "dB", "down", 3),
+    "worst": Measure("worst case", "dB", "down", 2),
 }
 
 TASKS: Mapping[str, str] = {
@@ -67,6 +73,9 @@ TASKS: Mapping[str, str] = {
     "forward": "Forward",
     "gradient": "Gradient",
     "guards": "Guards",
+    "training": "Training",
+    "stage2": "Stage 2",
+    "plan": "Plan",
 }
 
 
@@ -141,6 +150,22 @@ class Suite:
             raise UsageError(
                 f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
             )
+
+
+def with_effects(suite: Suite, effects: Effects) -> Suite:
+    """The suite with every row that simulates light by rays doing so for these effects, and saying so in its label.
+
+    A row that has made its own choice keeps it, as do those of split-sum shading, which has nothing to leave out.
+    """
+
+    def changed(row: Row) -> Row:
+        if row.variant.effects != "all" or row.variant.shading == "split-sum" or effects == "all":
+            return row
+        mark = effects if isinstance(effects, str) else "+".join(effects) or "none"
+        variant = replace(row.variant, effects=effects)
+        return replace(row, variant=variant, latex=f"{row.latex} ({mark})", text=f"{row.text} (effects: {mark})")
+
+    return replace(suite, rows=tuple(map(changed, suite.rows)))
 
 
 def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:

@@ -27,7 +27,13 @@ NAME = re.compile(r"[\w.-]+")
 SCALED = tuple(field.name for field in fields(Budget) if field.type is int)
 """What a row's budget may multiply: the preset's whole numbers."""
 
-WORDS: Mapping[Any, str] = {str: "text", int: "a whole number", bool: "true or false", type(None): "nothing"}
+WORDS: Mapping[Any, str] = {
+    str: "text",
+    int: "a whole number",
+    bool: "true or false",
+    type(None): "nothing",
+    tuple[str, ...]: "a list of text",
+}
 
 SPECIAL = {
     "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
@@ -77,6 +83,8 @@ class _Reader:
             if value not in arguments:
                 self.fail(where, f"{value!r} is none of its values", f"There are: {', '.join(map(repr, arguments))}.")
             return value
+        if set(arguments) == {str, tuple[str, ...]} and isinstance(value, list):
+            return self.convert(tuple[str, ...], value, where)
         if origin is tuple:
             self.expect(isinstance(value, list), where, value, "a list")
             return tuple(self.convert(arguments[0], each, f"{where}[{place}]") for place, each in enumerate(value))

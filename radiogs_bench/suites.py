@@ -10,6 +10,7 @@ from radiogs.variant import Variant
 
 from .cost_suites import COST_OF_ACCURACY, FINETUNE
 from .data_set_suites import DATA_SET_SUITES
+from .effect_suites import EFFECTS_SUITE
 from .suite import Metric, Row, Suite, knob_rows
 
 ABLATIONS = Suite(
@@ -235,7 +236,7 @@ SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FINETUNE,
-        COST_OF_ACCURACY, FORWARD_PARITY, STABILITY, *DATA_SET_SUITES,
+        COST_OF_ACCURACY, EFFECTS_SUITE, FORWARD_PARITY, STABILITY, *DATA_SET_SUITES,
     )
 }  # fmt: skip
 

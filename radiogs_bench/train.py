@@ -7,6 +7,7 @@ from typing import Any, TypedDict, TypeVar
 
 import torch
 
+from radiogs.effects.plan import EffectPlan
 from radiogs.errors import NumericalFailure
 from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
@@ -214,9 +215,16 @@ def _checkpoint(name: str) -> str:
 def model_tensors(model: Model) -> dict[str, Any]:
     """A model as plain tensors, without gradient history."""
     surfels = {name: value.detach() for name, value in model.surfels.parameters().items()}
-    return {"surfels": surfels, "log_environment": model.log_environment.detach()}
+    effects = {"plan": model.plan.state(), "evidence": [dict(each) for each in model.evidence]}
+    return {"surfels": surfels, "log_environment": model.log_environment.detach(), "effects": effects}
 
 
 def model_of(tensors: dict[str, Any]) -> Model:
     """The inverse of ``model_tensors``."""
-    return Model(Surfels.of(tensors["surfels"]), tensors["log_environment"])
+    effects = tensors["effects"]
+    return Model(
+        Surfels.of(tensors["surfels"]),
+        tensors["log_environment"],
+        EffectPlan(**effects["plan"]),
+        tuple(effects["evidence"]),
+    )

@@ -15,6 +15,7 @@ import torch
 from radiogs.errors import DataError
 from radiogs.model import Model
 from radiogs.surfel_files import write_ply
+from radiogs.variant import Variant
 from radiogs_datasets.image_files import write_exr
 
 from .atomic import write_atomically
@@ -58,6 +59,11 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Model) -> list[Pa
     write_exr(written[1], model.environment.detach().cpu().numpy())
     write_atomically(written[2], strict_json({**about}))
     return written
+
+
+def variant_of(fields: dict[str, Any]) -> Variant:
+    """A variant from its fields as JSON has them, which has no tuples."""
+    return Variant(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
 
 
 def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:

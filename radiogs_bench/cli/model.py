@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from radiogs.errors import DataError, UsageError
 
-from .options import add_verbose, positive
+from .options import add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
     import torch
@@ -32,6 +32,8 @@ def add_to(commands: "Commands") -> None:
         "--profile", choices=["paper", "released"], default="paper", help="whose formulas (default: the paper's)"
     )
 
+    add_effects(training)
+
     rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
     rendering.set_defaults(command=render)
     relighting = commands.add_parser("relight", help="render a trained model under another light", allow_abbrev=False)
@@ -41,6 +43,7 @@ def add_to(commands: "Commands") -> None:
     relighting.add_argument(
         "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B", help="of the albedo (default: 1,1,1)"
     )
+    add_effects(relighting)
     for command in (rendering, relighting):
         command.add_argument("folder", type=Path, metavar="DIR", help="where the model was trained")
         command.add_argument("--views", choices=["test", "train"], default="test", help="(default: test)")
@@ -84,7 +87,7 @@ def train(options: argparse.Namespace) -> int:
     cell = Cell(
         scene=scene.name,
         checksum=scene.checksum,
-        variant=Variant(deviations=PROFILES[options.profile]),
+        variant=Variant(deviations=PROFILES[options.profile], effects=options.effects),
         budget=preset,
         seed=options.seed,
         device=options.device,
@@ -97,6 +100,8 @@ def train(options: argparse.Namespace) -> int:
         model, ledgers = trained(Bench(store, RADIOGS, device, progress, interruption), cell, scene)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
     say(f"{scene.name}: {len(model.surfels)} surfels in {seconds:.0f} s")
+    if model.plan.off:
+        say(f"not, or only in part, simulated: {', '.join(model.plan.off)}")
     for path in write_trained(store, options.scene, cell, model):
         say(f"wrote {path}")
     return 0
@@ -106,15 +111,13 @@ def render(options: argparse.Namespace) -> int:
     """Write the maps of every view: images as PNG, everything as EXR."""
     from radiogs.budget import budget
     from radiogs.rendering import Renderer
-    from radiogs.variant import Variant
 
-    from ..trained_folder import read_trained
+    from ..trained_folder import read_trained, variant_of
 
     device = chosen_device(options)
     about, model = read_trained(options.folder, device)
     scene = scene_of(about["scene"], about["checksum"])
-    variant = Variant(**about["variant"] | {"deviations": tuple(about["variant"]["deviations"])})
-    renderer = Renderer(model, budget(about["preset"]).incident_samples, variant)
+    renderer = Renderer(model, budget(about["preset"]).incident_samples, variant_of(about["variant"]))
     return write_views(renderer.render, scene, options.views, options.folder / "render", device)
 
 
@@ -124,10 +127,13 @@ def relight(options: argparse.Namespace) -> int:
 
     from radiogs import relighting
     from radiogs.budget import budget
+    from radiogs.effects.plan import plan_of
     from radiogs.light import EnvironmentMap
     from radiogs_datasets.image_files import read_exr, read_hdr
 
+    from ..effects import plan_under
     from ..trained_folder import read_trained
+    from .reporter import say
 
     device = chosen_device(options)
     readers = {".hdr": read_hdr, ".exr": read_exr}
@@ -137,8 +143,14 @@ def relight(options: argparse.Namespace) -> int:
     about, model = read_trained(options.folder, device)
     scene = scene_of(about["scene"], about["checksum"])
     cameras = [view.camera.to(device, torch.float32) for view in scene.train]
-    scale = torch.tensor(options.albedo_scale)
-    relit = relighting.relight(model, light, scale, cameras, budget(about["preset"]), about["seed"], options.mode)
+    scale, preset, seed = torch.tensor(options.albedo_scale), budget(about["preset"]), about["seed"]
+    plan = plan_of(options.effects)
+    if options.effects == "auto":
+        found = plan_under(model, light, scale, scene, preset, seed, device)
+        plan = found.plan
+        for record in found.evidence:
+            say(f"{record.effect}: {record.verdict} ({record.why})")
+    relit = relighting.relight(model, light, scale, cameras, preset, seed, options.mode, plan)
     folder = options.folder / "relight" / options.envmap.stem / options.mode
     return write_views(relit.render, scene, options.views, folder, device)
 

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, NoReturn
 from radiogs.errors import UsageError
 
 if TYPE_CHECKING:
+    from radiogs.effects.plan import Effects
+
     Commands = argparse._SubParsersAction["ExplainingParser"]
 
 
@@ -20,6 +22,23 @@ class ExplainingParser(argparse.ArgumentParser):
 def names(text: str) -> list[str]:
     """A list separated by commas."""
     return [name for name in text.split(",") if name]
+
+
+def effects(text: str) -> "Effects":
+    """all, auto, or a list of effects separated by commas; ``none`` is the empty list."""
+    from radiogs.effects.plan import checked_effects
+
+    if text in ("all", "auto"):
+        return text
+    return checked_effects(() if text == "none" else names(text))
+
+
+def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") -> None:
+    """The option of the commands that simulate light."""
+    parser.add_argument(
+        "--effects", type=effects, default=default, metavar="all|auto|LIST",
+        help="what is simulated: all, what the scene calls for, or the effects that are on (default: all)",
+    )  # fmt: skip
 
 
 def positive(text: str) -> int:

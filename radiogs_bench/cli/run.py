@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from radiogs.errors import ExplainedError, UsageError
 
 from .engine_choice import ENGINES, choose
-from .options import add_verbose, names, part_of, positive
+from .options import add_effects, add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
     from ..suite import Suite
@@ -25,6 +25,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
+    add_effects(parser, default=None)
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
     parser.add_argument("--engine", choices=ENGINES, help="what runs the cells (default: inprocess)")
@@ -60,6 +61,10 @@ def _run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
+    if options.effects is not None:
+        from ..suite import with_effects
+
+        chosen = with_effects(chosen, options.effects)
     engine = choose(options.engine, options.workers, options.ray_address)
     folder = options.out or Path("out") / chosen.name
 

@@ -1,0 +1,32 @@
+"""The audit of plans: training by what a scene calls for, beside training with everything on, same seeds."""
+
+from radiogs.effects.plan import EFFECTS
+from radiogs.variant import Variant
+
+from .suite import Metric, Row, Suite
+
+
+def _without(*left_out: str) -> Variant:
+    return Variant(effects=tuple(name for name in EFFECTS if name not in left_out))
+
+
+EFFECTS_SUITE = Suite(
+    name="effects",
+    title="Simulating only the effects that a scene calls for",
+    published=None,
+    reference="everything",
+    rows=(
+        Row("everything", "Everything", "everything", Variant()),
+        Row("auto", "By evidence (auto)", "by evidence (effects: auto)", Variant(effects="auto")),
+        Row("no-rays", "No rays", "no visibility, no indirect light", _without("visibility", "indirect")),
+        Row("no-indirect", "No indirect light", "no indirect light", _without("indirect")),
+        Row("no-specular", "No specular", "no specular part", _without("specular")),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
+        Metric("plan", "bound"), Metric("plan", "worst"), Metric("stage2", "rays"),
+        Metric("stage2", "seconds"), Metric("training", "seconds"),
+    ),
+    scenes=("convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror"),
+)  # fmt: skip
+"""The rows below auto switch effects off by hand: what a plan must not do where they matter."""

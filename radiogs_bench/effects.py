@@ -1,0 +1,196 @@
+"""Probes of scenes and of trained models: what training calls for, and what relighting by a light does."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs.budget import Budget
+from radiogs.effects.evidence import Evidence
+from radiogs.effects.lighting import plan_for_light, settle_light_sampling
+from radiogs.effects.planner import SIGHTS
+from radiogs.effects.prices import Step
+from radiogs.effects.probe import Findings, probe
+from radiogs.effects.subject import Sight, Subject, subject_of
+from radiogs.errors import DataError
+from radiogs.incident import Incident, SurfelTracer, visibility_of
+from radiogs.light import EnvironmentMap
+from radiogs.model import Model
+from radiogs.rendering import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
+from radiogs.sampling import hemisphere_directions
+from radiogs.scene import Scene
+from radiogs.stages.views import load
+from radiogs.surfels import Surfels, radiance_to_sh
+from radiogs_datasets.generate.catalogue import RECIPES, recipe
+from radiogs_datasets.generate.surfels import surfels_over
+
+EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
+"""What a probe of a scene looks at: the radiance that its surfels are given is the same to all sides."""
+
+EFFECTS_OF_MODELS = (*EFFECTS, "view-dependence")
+"""What a probe of a trained model looks at."""
+
+SPACING = 0.08
+"""World units between the surfels that are laid over a generated scene; the scenes are 2 to 3 across."""
+
+OFFSET = 0.1
+"""Where rays start on them, in standard deviations: such surfels lie exactly on their surface."""
+
+BOUNCES = 8
+"""Surfaces that light meets on the surfels of a generated scene, as in its pictures."""
+
+
+@dataclass(frozen=True)
+class Decay:
+    """Energy that arrives after one surface, after two, and so on: means over surfels and channels, linear."""
+
+    energy: tuple[float, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Of the second to the first; 0 where nothing arrives."""
+        return self.energy[1] / self.energy[0] if self.energy[0] > 0 else 0.0
+
+    def needed(self, first: float, tolerated: float) -> int:
+        """Bounces after which what is missing costs less than is tolerated; ``first``: what all but one of them add.
+
+        Both are squared errors, which fall by the square of the ratio with every further bounce.
+        """
+        if first <= tolerated or self.ratio <= 0:
+            return 1
+        falling = math.log(min(self.ratio, 0.99) ** 2)
+        return 1 + math.ceil(math.log(tolerated / first) / falling)
+
+
+def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, EnvironmentMap]:
+    """Surfels over the solids of a generated scene with their true materials, and its true light.
+
+    Raises DataError for a scene that was not generated.
+    """
+    if scene.name not in RECIPES or scene.training_light is None:
+        raise DataError(
+            f"scene '{scene.name}' has no known solids and light to be probed by",
+            "Only the generated scenes do; of others only a trained model can be probed.",
+            f"Train one, and probe its folder:  radiogs-bench train {scene.name} --out DIR",
+        )
+    return surfels_over(recipe(scene.name).solids, spacing), scene.training_light
+
+
+@torch.no_grad()
+def solved(
+    surfels: Surfels, light: EnvironmentMap, samples: int, seed: int, bounces: int = BOUNCES
+) -> tuple[Surfels, Decay]:
+    """The surfels with the radiance that they send out under a light, the same to all sides, and how it builds up.
+
+    Radiosity by Jacobi's iteration over traced rays: what is sent after k surfaces arrives once more.
+    """
+    generator = torch.Generator().manual_seed(seed)
+    normal = surfels.frame[..., 2]
+    direction, weight = hemisphere_directions(normal, samples, generator)
+    tracer, index = SurfelTracer(surfels, OFFSET), torch.arange(len(surfels))
+    none = torch.zeros_like(direction)
+    hits = tracer.trace(index, direction, torch.zeros_like(surfels.albedo))
+    visibility, whole = visibility_of(hits)
+    lit = Incident(direction, weight, visibility.view(weight.shape), none)
+    parts = shade_surfels(surfels, surfels.albedo, lit, normal[:, None], light.radiance)[:, 0]
+    sent = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
+    total, energy = sent.clone(), []
+    flow = (direction * normal[:, None]).sum(-1, keepdim=True) * weight[..., None] / torch.pi
+    for _ in range(bounces - 1):
+        met = (tracer.trace(index, direction, sent).features * whole[:, None]).view(direction.shape)
+        sent = surfels.albedo * (flow * met).sum(1)
+        energy.append(float(sent.mean()))
+        total = total + sent
+    harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    return Surfels.of(surfels.parameters() | {"sh": harmonics}), Decay(tuple(energy))
+
+
+def subject_of_scene(scene: Scene, samples: int, seed: int) -> tuple[Subject, Decay]:
+    """The scene as surfels that are true to it, seen from its training views. Raises DataError (see ``true_model``)."""
+    surfels, light = true_model(scene)
+    surfels, decay = solved(surfels, light, samples, seed)
+    sights = sights_of(scene, torch.device("cpu"))
+    generator = torch.Generator().manual_seed(seed)
+    return subject_of(surfels, light.radiance, sights, samples, generator, bounces=True, offset=OFFSET), decay
+
+
+def findings_of(subject: Subject, budget: Budget, seed: int, effects: tuple[str, ...] = EFFECTS) -> Findings:
+    """What stage 2 with this budget would leave out of a subject."""
+    step = Step(len(subject.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+    return probe(subject, step, seed, effects=effects)
+
+
+def sights_of(scene: Scene, device: torch.device, count: int = SIGHTS) -> tuple[Sight, ...]:
+    """Training views, evenly spread over their list, with their images on black."""
+    chosen = scene.train[:: max(1, len(scene.train) // count)][:count]
+    return tuple(Sight(view.camera, view.over(0.0)) for view in load(chosen, device))
+
+
+def plan_under(
+    model: Model,
+    light: EnvironmentMap,
+    albedo_scale: Float[Tensor, "3"],
+    scene: Scene,
+    budget: Budget,
+    seed: int,
+    device: torch.device,
+) -> Findings:
+    """What relighting a trained model by ``light`` may leave out."""
+    surfels = model.surfels
+    return plan_for_light(
+        surfels, surfels.albedo.detach() * albedo_scale.to(device), EnvironmentMap(light.radiance.to(device)),
+        sights_of(scene, device), budget.relight_hemisphere_samples, budget.relight_light_samples, seed,
+    )  # fmt: skip
+
+
+def subject_of_model(model: Model, scene: Scene, budget: Budget, seed: int) -> Subject:
+    """A trained model, seen from training views of its scene."""
+    surfels = model.surfels
+    generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+    sights = sights_of(scene, surfels.centre.device)
+    return subject_of(surfels, model.environment, sights, budget.incident_samples, generator, bounces=True)
+
+
+def sampling_of(scene: Scene, subject: Subject, found: Findings, budget: Budget, seed: int) -> Evidence:
+    """Whether relighting by the scene's own light needs directions that are drawn from it."""
+    if scene.training_light is None:
+        raise DataError(f"the light of scene '{scene.name}' is not known", "There is nothing to draw from.")
+    return settle_light_sampling(
+        subject.surfels, scene.training_light, found.tolerance,
+        budget.relight_hemisphere_samples, budget.relight_light_samples, seed,
+    )  # fmt: skip
+
+
+def with_record(found: Findings, record: Evidence) -> Findings:
+    """The findings with one more record, of light sampling."""
+    plan = replace(found.plan, light_sampling=record.verdict == "on")
+    return replace(found, plan=plan, evidence=(*found.evidence, record))
+
+
+def bounces_needed(found: Findings, decay: Decay) -> int:
+    """How many surfaces light has to be followed over, from what leaving out all but the first costs."""
+    record = next(each for each in found.evidence if each.effect == "bounces")
+    if record.measured is None:
+        return BOUNCES
+    # dB back to squared errors, in units of the method's own.
+    first, tolerated = (10 ** (decibel / 10) - 1 for decibel in (record.measured.bound, found.tolerance.decibel / 2))
+    return decay.needed(first, tolerated)
+
+
+def psnr_of(found: Findings) -> float:
+    """PSNR of the method's own error, dB."""
+    return -10 * math.log10(found.tolerance.mse) if found.tolerance.mse > 0 else math.inf
+
+
+def record_of(found: Findings, bounces: int | None) -> dict[str, Any]:
+    """Findings as plain values."""
+    return {
+        "mse": found.tolerance.mse,
+        "tolerance": found.tolerance.decibel,
+        "plan": found.plan.plain(),
+        "bounces": bounces,
+        "evidence": [each.plain() for each in found.evidence],
+    }
