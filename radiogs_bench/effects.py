@@ -83,29 +83,40 @@ def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, Environ
 def solved(
     surfels: Surfels, light: EnvironmentMap, samples: int, seed: int, bounces: int = BOUNCES
 ) -> tuple[Surfels, Decay]:
-    """The surfels with the radiance that they send out under a light, the same to all sides, and how it builds up.
-
-    Radiosity by Jacobi's iteration over traced rays: what is sent after k surfaces arrives once more.
-    """
-    generator = torch.Generator().manual_seed(seed)
+    """The surfels with the radiance that they send out under a light, the same to all sides, and how it builds up."""
     normal = surfels.frame[..., 2]
-    direction, weight = hemisphere_directions(normal, samples, generator)
-    tracer, index = SurfelTracer(surfels, OFFSET), torch.arange(len(surfels))
-    none = torch.zeros_like(direction)
-    hits = tracer.trace(index, direction, torch.zeros_like(surfels.albedo))
-    visibility, whole = visibility_of(hits)
-    lit = Incident(direction, weight, visibility.view(weight.shape), none)
+    direction, weight = hemisphere_directions(normal, samples, torch.Generator().manual_seed(seed))
+    hits = SurfelTracer(surfels, OFFSET).trace(torch.arange(len(surfels)), direction, torch.zeros_like(surfels.albedo))
+    lit = Incident(direction, weight, visibility_of(hits)[0].view(weight.shape), torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, normal[:, None], light.radiance)[:, 0]
     sent = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
+    total, decay = scattered(surfels, sent, direction, weight, bounces - 1)
+    harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    return Surfels.of(surfels.parameters() | {"sh": harmonics}), decay
+
+
+@torch.no_grad()
+def scattered(
+    surfels: Surfels,
+    sent: Float[Tensor, "surfels 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    times: int,
+) -> tuple[Float[Tensor, "surfels 3"], Decay]:
+    """Radiance after what is ``sent`` was scattered that many times, and the energy of each.
+
+    Radiosity by Jacobi's iteration over traced rays; surfaces scatter by Lambert's law.
+    """
+    tracer, index = SurfelTracer(surfels, OFFSET), torch.arange(len(surfels))
+    flow = (direction * surfels.frame[:, None, :, 2]).sum(-1, keepdim=True) * weight[..., None] / torch.pi
     total, energy = sent.clone(), []
-    flow = (direction * normal[:, None]).sum(-1, keepdim=True) * weight[..., None] / torch.pi
-    for _ in range(bounces - 1):
-        met = (tracer.trace(index, direction, sent).features * whole[:, None]).view(direction.shape)
+    for _ in range(times):
+        hits = tracer.trace(index, direction, sent)
+        met = (hits.features * visibility_of(hits)[1][:, None]).view(direction.shape)
         sent = surfels.albedo * (flow * met).sum(1)
         energy.append(float(sent.mean()))
         total = total + sent
-    harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
-    return Surfels.of(surfels.parameters() | {"sh": harmonics}), Decay(tuple(energy))
+    return total, Decay(tuple(energy))
 
 
 def subject_of_scene(scene: Scene, samples: int, seed: int) -> tuple[Subject, Decay]:

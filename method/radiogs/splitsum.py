@@ -4,7 +4,7 @@ The light is filtered by matrices that keep a constant light constant and the to
 are linear in the texels, so gradients to the light are exact.
 """
 
-from functools import cache
+from functools import cache, cached_property
 
 import torch
 from jaxtyping import Float
@@ -17,6 +17,9 @@ from .light import EnvironmentMap, bilinear_texels, texel_directions, texel_soli
 LARGEST_HEIGHT = 32
 GRID_HEIGHT = 16
 """Rows of the grid that filtered light is stored on: its content is smooth."""
+
+GRID_SIZE = 2 * GRID_HEIGHT * GRID_HEIGHT
+"""Its texels."""
 
 LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
 """Roughnesses of the filtered maps; below the first the light itself (its texels are as wide as that lobe)."""
@@ -39,11 +42,18 @@ class PrefilteredLight:
         height = min(radiance.shape[0], LARGEST_HEIGHT)
         area = texel_solid_angles(*radiance.shape[:2]).to(radiance).expand(radiance.shape[:2])
         small = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
-        matrix = _filters(height).to(radiance)
-        filtered = (matrix @ small.reshape(-1, 3)).view(len(LEVELS) + 1, GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
-        self._diffuse = EnvironmentMap(filtered[0])
+        self._matrix = _filters(height).to(radiance)
         self._sharp = EnvironmentMap(small)
-        self._glossy = filtered[1:].flatten(0, 2)
+
+    @cached_property
+    def _diffuse(self) -> EnvironmentMap:
+        filtered = self._matrix[:GRID_SIZE] @ self._sharp.radiance.reshape(-1, 3)
+        return EnvironmentMap(filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3))
+
+    @cached_property
+    def _glossy(self) -> Float[Tensor, "texels_of_levels 3"]:
+        # Apart from the diffuse one: shading by rays needs that one alone, a sixth of the work.
+        return self._matrix[GRID_SIZE:] @ self._sharp.radiance.reshape(-1, 3)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
@@ -57,9 +67,8 @@ class PrefilteredLight:
         lower = place.detach().floor().clamp(0, len(LEVELS) - 2)
         upwards = (place - lower).clamp(min=0)
         texel, share = bilinear_texels(direction, GRID_HEIGHT, 2 * GRID_HEIGHT)
-        level_size = 2 * GRID_HEIGHT * GRID_HEIGHT
-        first = texel + (lower.long() * level_size)[:, None]
-        both = torch.cat([first, first + level_size], -1)
+        first = texel + (lower.long() * GRID_SIZE)[:, None]
+        both = torch.cat([first, first + GRID_SIZE], -1)
         shares = torch.cat([share * (1 - upwards)[:, None], share * upwards[:, None]], -1)
         smooth = (self._glossy[both] * shares[..., None]).sum(-2)
         return torch.lerp(smooth, self._sharp.lookup(direction), (-place).clamp(min=0)[:, None])

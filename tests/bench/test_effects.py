@@ -1,0 +1,183 @@
+"""What the generated scenes call for is found by probes of their own solids; commands and suites know effects."""
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from radiogs.budget import budget
+from radiogs.effects.evidence import Evidence
+from radiogs.effects.plan import EFFECTS, everything
+from radiogs.effects.probe import Findings
+from radiogs.errors import UsageError
+from radiogs.light import EnvironmentMap
+from radiogs.sampling import hemisphere_directions
+from radiogs.variant import Variant
+from radiogs_bench.cli.main import main
+from radiogs_bench.cli.options import effects as effects_option
+from radiogs_bench.effects import (
+    SPACING,
+    Decay,
+    findings_of,
+    sampling_of,
+    scattered,
+    subject_of_scene,
+    true_model,
+)
+from radiogs_bench.store import Store
+from radiogs_bench.suite import with_effects
+from radiogs_bench.suite_file import read_suite
+from radiogs_bench.suites import suite
+from radiogs_bench.trained_folder import read_trained, variant_of
+from radiogs_datasets import load_scene
+from radiogs_datasets.generate.surfels import surfels_of_room
+
+TINY = budget("tiny")
+
+
+def probed(name: str, seed: int) -> tuple[Findings, Decay]:
+    subject, decay = subject_of_scene(load_scene(name), 16, seed)
+    return findings_of(subject, TINY, seed), decay
+
+
+def records(found: Findings) -> dict[str, Evidence]:
+    return {record.effect: record for record in found.evidence}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(
+    ("name", "traces", "inter_reflects", "shines"),
+    [
+        ("convex", False, False, True),
+        ("patchwork", False, False, True),
+        ("occluder", True, False, True),
+        ("corner", True, True, True),
+        ("red_white", True, True, True),
+        ("bowl", True, True, True),
+        ("glossy", True, True, True),
+        ("mirror", True, True, True),
+    ],
+)
+def test_the_truth_table_of_the_scenes(name: str, traces: bool, inter_reflects: bool, shines: bool, seed: int) -> None:
+    found, decay = probed(name, seed)
+    each = records(found)
+    assert found.plan.traces == traces
+    assert found.plan.specular == shines
+    indirect = each["indirect"].measured
+    assert indirect is not None
+    if inter_reflects:
+        assert each["indirect"].verdict == "on"
+        assert indirect.lowest > found.tolerance.decibel
+    else:
+        # Off, or small: a tenth of what the shadow does where there is one.
+        shadow = each["visibility"].measured
+        assert shadow is not None
+        assert indirect.contribution <= max(0.1 * shadow.contribution, found.tolerance.decibel)
+    if name == "bowl":
+        several = each["bounces"].measured
+        assert several is not None
+        assert several.lowest > found.tolerance.decibel
+        assert decay.ratio > 0.3
+
+
+def test_light_in_a_closed_room_decays_by_its_albedo() -> None:
+    """What every wall sends alike arrives everywhere alike: each bounce has the albedo of the one before."""
+    walls = surfels_of_room(1.0, 0.2, 0.6)
+    direction, weight = hemisphere_directions(walls.frame[..., 2], 32, torch.Generator().manual_seed(0))
+    total, decay = scattered(walls, torch.ones_like(walls.albedo), direction, weight, 4)
+    for place, energy in enumerate(decay.energy, start=1):
+        assert energy == pytest.approx(0.6**place, rel=0.03 * place)
+    assert float(total.mean()) == pytest.approx(sum(0.6**place for place in range(5)), rel=0.05)
+    assert decay.ratio == pytest.approx(0.6, rel=0.03)
+
+
+def test_bounces_are_as_many_as_the_decay_needs() -> None:
+    """Errors fall by the square of the ratio: 0.5 after one bounce is 2e-3 after four more."""
+    decay = Decay((1.0, 0.5, 0.25))
+    assert decay.needed(0.5, 1.0) == 1
+    assert decay.needed(0.5, 2e-3) == 1 + 4
+    assert Decay((0.0, 0.0)).needed(1.0, 0.1) == 1
+
+
+def test_an_even_light_is_not_drawn_from_and_a_sun_is() -> None:
+    scene = load_scene("convex")
+    subject, _ = subject_of_scene(scene, 16, 0)
+    found = findings_of(subject, TINY, 0)
+    even = replace(scene, training_light=EnvironmentMap(torch.full((32, 64, 3), 0.5)))
+    assert sampling_of(even, subject, found, TINY, 0).verdict == "off"
+    spot = torch.full((32, 64, 3), 0.1)
+    spot[9, 20] = 3000.0
+    sunny = replace(scene, training_light=EnvironmentMap(spot))
+    assert sampling_of(sunny, subject, found, TINY, 0).verdict == "on"
+
+
+def test_surfels_of_a_scene_have_its_materials() -> None:
+    surfels, light = true_model(load_scene("convex"), SPACING)
+    assert torch.allclose(surfels.albedo, torch.tensor([0.6, 0.35, 0.2]).expand(len(surfels), 3), atol=1e-5)
+    assert light.radiance.shape == (32, 64, 3)
+
+
+def test_effects_are_given_by_name() -> None:
+    assert effects_option("auto") == "auto"
+    assert effects_option("specular,visibility") == ("visibility", "specular")
+    assert effects_option("none") == ()
+    with pytest.raises(UsageError, match="unknown effect 'shadows'"):
+        effects_option("shadows")
+
+
+def test_rows_whose_effects_are_chosen_say_so() -> None:
+    marked = with_effects(suite("strategies"), "auto")
+    for before, row in zip(suite("strategies").rows, marked.rows, strict=True):
+        if row.variant.shading == "split-sum":
+            assert row == before
+        else:
+            assert row.variant.effects == "auto"
+            assert "auto" in row.text
+            assert "auto" in row.latex
+    assert with_effects(suite("ablations"), "all") == suite("ablations")
+
+
+def test_a_suites_file_may_name_effects(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(
+        'name = "mine"\ntitle = "Mine"\nreference = "a"\ncolumns = ["nvs/psnr"]\n'
+        '[[rows]]\nkey = "a"\ntext = "A"\n'
+        '[[rows]]\nkey = "b"\ntext = "B"\nvariant = { effects = ["visibility"] }\n'
+        '[[rows]]\nkey = "c"\ntext = "C"\nvariant = { effects = "auto" }\n'
+    )
+    assert [row.variant.effects for row in read_suite(path).rows] == ["all", ("visibility",), "auto"]
+
+
+def test_a_variant_survives_being_written_down() -> None:
+    for variant in (Variant(), Variant(effects="auto"), Variant(effects=("specular",), deviations=("start-light",))):
+        assert variant_of(json.loads(json.dumps(asdict(variant)))) == variant
+
+
+def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "trained"
+    assert main(["train", "convex", "--preset", "smoke", "--out", str(out), "--effects", "auto"]) == 0
+    about, model = read_trained(out, torch.device("cpu"))
+    assert about["variant"]["effects"] == "auto"
+    assert {record["iteration"] for record in model.evidence} == {0, 5, 10, 15}
+    assert model.plan.plain().keys() == everything().plain().keys()
+    stored = Store(out).tensors(f"trained/{about['training_key']}", torch.device("cpu"))
+    assert stored is not None
+    capsys.readouterr()
+
+    picture = tmp_path / "where.png"
+    assert main(["probe", str(out), "--json", "--picture", str(picture)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {record["effect"] for record in found["evidence"]} >= set(EFFECTS) - {"light-sampling", "refresh"}
+    assert picture.stat().st_size > 0
+
+
+def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["probe", "convex", "--picture", str(tmp_path / "convex.png")]) == 0
+    said = capsys.readouterr().out
+    assert "visibility" in said
+    assert "bounces of light that are needed: 1" in said
+    assert main(["probe", "hard-cases"]) == 3
