@@ -63,7 +63,8 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Model) -> list[Pa
 
 def variant_of(fields: dict[str, Any]) -> Variant:
     """A variant from its fields as JSON has them, which has no tuples."""
-    return Variant(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    tuples: dict[str, Any] = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
+    return Variant(**fields | tuples)
 
 
 def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:

@@ -63,5 +63,6 @@ class Evidence:
         """The inverse of ``plain``; what was not finite comes back as infinity."""
         measured = values["measured"]
         if measured is not None:
-            measured = Measured(**{name: math.inf if value is None else value for name, value in measured.items()})
+            found: dict[str, Any] = {name: math.inf if value is None else value for name, value in measured.items()}
+            measured = Measured(**found)
         return cls(**{**values, "measured": measured})
