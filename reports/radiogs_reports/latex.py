@@ -16,8 +16,12 @@ SPECIAL = {
 }  # fmt: skip
 
 BOX_BEGIN = r"\setbox0=\hbox{%"
-BOX_END = r"\medskip\leavevmode\ifdim\wd0>\linewidth\resizebox{\linewidth}{!}{\box0}\else\box0\fi"
-"""Around a tabular: shrunk to the line's width where it is wider, never enlarged."""
+BOX_END = (
+    r"\medskip\leavevmode\ifdim\wd0>\linewidth\setbox0=\hbox{\resizebox{\linewidth}{!}{\box0}}\fi"
+    "\n"
+    r"\ifdim\dimexpr\ht0+\dp0\relax>0.85\textheight\setbox0=\hbox{\resizebox*{!}{0.85\textheight}{\box0}}\fi\box0"
+)
+"""Around a tabular: shrunk to the line's width and the page's height where it is larger, never enlarged."""
 
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}

@@ -12,7 +12,7 @@ from scipy import stats
 
 from made_up_run import run, summary
 from radiogs_reports import texts
-from radiogs_reports.cost import CostReport, cost_csv, cost_markdown, cost_report
+from radiogs_reports.cost import CostReport, Item, cost_csv, cost_latex, cost_markdown, cost_report
 from radiogs_reports.cost.along import Point, figure_at, seconds_to, to_equal_quality
 from radiogs_reports.cost.paired import figures_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
@@ -217,6 +217,19 @@ def test_every_form_of_the_report_has_every_sentence() -> None:
     assert written["tables/cost.tex"].count(r"\item") == len(report.sentences)
     assert r"100 \% \& more\_" in written["tables/cost.tex"]
     assert r"\input{tables/cost.tex}" in written["report.tex"]
+
+
+def test_a_long_grid_goes_on_over_the_page_and_loses_no_row() -> None:
+    made = made_up()
+    report = report_of(made)
+    (fronts,) = [grid for grid in report.grids if grid.name == "fronts"]
+    long = fronts._replace(rows=[[Item(f"line {place}", place), *fronts.rows[0][1:]] for place in range(70)])
+    written = cost_latex(made, report._replace(grids=[long]))
+    tables = written.split(r"\begin{table}")[1:]
+    assert [re.findall(r"line (\d+) ", table) for table in tables] == [
+        [str(place) for place in places] for places in (range(32), range(32, 64), range(64, 70))
+    ]
+    assert [r"\label{cost:fronts}" in table for table in tables] == [True, False, False]
 
 
 def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:

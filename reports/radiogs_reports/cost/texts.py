@@ -11,6 +11,8 @@ from .marginal import doublings, steps
 from .paired import Estimate
 from .report import CostReport, Grid
 
+ROWS_A_PAGE = 32
+
 
 def cost_markdown(summary: Summary, report: CostReport) -> str:
     """Sentences, then the grids."""
@@ -30,15 +32,24 @@ def cost_latex(summary: Summary, report: CostReport) -> str:
         *(rf"\item {as_formula(each)}" for each in report.sentences),
         r"\end{itemize}",
     ]
-    return "\n".join([*lines, *(_table(grid) for grid in report.grids), ""])
+    return "\n".join([*lines, *(table for grid in report.grids for table in _tables(grid)), ""])
 
 
-def _table(grid: Grid) -> str:
+def _tables(grid: Grid) -> list[str]:
+    """The grid, on as many pages as it needs."""
+    pages = [grid.rows[start : start + ROWS_A_PAGE] for start in range(0, len(grid.rows), ROWS_A_PAGE)]
+    first, *others = (grid._replace(rows=rows) for rows in pages)
+    return [
+        _table(first, f"{grid.title}. {grid.note}", f"\\label{{cost:{grid.name}}}"),
+        *(_table(page, f"{grid.title}, continued.", "") for page in others),
+    ]
+
+
+def _table(grid: Grid, caption: str, label: str) -> str:
     lines = [
         r"\begin{table}[p]",
         r"\centering",
-        f"\\caption{{{as_formula(f'{grid.title}. {grid.note}')}}}",
-        f"\\label{{cost:{grid.name}}}",
+        f"\\caption{{{as_formula(caption)}}}{label}",
         BOX_BEGIN,
         f"\\begin{{tabular}}{{{'l' * len(grid.heads)}}}",
         r"\toprule",

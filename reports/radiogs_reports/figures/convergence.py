@@ -26,7 +26,7 @@ LONGEST = 48
 INCHES_A_LETTER = 0.065
 """Of a legend, on average."""
 
-THICKEST, THINNEST = 3.0, 0.8
+THICKEST, THINNEST = 3.0, 1.0
 DASHES = ("-", "--", ":", "-.")
 
 Curve = list[tuple[int, float]]
@@ -137,7 +137,8 @@ def _columns(labels: list[str]) -> int:
 
 def _width(place: int, count: int) -> float:
     """Later lines are thinner and lie above: rows that share a stage have the same curve there, and all are seen."""
-    return THINNEST + (THICKEST - THINNEST) * (1 - place / max(1, count - 1))
+    step = min(0.5, (THICKEST - THINNEST) / max(1, count - 1))
+    return THINNEST + step * (count - 1 - place)
 
 
 def _dress(axes: Axes, title: str, losses: bool) -> None:
