@@ -85,8 +85,7 @@ def _made_from(summary: Summary, row: str) -> dict[str, Any] | None:
     return made if {"variant", "budget"} <= made.keys() else None
 
 
-def _without_tuning(content: dict[str, Any]) -> dict[str, dict[str, Any]]:
+def _without_tuning(content: dict[str, Any]) -> list[Any]:
     dropped = {"variant": ("relighting",), "budget": ("finetune_iterations", "name")}
-    return {
-        part: {name: value for name, value in content[part].items() if name not in dropped[part]} for part in dropped
-    }
+    kept = [{key: each for key, each in content[part].items() if key not in names} for part, names in dropped.items()]
+    return [*kept, content.get("settings")]
