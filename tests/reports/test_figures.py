@@ -133,10 +133,14 @@ def test_the_light_that_arrives_stands_where_the_protocol_compares_it() -> None:
     assert arriving["incident"] == pytest.approx(components(found)["indirect"])
 
 
-@pytest.mark.parametrize(("quantity", "absent"), [("outgoing", [3]), ("incident", [1, 2])])
-def test_what_the_truth_lacks_is_said_in_its_place(tmp_path: Path, quantity: str, absent: list[int]) -> None:
+@pytest.mark.parametrize(
+    ("compared", "absent"), [({"quantity": "outgoing"}, [3]), ({"quantity": "incident"}, [1, 2]), (None, [3])]
+)
+def test_what_the_truth_lacks_is_said_in_its_place(
+    tmp_path: Path, compared: dict[str, str] | None, absent: list[int]
+) -> None:
     made = two_rows()
-    made["conventions"]["indirect"] = {"quantity": quantity}
+    made["conventions"]["indirect"] = compared
     (sketch,) = illumination_figures(made, write_run(tmp_path, made))
     tiles = [axes for axes in sketch.figure.axes if axes.get_visible()]
     assert len(tiles) == 4 * 3

@@ -17,7 +17,8 @@ NAMES = {"image": "all light", "direct": "direct"}
 
 def illumination_figures(summary: Summary, out: Path) -> list[Sketch]:
     """A figure for every scene whose rows have an image and its indirect part."""
-    arriving = summary["conventions"].get("indirect", {}).get("quantity") == "incident"
+    compared = summary["conventions"].get("indirect")  # null where the protocol compares no indirect light
+    arriving = compared is not None and compared["quantity"] == "incident"
     return [
         _figure(views.told_apart("image", "indirect", "incident"), arriving)
         for views in scene_views(summary, out)
