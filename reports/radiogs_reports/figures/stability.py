@@ -71,7 +71,7 @@ def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
         " scale's to both sides. Dashed: the documented tolerance; grey: eps = 1.19e-7. Ticks along the top: a guard"
         " acted there. A curve ends where nothing is left to err about."
     )
-    return [Sketch(EXPERIMENT, caption, figure)]
+    return [Sketch(EXPERIMENT, caption, figure, on_page=True)]
 
 
 def panel(axes: Axes, run: RunSummary, arrays: dict[str, NDArray[np.float64]], task: str) -> None:

@@ -57,6 +57,7 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         figures=figures,
         note=note(summary),
         lacking=lacking(summary),
+        scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
         finished=sum(run["state"] == "finished" for run in summary["runs"]),
         kinds=maps.KINDS,
         costs=COSTS,

@@ -205,7 +205,7 @@ def training(run: RunSummary) -> Entry:
     """A cell's seconds of training."""
     spent = cost_of(run, "seconds")
     if spent is None:
-        return Entry("n/a", None, reason=run["state"])
+        return Entry("n/a", None, reason="nothing was trained" if run["state"] == "finished" else run["state"])
     return Entry(f"{spent:.1f}", spent)
 
 

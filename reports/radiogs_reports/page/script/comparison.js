@@ -2,6 +2,7 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const found = (name) => document.getElementById(name);
+  if (!found("images")) return; // no cell keeps pictures, or none is finished
   const [cellSelect, mapSelect, leftSelect] = ["compare-cell", "compare-map", "compare-left"].map(found);
   const [stage, errorStage, clip, edge, slider] = ["compare-stage", "error-stage", "compare-clip", "compare-edge", "compare-slider"].map(found);
   const [leftImage, rightImage, errorImage] = ["compare-left-image", "compare-right-image", "error-image"].map(found);
@@ -157,12 +158,6 @@
     for (const each of [stage, errorStage]) each.style.aspectRatio = `${rightImage.naturalWidth} / ${rightImage.naturalHeight}`;
   }
 
-  if (!runs.length) {
-    found("images").querySelectorAll("select, button, input").forEach((each) => (each.disabled = true));
-    found("error-none").hidden = false;
-    found("error-none").textContent = "no finished cell has images yet";
-    return;
-  }
   fill(cellSelect, runs.map((run) => [run.key, nameOf(run)]));
   cellSelect.addEventListener("change", () => {
     offer();

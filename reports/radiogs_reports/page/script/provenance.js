@@ -44,7 +44,7 @@
     document.getElementById("provenance-head").textContent = `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
     const body = document.getElementById("provenance-body");
     body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
-    if (run.arrays !== null) {
+    if (document.getElementById(`view-${run.key}`)) {
       const button = element("button", "Show its images");
       button.type = "button";
       button.addEventListener("click", () => {

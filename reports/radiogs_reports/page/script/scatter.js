@@ -2,6 +2,7 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const box = document.getElementById("scatter");
+  if (!box) return; // nothing was trained
   const said = document.getElementById("scatter-said");
   const qualitySelect = document.getElementById("scatter-quality");
   const costSelect = document.getElementById("scatter-cost");
