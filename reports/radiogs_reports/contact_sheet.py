@@ -63,7 +63,10 @@ def _tiles(arrays: dict[str, maps.Image], light: str) -> tuple[list[Tile], list[
         label = f"relit: {light}" if name == "relit" and light else kind.label
         mine = kind.shown(arrays[f"render/{name}"])
         theirs = arrays.get(f"truth/{name}")
-        truth.append((f"true {label}", kind.shown(theirs) if theirs is not None else np.full_like(mine, 0.9)))
+        if theirs is None:
+            truth.append((f"no true {kind.label}", np.full_like(mine, 0.9)))
+        else:
+            truth.append((f"true {label}", kind.shown(theirs)))
         render.append((label, mine))
         if name == "image" and theirs is not None:
             scale = np.linspace(0, 1, mine.shape[1])[None, :, None].repeat(mine.shape[0], 0)

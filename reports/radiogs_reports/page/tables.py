@@ -121,7 +121,7 @@ def sorted_by(value: float | None, column: ColumnSummary) -> float | None:
 def seconds_of(row: RowSummary) -> Entry:
     """Mean seconds of training a cell of the row."""
     if row["seconds"] is None:
-        return Entry("n/a", None, reason="no cell of the row is finished")
+        return Entry("n/a", None, reason="no finished cell of the row trained anything")
     return Entry(f"{row['seconds']:.1f}", row["seconds"])
 
 
