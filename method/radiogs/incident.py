@@ -64,8 +64,8 @@ class SurfelTracer:
         self.offset, self.world_offset = offset, world_offset
         self._bvh: SurfelBVH | None = None
         self.follow(surfels)
-        # The tree is that of these surfels whenever it is built, so that a run that is resumed has the same one.
-        self._first = self.geometry.detach()
+        # The tree begins as that of these surfels whenever it is built: a run that is resumed has the same one.
+        self._first = self.geometry
 
     def follow(self, surfels: Surfels) -> None:
         """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
@@ -77,7 +77,8 @@ class SurfelTracer:
     def bvh(self) -> SurfelBVH:
         """The bounding volumes, fitted to the surfels that are followed."""
         if self._bvh is None:
-            self._bvh = SurfelBVH.build(self._first)
+            self._bvh = SurfelBVH.build(self._first.detach())
+            self._fitted = self._first is self.geometry
         if not self._fitted:
             self._bvh.refit(self.geometry.detach())
             self._fitted = True

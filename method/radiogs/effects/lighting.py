@@ -35,7 +35,7 @@ REFERENCE_DIRECTIONS = 16384
 """Directions over the hemisphere that are taken for the truth: 1.1 degrees apart."""
 
 DIRECTIONS = 16
-"""That a probe traces from every surfel: an eighth of what relighting with preset tiny traces."""
+"""That a probe traces from every surfel, twice: a quarter of the rays of relighting with preset tiny."""
 
 IN_RELIGHTING = ("visibility", "indirect", "specular")
 

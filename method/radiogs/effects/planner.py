@@ -65,7 +65,7 @@ class Planner:
         iteration: int,
         stale: Staleness | None = None,
     ) -> bool:
-        """Probe, and take the plan that follows; says whether it is another one than before.
+        """Probe, and take the plan that follows; says whether it traces other rays than before.
 
         ``stale``: how far the cache of incident light was off before its last refresh, where that is known. A probe
         that meets a value that is not finite means everything on.
@@ -80,10 +80,10 @@ class Planner:
         except NumericalFailure as failure:
             self.plan = everything()
             self.evidence += (Evidence("plan", "on", f"the probe failed: {failure.what}", iteration, seed, 0.0, None),)
-            return bool(before.off)
+            return not same_rays(before, self.plan)
         self.plan = found.plan
         self.evidence += found.evidence
-        return not same(before, found.plan)
+        return not same_rays(before, found.plan)
 
     def subject(
         self, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], views: Sequence[Seen], seed: int
@@ -117,10 +117,9 @@ def with_refresh(
     return replace(found, plan=plan, evidence=(*found.evidence, record))
 
 
-def same(first: EffectPlan, second: EffectPlan) -> bool:
-    """Whether two plans leave out the same, masks included."""
-
-    def equal(one: Tensor | None, other: Tensor | None) -> bool:
-        return one is other if one is None or other is None else torch.equal(one, other)
-
-    return first == second and equal(first.traced, second.traced) and equal(first.specular_at, second.specular_at)
+def same_rays(first: EffectPlan, second: EffectPlan) -> bool:
+    """Whether incident light that was gathered under one plan serves under the other."""
+    one, other = first.traced, second.traced
+    masks = one is other if one is None or other is None else torch.equal(one, other)
+    fields = ("visibility", "indirect", "samples")
+    return masks and all(getattr(first, name) == getattr(second, name) for name in fields)

@@ -97,12 +97,11 @@ def _settle(
 ) -> tuple[EffectPlan, Evidence]:
     """The boldest of the plans up to which all are accepted, and its record (of leaving it all out, if none is)."""
     measured = judge.measure(effect, plans)
-    was_off = effect in before.off
     chosen, record = everything(), None
     for place, (plan, each) in enumerate(zip(plans, measured, strict=True)):
         if each.share < LEAST_SHARE:
             continue  # not refused, but not worth it: a bolder plan may be
-        verdict, why = decide(each, was_off, judge.tolerance.decibel)
+        verdict, why = decide(each, judge.was_left_out(plan, _only(before, effect)), judge.tolerance.decibel)
         if verdict == "on":
             break
         last = place == len(plans) - 1
@@ -110,7 +109,8 @@ def _settle(
         record = Evidence(effect, "off" if last else "local", why, iteration, judge.seed, judge.tolerance.decibel, each)
     # What is refused is judged by leaving it out altogether: that is the effect's contribution.
     if record is None:
-        verdict, why = decide(measured[-1], was_off, judge.tolerance.decibel)
+        kept_off = judge.was_left_out(plans[-1], _only(before, effect))
+        verdict, why = decide(measured[-1], kept_off, judge.tolerance.decibel)
         if verdict == "off":
             why = "leaving it out altogether would pass, but leaving out less does not"
         record = Evidence(effect, "on", why, iteration, judge.seed, judge.tolerance.decibel, measured[-1])
@@ -121,7 +121,7 @@ def _accepted(judge: "_Judge", plan: EffectPlan, before: EffectPlan, iteration: 
     """The joint plan if it passes as a whole; else with one effect after the other put back, the cheapest first."""
     while plan.off:
         measured = judge.measure("plan", [plan])[0]
-        verdict, why = decide(measured, bool(before.off), judge.tolerance.decibel)
+        verdict, why = decide(measured, judge.was_left_out(plan, before), judge.tolerance.decibel)
         if verdict == "off":
             return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured)
         least = min(plan.off, key=lambda effect: judge.step.saving(_only(plan, effect), everything()))
@@ -189,6 +189,10 @@ class _Judge:
         if mse is None:
             mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
+
+    def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
+        """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
+        return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
 
     def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
         """What each plan loses against everything."""

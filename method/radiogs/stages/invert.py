@@ -99,6 +99,7 @@ class InverseRendering:
         if variant.shading == "monte-carlo":
             self.tracer = tracer_of(surfels, variant)
             self.incident = self._gathered(surfels)
+        self.gathered_at = 0
 
     def _start_light(self) -> float:
         return START_RADIANCE if "start-light" in self.variant.deviations else white_light(self.views)
@@ -139,6 +140,7 @@ class InverseRendering:
         if self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale):
             self.tracer.follow(self.model.surfels)
             self.incident = self._gathered(self.model.surfels)
+            self.gathered_at = self.iteration
 
     def _seen_model(self) -> Model:
         """The model, with as many harmonics of the surfels' radiance as the plan has."""
@@ -168,7 +170,8 @@ class InverseRendering:
         if self.variant.incident == "precomputed":
             return self.incident.of(index)
         self.tracer.follow(model.surfels)
-        if self.iteration and self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0:
+        due = self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0
+        if due and self.iteration != self.gathered_at:
             self.incident = self._gathered(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
             normal = model.surfels.frame[index, :, 2].detach()
