@@ -70,13 +70,15 @@ def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, Environ
 
     Raises DataError for a scene that was not generated.
     """
-    if scene.name not in RECIPES or scene.training_light is None:
+    # Larger pictures of a scene bear its name with their size.
+    name = scene.name if scene.name in RECIPES else scene.name.rsplit("-", 1)[0]
+    if name not in RECIPES or scene.training_light is None:
         raise DataError(
             f"scene '{scene.name}' has no known solids and light to be probed by",
             "Only the generated scenes do; of others only a trained model can be probed.",
             f"Train one, and probe its folder:  radiogs-bench train {scene.name} --out DIR",
         )
-    return surfels_over(recipe(scene.name).solids, spacing), scene.training_light
+    return surfels_over(recipe(name).solids, spacing), scene.training_light
 
 
 @torch.no_grad()

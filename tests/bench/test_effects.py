@@ -180,3 +180,8 @@ def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixtu
     said = capsys.readouterr().out
     assert "visibility" in said
     assert "bounces of light that are needed: 1" in said
+
+
+def test_a_scene_without_known_solids_cannot_be_probed(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["probe", "furnace-0.5"]) == 3
+    assert "radiogs-bench train furnace-0.5" in capsys.readouterr().err

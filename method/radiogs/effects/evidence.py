@@ -15,7 +15,8 @@ class Measured:
     contribution: estimate of the loss, dB of PSNR; bound: the same, one-sided; lowest: one-sided from below.
     worst: bound for the worst correlation of errors, dB. tail: largest share of the local tolerance that a tile of an
     image takes. unseen: upper bound on the share of tiles that take more than was seen, if none was over it.
-    gradient: relative change of the gradient of what is learnt, and of which parameter; 0 where nothing is learnt.
+    gradient: largest relative change of the gradient of anything that is learnt; 0 where it was not asked for, because
+    the images alone refuse the plan, or do not change.
     share: of a step's work that the effect takes. rays, seconds: of a step; seconds are for the reader alone.
     """
 

@@ -1,6 +1,6 @@
 """What leaving something out changes in the gradients: an image may hardly change and carry the only gradient."""
 
-from collections.abc import Sequence
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -27,34 +27,45 @@ def pull_of_images(candidates: Candidates) -> Float[Tensor, "surfels views 3"]:
     return torch.autograd.grad(total, radiance)[0] if total.requires_grad else torch.zeros_like(radiance)
 
 
-def gradient_changes(
-    candidates: Candidates, plans: Sequence[EffectPlan], pull: Float[Tensor, "surfels views 3"]
-) -> list[dict[str, float]]:
-    """|g_plan - g_full| / |g_full| of each plan by leaf, under the same ``pull`` on the surfels' radiance.
+class Gradients:
+    """Gradients of albedo, roughness and light under the pull of the full images, and how plans change them."""
 
-    Roughness counts only where the plan has a specular part everywhere: elsewhere it is not learnt on purpose, and what
-    it could still do to the images is judged there. Infinite where a gradient appears out of none.
-    """
-    leaves = candidates.leaves
+    def __init__(self, candidates: Candidates) -> None:
+        self.candidates = candidates
 
-    def gradients(plan: EffectPlan) -> dict[str, Tensor]:
+    @cached_property
+    def pull(self) -> Float[Tensor, "surfels views 3"]:
+        """The same for all plans: what differs is what a plan hands on of it."""
+        return pull_of_images(self.candidates)
+
+    @cached_property
+    def full(self) -> dict[str, Tensor]:
+        """With everything on."""
+        return self.of(everything())
+
+    def of(self, plan: EffectPlan) -> dict[str, Tensor]:
+        """By leaf, under a plan."""
+        leaves = self.candidates.leaves
         found = torch.autograd.grad(
-            candidates.radiance(plan), list(leaves.values()), pull, retain_graph=True, allow_unused=True
+            self.candidates.radiance(plan), list(leaves.values()), self.pull, retain_graph=True, allow_unused=True
         )
         return {
             name: torch.zeros_like(leaf) if value is None else value
             for (name, leaf), value in zip(leaves.items(), found, strict=True)
         }
 
-    full = gradients(everything())
-    return [
-        {
-            name: _relative(value - full[name], full[name])
-            for name, value in gradients(plan).items()
-            if name != "roughness" or (plan.specular and plan.specular_at is None)
-        }
-        for plan in plans
-    ]
+    def change(self, plan: EffectPlan) -> float:
+        """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where a gradient appears out of none.
+
+        Roughness counts only where the plan has a specular part everywhere: elsewhere it is not learnt on purpose, and
+        what it could still do to the images is judged there.
+        """
+        shiny = plan.specular and plan.specular_at is None
+        return max(
+            _relative(value - self.full[name], self.full[name])
+            for name, value in self.of(plan).items()
+            if shiny or name != "roughness"
+        )
 
 
 def _relative(change: Tensor, whole: Tensor) -> float:

@@ -12,7 +12,7 @@ from .bounds import bootstrap_t, sidak, zero_events_upper
 from .candidates import Candidates
 from .decision import LEAST_SHARE, decide
 from .evidence import Evidence, Measured
-from .gradient import gradient_changes, pull_of_images
+from .gradient import Gradients
 from .images import TileErrors, mean_error, same_light, splatted, tile_errors
 from .plan import HIGHEST_DEGREE, EffectPlan, everything
 from .prices import Step, cost
@@ -179,7 +179,7 @@ class _Judge:
         self.level = sidak(LEVEL, comparisons)
         self.generator = torch.Generator().manual_seed(seed)
         self.candidates = Candidates(subject)
-        self.pull = pull_of_images(self.candidates)
+        self.gradients = Gradients(self.candidates)
         full = {
             "shaded": self.candidates.radiance(everything()).detach(),
             "sharp": self.candidates.radiance(everything(), sharp=True).detach(),
@@ -214,11 +214,9 @@ class _Judge:
             for key in asked
         }
         bounds = self._bounds(errors)
-        changes = gradient_changes(self.candidates, plans, self.pull)
         return [
             self._measured(
                 plan,
-                changes[place],
                 {kind: errors[where, kind] for where, kind in errors if where == place},
                 {kind: bounds[where, kind] for where, kind in bounds if where == place},
             )
@@ -241,7 +239,6 @@ class _Judge:
     def _measured(
         self,
         plan: EffectPlan,
-        changes: Mapping[str, float],
         errors: Mapping[str, TileErrors],
         bounds: Mapping[str, "_Bounds"],
     ) -> Measured:
@@ -249,16 +246,19 @@ class _Judge:
         worst_tile = max(float(each.difference.max()) for each in errors.values())
         tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
         tiles = len(next(iter(errors.values())).difference)
+        bound = max(tolerance.loss(each.above) for each in bounds.values())
+        # Gradients cost as much as all else: what is refused by its images, or changes none of them, needs none.
+        asked = "shaded" in errors and bound < tolerance.decibel and tail < 1
         saved = self.step.work(everything())["rays"] - self.step.work(plan)["rays"]
         seconds = 1e-6 * (cost(self.step.work(everything())) - cost(self.step.work(plan)))
         return Measured(
             contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
             lowest=max(tolerance.loss(each.below) for each in bounds.values()),
-            bound=max(tolerance.loss(each.above) for each in bounds.values()),
+            bound=bound,
             worst=max(tolerance.worst_case(each.difference) for each in bounds.values()),
             tail=tail,
             unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
-            gradient=max(changes.values(), default=0.0),
+            gradient=self.gradients.change(plan) if asked else 0.0,
             share=self.step.saving(plan, everything()),
             rays=round(saved),
             seconds=seconds,
