@@ -94,8 +94,7 @@ class InverseRendering:
         rates = RATES | RATES_OF_THIS_STAGE | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
         self.optimiser = SurfelOptimiser(surfels, light, rates)
         self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
-        # Materials and light as stage 1 left them: what begins here afresh would say little of what effects do.
-        self.before = Model(surfels_of(initialised, device), initialised["optimiser"]["tensors"]["log_environment"])
+        self.initialised = initialised
         if variant.shading == "monte-carlo":
             self.tracer = tracer_of(surfels, variant)
             self.incident = self._gathered(surfels)
@@ -130,7 +129,8 @@ class InverseRendering:
 
     def _plan_anew(self) -> None:
         """Probe what the scene calls for now; another plan begins with incident light of its own."""
-        model, budget = self.model if self.iteration else self.before, self.budget
+        # Materials and light as stage 1 left them, at first: what begins here afresh says little of what effects do.
+        model, budget = self.model if self.iteration else self._initial_model(), self.budget
         step = Step(len(model.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
         stale = None
         if self.iteration and self.plan.traces and self.variant.incident != "precomputed":
@@ -141,6 +141,10 @@ class InverseRendering:
             self.tracer.follow(self.model.surfels)
             self.incident = self._gathered(self.model.surfels)
             self.gathered_at = self.iteration
+
+    def _initial_model(self) -> Model:
+        light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
+        return Model(surfels_of(self.initialised, self.device), light)
 
     def _seen_model(self) -> Model:
         """The model, with as many harmonics of the surfels' radiance as the plan has."""
