@@ -43,7 +43,7 @@ class Cell:
     ``checksum`` digests the scene's files, ``method_code`` and ``evaluation_code`` the sources (see ``code_version``).
     ``device`` is the kind of machine ("cpu" or "cuda"), because their seconds and last digits differ. The suite is
     not part of a cell: two suites that share a row share its result. ``experiment`` is what is done with all this (see
-    ``experiments``), ``settings`` what only that experiment knows.
+    ``experiments.registry``), ``settings`` what only that experiment knows.
 
     Three keys, each of what its product depends on and nothing else, so that cells share what they can:
     ``initialisation_key`` for stage 1, ``training_key`` for the trained model, ``key`` for the scored result.

@@ -10,17 +10,17 @@ from .cell import TRAINING
 from .metrics.weights import FILES, missing_weights
 
 EVALUATION_MODULES = (
-    "radiogs_bench.effects",
-    "radiogs_bench.evaluate",
-    "radiogs_bench.figures",
-    "radiogs_bench.light_maps",
+    "radiogs_bench.experiments.effects",
+    "radiogs_bench.evaluation.evaluate",
+    "radiogs_bench.evaluation.figures",
+    "radiogs_bench.evaluation.light_maps",
     "radiogs_bench.metrics",
-    "radiogs_bench.scoring",
+    "radiogs_bench.evaluation.scoring",
 )
 
 EXPERIMENT_MODULES: Mapping[str, tuple[str, ...]] = {
-    "forward-parity": ("radiogs_bench.forward_parity", "radiogs_datasets.furnace"),
-    "stability": ("radiogs_bench.stability", "radiogs_datasets.hard_cases"),
+    "forward-parity": ("radiogs_bench.experiments.forward_parity", "radiogs_datasets.furnace"),
+    "stability": ("radiogs_bench.experiments.stability", "radiogs_datasets.hard_cases"),
 }
 """What decides an experiment's figures beside the method; others' results need not be made anew when it changes."""
 

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 from radiogs.errors import DataError
 
-from .schema import Result, training_seconds
-from .store import Store
-from .sweep import Sweep, label
+from .engines.sweep import Sweep, label
+from .store.folder import Store
+from .store.schema import Result, training_seconds
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/1"
 

@@ -18,10 +18,10 @@ from radiogs.surfel_files import write_ply
 from radiogs.variant import Variant
 from radiogs_datasets.image_files import write_exr
 
-from .atomic import write_atomically
 from .cell import Cell
-from .store import Store, strict_json
-from .train import model_of
+from .experiments.stages import model_of
+from .store.atomic import write_atomically
+from .store.folder import Store, strict_json
 
 TRAINED_SCHEMA = "radiogs-bench/trained/1"
 

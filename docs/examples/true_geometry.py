@@ -24,7 +24,7 @@ from radiogs.stages.invert import InverseRendering
 from radiogs.surfels import Surfels, radiance_to_sh
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
-from radiogs_bench.evaluate import evaluate
+from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.catalogue import recipe
 from radiogs_datasets.generate.surfels import surfels_over

@@ -44,9 +44,9 @@ def bench_kernels(options: argparse.Namespace) -> int:
     from radiogs.errors import UsageError
 
     from .. import kernel_bench
-    from ..atomic import write_atomically
     from ..kernel_bench.embree import missing_embree
     from ..provenance import session
+    from ..store.atomic import write_atomically
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
@@ -90,13 +90,13 @@ def bench_frames(options: argparse.Namespace) -> int:
 
     from radiogs_datasets import load_scene
 
-    from .. import frame_bench
-    from ..atomic import write_atomically
+    from ..kernel_bench import frames
     from ..provenance import session
+    from ..store.atomic import write_atomically
     from .reporter import complain, show
 
     device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
-    rows = list(frame_bench.bench_frames(load_scene(options.scene), spacings, device, complain))
+    rows = list(frames.bench_frames(load_scene(options.scene), spacings, device, complain))
     table = Table("surfels", "apart", "by rays, ms", "by surfels alone, ms", "ratio")
     for row in rows:
         table.add_row(

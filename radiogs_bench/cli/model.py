@@ -73,11 +73,11 @@ def train(options: argparse.Namespace) -> int:
 
     from ..cell import Cell
     from ..code_version import evaluation_code, method_code
-    from ..interruption import Interruption
+    from ..engines.interruption import Interruption
+    from ..engines.progress import progress_for_stderr
+    from ..experiments.stages import Bench, trained
     from ..preflight import read_everything
-    from ..progress import progress_for_stderr
-    from ..store import Store
-    from ..train import Bench, trained
+    from ..store.folder import Store
     from ..trained_folder import write_trained
     from .reporter import say
     from .sweeping import RADIOGS
@@ -131,7 +131,7 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs.light import EnvironmentMap
     from radiogs_datasets.image_files import read_exr, read_hdr
 
-    from ..effects import plan_under
+    from ..experiments.effects import plan_under
     from ..trained_folder import read_trained
     from .reporter import say
 
@@ -199,7 +199,7 @@ def write_views(
 
     from radiogs_datasets.image_files import write_exr, write_png
 
-    from ..frame_cost import frame_milliseconds
+    from ..evaluation.frame_cost import frame_milliseconds
     from .reporter import say
 
     views = scene.test if split == "test" else scene.train

@@ -6,12 +6,12 @@ from pathlib import Path
 from radiogs.errors import ExplainedError
 from radiogs_datasets import scene_names
 
-from ..cluster import Cluster, connected, run_on_cluster
-from ..delegate import Recipe
-from ..engine import Task
-from ..interruption import Interruption
-from ..progress import Progress
-from ..store import Store
+from ..engines.cluster import Cluster, connected, run_on_cluster
+from ..engines.delegate import Recipe
+from ..engines.in_process import Task
+from ..engines.interruption import Interruption
+from ..engines.progress import Progress
+from ..store.folder import Store
 
 THREADS = 1
 """Of each cell, unless more are asked for: one thread a cell gets the most out of a cluster's cores."""

@@ -5,10 +5,10 @@ from dataclasses import asdict
 
 from rich.table import Table
 
-from ..forecast import Expected, forecast, total
-from ..store import Store
-from ..suite import Suite
-from ..sweep import Request, label, state_of
+from ..engines.forecast import Expected, forecast, total
+from ..engines.sweep import Request, label, state_of
+from ..store.folder import Store
+from ..suites.suite import Suite
 from .events import emit
 from .reporter import say, show
 

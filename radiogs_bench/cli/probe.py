@@ -43,7 +43,7 @@ def probe(options: argparse.Namespace) -> int:
     """Measure, show the table, and draw where each effect matters."""
     from radiogs.budget import budget
 
-    from .. import effects
+    from ..experiments import effects
     from .model import chosen_device
     from .reporter import say
 
@@ -83,7 +83,7 @@ def probe(options: argparse.Namespace) -> int:
 def _show(name: str, found: "Findings", bounces: int | None) -> None:
     from rich.table import Table
 
-    from ..effects import psnr_of
+    from ..experiments.effects import psnr_of
     from .reporter import say, show
 
     table = Table(

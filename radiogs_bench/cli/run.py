@@ -10,7 +10,7 @@ from .engine_choice import ENGINES, choose
 from .options import add_effects, add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
-    from ..suite import Suite
+    from ..suites.suite import Suite
     from .options import Commands
 
 
@@ -62,13 +62,13 @@ def _run(options: argparse.Namespace) -> int:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
     if options.effects is not None:
-        from ..suite import with_effects
+        from ..suites.suite import with_effects
 
         chosen = with_effects(chosen, options.effects)
     engine = choose(options.engine, options.workers, options.ray_address)
     folder = options.out or Path("out") / chosen.name
 
-    from ..store import Store
+    from ..store.folder import Store
     from .sweeping import bring_to_end, cells_and_threads, plan, work_along
 
     request, device = plan(options, chosen)
@@ -87,7 +87,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from ..suites import SUITES
+    from ..suites.registry import SUITES
     from .planning import describe, emit_suite
     from .reporter import say
 
@@ -103,9 +103,9 @@ def _list(options: argparse.Namespace) -> int:
 def suite_of(name_or_file: str) -> "Suite":
     """A suite that comes with the package, or that of a file."""
     if name_or_file.endswith(".toml"):
-        from ..suite_file import read_suite
+        from ..suites.toml_file import read_suite
 
         return read_suite(Path(name_or_file))
-    from ..suites import suite
+    from ..suites.registry import suite
 
     return suite(name_or_file)

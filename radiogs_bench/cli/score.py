@@ -12,7 +12,7 @@ from .options import add_verbose
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from ..schema import MetricValue
+    from ..store.schema import MetricValue
     from .options import Commands
 
 SCHEMA = "radiogs-bench/score/1"
@@ -40,8 +40,8 @@ def add_to(commands: "Commands") -> None:
 
 def score(options: argparse.Namespace) -> int:
     """Score, show what was compared and what could not be, and write the record."""
-    from ..atomic import write_atomically
     from ..metrics.weights import complaint
+    from ..store.atomic import write_atomically
     from .reporter import complain, say, show
 
     record = _pairs(options) if _are_pairs(options) else _folder(options)
@@ -81,8 +81,8 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs import read_predictions
     from radiogs_datasets import load_scene
 
-    from ..progress import progress_for_stderr
-    from ..score import score_predictions
+    from ..engines.progress import progress_for_stderr
+    from ..evaluation.score import score_predictions
 
     if options.scene is None:
         raise UsageError(
@@ -118,7 +118,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs.stanford_orb import read_pairs, unread
 
-    from ..score_orb import files_of, score_pairs
+    from ..evaluation.score_orb import files_of, score_pairs
 
     if options.scene is not None:
         raise UsageError(

@@ -8,9 +8,9 @@ from radiogs_baselines.published import published
 from radiogs_reports import write_reports
 from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
-from ..atomic import write_atomically
-from ..store import Store, strict_json
-from ..sweep import read_sweep
+from ..engines.sweep import read_sweep
+from ..store.atomic import write_atomically
+from ..store.folder import Store, strict_json
 from .reporter import say, show
 from .summarise import summarise
 

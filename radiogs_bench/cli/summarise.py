@@ -13,11 +13,11 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
-from ..schema import Result, training_seconds
+from ..engines.sweep import Place, Sweep, state_of
 from ..statistics import Sample, estimate, paired_difference
-from ..store import Store
-from ..suite import MEASURES, Metric
-from ..sweep import Place, Sweep, state_of
+from ..store.folder import Store
+from ..store.schema import Result, training_seconds
+from ..suites.suite import MEASURES, Metric
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]

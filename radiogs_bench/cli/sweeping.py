@@ -17,22 +17,22 @@ from radiogs_datasets import load_scene
 from radiogs_datasets.layouts.inspection import shown
 
 from ..cell import Cell
-from ..delegate import Recipe
-from ..engine import Task, run_cells
+from ..engines.delegate import Recipe
+from ..engines.in_process import Task, run_cells
+from ..engines.interruption import Interruption
+from ..engines.pool import run_pool, worker_commands
+from ..engines.progress import Progress, SweepProgress, progress_for_stderr
+from ..engines.sweep import Place, Request, label, steps_to_take, write_sweep
 from ..errors import DONE, EXIT_CODES, explain, worst_exit_code
-from ..experiments import EXPERIMENTS
-from ..interruption import Interruption
-from ..method import Method
+from ..experiments.method import Method
+from ..experiments.registry import EXPERIMENTS
+from ..experiments.stages import INITIALISE, INVERT, Bench
+from ..experiments.warm_up import compile_kernels
 from ..metrics import protocol
 from ..metrics.weights import complaint
-from ..pool import run_pool, worker_commands
 from ..preflight import read_everything
-from ..progress import Progress, SweepProgress, progress_for_stderr
-from ..store import Store
-from ..suite import Suite
-from ..sweep import Place, Request, label, steps_to_take, write_sweep
-from ..train import INITIALISE, INVERT, Bench
-from ..warm_up import compile_kernels
+from ..store.folder import Store
+from ..suites.suite import Suite
 from .engine_choice import Engine
 from .events import EventProgress, emit
 from .on_cluster import THREADS, place_of, run_there

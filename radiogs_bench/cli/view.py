@@ -55,9 +55,9 @@ def model_in(folder: Path, row: str | None) -> "Model":
     """The model that ``train`` left in a folder, or that of a row of a run. Raises DataError where there is none."""
     import torch
 
-    from ..store import Store
-    from ..sweep import read_sweep
-    from ..train import model_of
+    from ..engines.sweep import read_sweep
+    from ..experiments.stages import model_of
+    from ..store.folder import Store
     from ..trained_folder import read_trained
 
     cpu = torch.device("cpu")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from radiogs.errors import DataError, UsageError
 
-from ..atomic import explained
+from ..store.atomic import explained
 from .conventions import Net
 
 TIMEOUT = 60.0

@@ -8,7 +8,7 @@ import pytest
 from bench import fake_method
 from radiogs_bench.cell import TRAINING
 from radiogs_bench.cli import main, sweeping
-from radiogs_bench.experiments import EXPERIMENTS
+from radiogs_bench.experiments.registry import EXPERIMENTS
 from scenes import sphere_scene
 
 

@@ -16,14 +16,14 @@ from radiogs.scene import Scene
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
-from radiogs_bench.engine import Task, run_cells
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.method import Method
-from radiogs_bench.progress import LogProgress
-from radiogs_bench.run_cell import Evaluation, run_cell
-from radiogs_bench.schema import MetricValue
-from radiogs_bench.store import Store
-from radiogs_bench.train import Bench
+from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.progress import LogProgress
+from radiogs_bench.experiments.method import Method
+from radiogs_bench.experiments.run_cell import Evaluation, run_cell
+from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.store.folder import Store
+from radiogs_bench.store.schema import MetricValue
 
 STEPS = 3
 CPU = torch.device("cpu")

@@ -19,9 +19,9 @@ from bench.fake_method import CPU, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
 from radiogs_bench import engine
+from radiogs_bench.engines.sweep import Request
 from radiogs_bench.provenance import session
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Request
+from radiogs_bench.suites.paper import ABLATIONS
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]
 

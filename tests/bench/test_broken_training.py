@@ -7,7 +7,7 @@ import torch
 
 from radiogs.stages import InverseRendering
 from radiogs_bench.cli.main import main
-from radiogs_bench.store import Store
+from radiogs_bench.store.folder import Store
 
 BROKEN_AT, SURFEL = 3, 17
 

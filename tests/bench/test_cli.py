@@ -16,9 +16,9 @@ import radiogs_datasets
 from bench import fake_method
 from radiogs.errors import NumericalFailure
 from radiogs_bench.cli import main
-from radiogs_bench.store import Store
-from radiogs_bench.suites import SUITES
-from radiogs_bench.sweep import read_sweep
+from radiogs_bench.engines.sweep import read_sweep
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.registry import SUITES
 
 CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"
 

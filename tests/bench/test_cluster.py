@@ -20,16 +20,16 @@ from radiogs.scene import Scene
 from radiogs_bench.cell import Cell
 from radiogs_bench.cli import main
 from radiogs_bench.cli.engine_choice import Engine, choose
-from radiogs_bench.cluster import Cluster, connected, run_on_cluster
-from radiogs_bench.delegate import Recipe
-from radiogs_bench.engine import Task
+from radiogs_bench.engines.cluster import Cluster, connected, run_on_cluster
+from radiogs_bench.engines.delegate import Recipe
+from radiogs_bench.engines.in_process import Task
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.progress import LogProgress
+from radiogs_bench.engines.sweep import Request
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.progress import LogProgress
-from radiogs_bench.store import Store
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Request
-from radiogs_bench.train import Bench
+from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.paper import ABLATIONS
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu").cells()]
 PLACES = {"fake": "nowhere/fake"}

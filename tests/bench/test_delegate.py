@@ -13,13 +13,20 @@ from bench.kill_everywhere import table
 from radiogs.budget import budget
 from radiogs.errors import DataError, NumericalFailure, UsageError
 from radiogs_bench.cell import Cell
-from radiogs_bench.delegate import Delivery, Order, Recipe, deliver_cell, deliver_initialisation, initialisation_names
+from radiogs_bench.engines.delegate import (
+    Delivery,
+    Order,
+    Recipe,
+    deliver_cell,
+    deliver_initialisation,
+    initialisation_names,
+)
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.sweep import Request
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.store import Store
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Request
-from radiogs_bench.train import initialised
+from radiogs_bench.experiments.stages import initialised
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.paper import ABLATIONS
 
 RECIPE = Recipe(FAKE, fake_method.experiment, fake_method.load, "nowhere/fake")
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]

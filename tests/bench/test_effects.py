@@ -17,7 +17,7 @@ from radiogs.sampling import hemisphere_directions
 from radiogs.variant import Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
-from radiogs_bench.effects import (
+from radiogs_bench.experiments.effects import (
     SPACING,
     Decay,
     findings_of,
@@ -26,10 +26,10 @@ from radiogs_bench.effects import (
     subject_of_scene,
     true_model,
 )
-from radiogs_bench.store import Store
-from radiogs_bench.suite import with_effects
-from radiogs_bench.suite_file import read_suite
-from radiogs_bench.suites import suite
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.registry import suite
+from radiogs_bench.suites.suite import with_effects
+from radiogs_bench.suites.toml_file import read_suite
 from radiogs_bench.trained_folder import read_trained, variant_of
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.surfels import surfels_of_room

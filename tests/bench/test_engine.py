@@ -16,14 +16,14 @@ from radiogs.errors import DataError, ExplainedError, NumericalFailure
 from radiogs.variant import Variant
 from radiogs_bench import engine
 from radiogs_bench.cell import Cell
-from radiogs_bench.claim import Claimed
-from radiogs_bench.engine import Task, run_cells
+from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.errors import Interrupted, StoreError
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.progress import LogProgress
-from radiogs_bench.run_cell import run_cell
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.train import Bench
+from radiogs_bench.experiments.run_cell import run_cell
+from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.store.claim import Claimed
+from radiogs_bench.suites.paper import ABLATIONS
 
 ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]
 
@@ -154,7 +154,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: 
         "import sys\n"
         "from pathlib import Path\n"
         "from bench import fake_method\n"
-        "from radiogs_bench.suites import ABLATIONS\n"
+        "from radiogs_bench.suites.paper import ABLATIONS\n"
         "rows = [fake_method.fake_cell(variant=row.variant) for row in ABLATIONS.rows]\n"
         "assert fake_method.FakeSweep(Path(sys.argv[1])).run(rows) == []\n"
         "print(len(fake_method.begun))\n"

@@ -19,9 +19,9 @@ from radiogs.rendering import splat
 from radiogs.scene import Scene, View
 from radiogs_bench import evaluate as module
 from radiogs_bench import frame_cost
-from radiogs_bench.evaluate import evaluate, incident_map
+from radiogs_bench.evaluation.evaluate import evaluate, incident_map
+from radiogs_bench.evaluation.scoring import displayed, truth
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
-from radiogs_bench.scoring import displayed, truth
 from scenes import look_at, sphere_scene
 
 SIZE = 16

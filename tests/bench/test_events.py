@@ -14,8 +14,8 @@ from bench.fake_method import FakeSweep, fake_cell
 from radiogs.errors import NumericalFailure
 from radiogs_bench.cli import main
 from radiogs_bench.cli.events import EventProgress
-from radiogs_bench.suites import SUITES
-from radiogs_bench.sweep import Place
+from radiogs_bench.engines.sweep import Place
+from radiogs_bench.suites.registry import SUITES
 
 Events = Callable[[], list[dict[str, Any]]]
 

@@ -11,11 +11,11 @@ from bench.fake_method import CPU, FAKE, fake_cell
 from radiogs.budget import budget
 from radiogs.errors import DataError, UsageError
 from radiogs.rendering import SOLID_ALPHA
-from radiogs_bench.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.progress import LogProgress
-from radiogs_bench.store import Store
-from radiogs_bench.train import Bench
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.progress import LogProgress
+from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
+from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.store.folder import Store
 from radiogs_datasets import load_scene
 from radiogs_datasets.registry import FORWARD, forward_names
 

@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from radiogs.light import EnvironmentMap
-from radiogs_bench.light_maps import LARGEST_HEIGHT, light_maps
+from radiogs_bench.evaluation.light_maps import LARGEST_HEIGHT, light_maps
 
 
 def ramp(height: int) -> torch.Tensor:

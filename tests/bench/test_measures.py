@@ -9,10 +9,10 @@ from bench.test_evaluate import EVERYTHING, MODEL, scene_of, view_with
 from radiogs.light import EnvironmentMap
 from radiogs.scene import Scene
 from radiogs_bench.cli.summarise import column_summary
-from radiogs_bench.evaluate import evaluate
+from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.metrics import PROTOCOLS
 from radiogs_bench.metrics.weights import FILES
-from radiogs_bench.suite import MEASURES, TASKS, Metric
+from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
 
 
 @pytest.fixture(scope="module")

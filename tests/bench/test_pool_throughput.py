@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.store import Store
-from radiogs_bench.sweep import read_sweep
-from radiogs_bench.train import model_of
+from radiogs_bench.engines.sweep import read_sweep
+from radiogs_bench.experiments.stages import model_of
+from radiogs_bench.store.folder import Store
 
 SEEDS = 4
 MEASURED = ("seconds", "sessions", "timings")

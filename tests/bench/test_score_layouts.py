@@ -12,10 +12,10 @@ from public_outputs import WRITERS, noisy, png, write_svg_ir
 from radiogs.errors import DataError
 from radiogs.scene import Scene, View
 from radiogs_baselines.outputs import likely_codes, read_predictions
+from radiogs_bench.evaluation.score import score_predictions
+from radiogs_bench.evaluation.scoring import coverage, truth
 from radiogs_bench.metrics import protocol
 from radiogs_bench.metrics.psnr import psnr
-from radiogs_bench.score import score_predictions
-from radiogs_bench.scoring import coverage, truth
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png
 

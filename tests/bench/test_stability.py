@@ -16,12 +16,12 @@ from radiogs.errors import DataError, UsageError
 from radiogs.kernels.counters import fire
 from radiogs_bench.cli import main
 from radiogs_bench.code_version import evaluation_code
-from radiogs_bench.stability import run_stability
-from radiogs_bench.stability.axes import AXES, axis_and_points
-from radiogs_bench.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
-from radiogs_bench.stability.experiment import stand_of
-from radiogs_bench.suites import STABILITY
-from radiogs_bench.sweep import Request
+from radiogs_bench.engines.sweep import Request
+from radiogs_bench.experiments.stability import run_stability
+from radiogs_bench.experiments.stability.axes import AXES, axis_and_points
+from radiogs_bench.experiments.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
+from radiogs_bench.experiments.stability.experiment import stand_of
+from radiogs_bench.suites.paper import STABILITY
 from radiogs_datasets import load_scene
 from radiogs_datasets.furnace import ALBEDOS
 

@@ -13,11 +13,11 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from radiogs_bench.atomic import write_atomically
-from radiogs_bench.claim import Claimed, claim
 from radiogs_bench.errors import StoreError
-from radiogs_bench.schema import RESULT_SCHEMA, Result
-from radiogs_bench.store import Store, strict_json
+from radiogs_bench.store.atomic import write_atomically
+from radiogs_bench.store.claim import Claimed, claim
+from radiogs_bench.store.folder import Store, strict_json
+from radiogs_bench.store.schema import RESULT_SCHEMA, Result
 
 ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
 
@@ -130,7 +130,7 @@ def test_a_file_size_limit_of_the_kernel_leaves_the_old_file_whole(tmp_path: Pat
     program = (
         "import resource, signal, sys\n"
         "from pathlib import Path\n"
-        "from radiogs_bench.atomic import write_atomically\n"
+        "from radiogs_bench.store.atomic import write_atomically\n"
         "from radiogs_bench.errors import StoreError\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "path = Path(sys.argv[1])\n"
@@ -176,7 +176,7 @@ def test_a_claim_of_a_killed_process_is_free(tmp_path: Path) -> None:
     program = (
         "import os, signal, sys\n"
         "from pathlib import Path\n"
-        "from radiogs_bench.claim import claim\n"
+        "from radiogs_bench.store.claim import claim\n"
         "with claim(Path(sys.argv[1])):\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from bench.fake_method import FakeSweep, fake_cell
-from radiogs_bench.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session
+from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "store.md").read_text()
 

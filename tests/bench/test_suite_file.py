@@ -9,8 +9,8 @@ import pytest
 from radiogs.errors import DataError, UsageError
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
-from radiogs_bench.suite import Metric, Row, Suite
-from radiogs_bench.suite_file import read_suite
+from radiogs_bench.suites.suite import Metric, Row, Suite
+from radiogs_bench.suites.toml_file import read_suite
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"

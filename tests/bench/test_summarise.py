@@ -7,8 +7,8 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs_bench.cli.summarise import summarise
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Request
+from radiogs_bench.engines.sweep import Request
+from radiogs_bench.suites.paper import ABLATIONS
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
 PLACES = [place for place, _ in REQUEST.cells()]

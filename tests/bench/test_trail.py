@@ -10,13 +10,13 @@ from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
 from radiogs.kernels.counters import count
 from radiogs.model import Model
 from radiogs_bench.cell import COST
+from radiogs_bench.engines.interruption import Interruption
+from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.interruption import Interruption
-from radiogs_bench.progress import LogProgress
-from radiogs_bench.run_cell import run_cell
-from radiogs_bench.schema import Result
-from radiogs_bench.trail import Trail, milestones
-from radiogs_bench.train import Bench
+from radiogs_bench.experiments.run_cell import run_cell
+from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.experiments.trail import Trail, milestones
+from radiogs_bench.store.schema import Result
 
 CELL = fake_cell(experiment=COST)
 

@@ -10,9 +10,9 @@ from radiogs.budget import budget
 from radiogs.errors import DataError, UsageError
 from radiogs_bench.cli import main
 from radiogs_bench.cli.view import disks_of, model_in
-from radiogs_bench.store import Store
-from radiogs_bench.suites import ABLATIONS
-from radiogs_bench.sweep import Request, write_sweep
+from radiogs_bench.engines.sweep import Request, write_sweep
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_reports import surfel_view
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")

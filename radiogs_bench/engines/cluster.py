@@ -1,0 +1,272 @@
+"""A sweep on a Ray cluster: stages as tasks, with resources and retries; this process alone writes to the store.
+
+Stage 1 is a task of its own whose delivery goes to the tasks of all cells that start from it. A machine that is lost
+takes with it what it was working on; Ray runs that again elsewhere. Claims are held for all cells that are on the
+cluster, so other processes leave them alone.
+"""
+
+import logging
+import os
+import signal
+import socket
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+
+from radiogs.errors import ExplainedError, UsageError
+
+from ..cell import TRAINING, Cell
+from ..errors import CellFailed, Interrupted
+from ..store.claim import Claimed
+from ..store.folder import Store
+from .delegate import (
+    Delivery,
+    Order,
+    Recipe,
+    deliver_cell,
+    deliver_initialisation,
+    file_of,
+    initialisation_names,
+    training_names,
+)
+from .in_process import STOPPING, Task, record_failure
+from .interruption import STOPPING_SIGNALS, Interruption
+from .progress import Progress
+
+logger = logging.getLogger(__name__)
+
+RETRIES = 5
+"""Machines that a task may lose before it counts as failed."""
+
+POLL_SECONDS = 0.5
+KNOCK_SECONDS = 5.0
+
+CPU = torch.device("cpu")
+
+SETTINGS = {
+    "RAY_USAGE_STATS_ENABLED": "0",  # a benchmark reports to nobody
+    "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",  # what Ray says it will do by itself; else it warns
+}
+
+
+@contextmanager
+def connected(address: str | None) -> Iterator[Any]:
+    """The module ``ray``, connected to the cluster at ``address``, or to one of this machine alone.
+
+    Raises UsageError where Ray is not installed or nobody answers.
+    """
+    for name, value in SETTINGS.items():
+        os.environ.setdefault(name, value)
+    try:
+        import ray
+    except ImportError as error:
+        raise UsageError(
+            "the engine ray needs Ray, which is not installed",
+            f"{error}.",
+            "pip install 'radiogs-bench[cluster]'  (or leave --engine ray out: --workers N shares one machine)",
+        ) from error
+    if ray.is_initialized():  # by whoever calls this from Python
+        yield ray
+        return
+    options: dict[str, Any] = {} if address else {"include_dashboard": False}
+    handlers = {which: signal.getsignal(which) for which in STOPPING_SIGNALS}
+    try:
+        _knock(address)
+        ray.init(address=address, log_to_driver=False, logging_level=logging.ERROR, **options)
+    except (OSError, RuntimeError, ValueError) as error:
+        raise UsageError(
+            f"no Ray cluster answers at {address}" if address else "Ray could not be started on this machine",
+            f"{error}".splitlines()[0],
+            "Start one (ray start --head) and give its address:  --ray-address HOST:6379",
+        ) from error
+    finally:
+        for which, handler in handlers.items():
+            signal.signal(which, handler)  # Ray puts its own in their place, and leaves at once when asked to stop
+    try:
+        yield ray
+    finally:
+        ray.shutdown()
+
+
+def _knock(address: str | None) -> None:
+    """Raise OSError if nobody listens at HOST:PORT; Ray itself would go on trying for minutes."""
+    host, separator, port = (address or "").removeprefix("ray://").rpartition(":")
+    if separator and port.isdecimal():
+        socket.create_connection((host.strip("[]"), int(port)), KNOCK_SECONDS).close()
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What is on the cluster: a cell, or a stage 1 (``task`` is None); and the claims that are held for it."""
+
+    task: Task | None
+    held: ExitStack
+    checkpoint: str
+    """Name of the checkpoint that is of no use once it has landed."""
+
+
+class Cluster:
+    """Sends cells to a cluster and takes in what comes back; ``places`` are names or paths of the scenes."""
+
+    def __init__(
+        self, ray: Any, recipe: Recipe, places: Mapping[str, str], threads: int, device: str, store: Store
+    ) -> None:
+        needs = {"num_cpus": threads, "num_gpus": 1 if device == "cuda" else 0, "max_retries": RETRIES}
+        self._initialise = ray.remote(**needs)(deliver_initialisation)
+        self._finish = ray.remote(**needs)(deliver_cell)
+        self._needs = {"CPU": threads, "GPU": needs["num_gpus"]}
+        self.ray, self.recipe, self.places, self.threads, self.store = ray, recipe, places, threads, store
+        self.flights: dict[Any, Flight] = {}
+        self.firsts: dict[str, Any] = {}
+        """Deliveries of stage 1 by key: on their way, or put there from the store."""
+
+    def send(self, task: Task) -> None:
+        """Put a cell on its way, unless it is finished; stage 1 before it, if that has to be run. Raises Claimed."""
+        cell = task.cell
+        with ExitStack() as held:
+            held.enter_context(self.store.claim(cell.key))
+            if self.store.result(cell.key) is not None:
+                return
+            held.enter_context(self.store.claim(f"trained-{cell.training_key}"))
+            flight = self._finish.remote(self._order(cell), self._given(training_names(cell)), self._first(cell))
+            self.flights[flight] = Flight(task, held.pop_all(), training_names(cell)[1])
+
+    def landed(self) -> list[tuple[Flight, Delivery]]:
+        """What has come back since; waits a moment if nothing has. Its files are kept, its claims held until now."""
+        ready, _ = self.ray.wait(list(self.flights), num_returns=len(self.flights), timeout=POLL_SECONDS)
+        return [self._land(each) for each in ready]
+
+    def abandon(self) -> None:
+        """Stop what is still on its way, and let its claims go."""
+        for each, flight in self.flights.items():
+            self.ray.cancel(each, force=True)
+            flight.held.close()
+        self.flights.clear()
+
+    def can_run(self) -> bool:
+        """Whether some machine is large enough for a cell, now."""
+        alive = [node["Resources"] for node in self.ray.nodes() if node["Alive"]]
+        return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
+
+    def _first(self, cell: Cell) -> Any:
+        if cell.experiment != TRAINING:
+            return Delivery({}, None, "")
+        key = cell.initialisation_key
+        if key not in self.firsts:
+            names = initialisation_names(cell)
+            with ExitStack() as held:
+                held.enter_context(self.store.claim(f"init-{key}"))
+                given = self._given(names)
+                if file_of(names[0]) in given:
+                    self.firsts[key] = self.ray.put(Delivery(given, None, ""))
+                else:
+                    self.firsts[key] = self._initialise.remote(self._order(cell), given)
+                    self.flights[self.firsts[key]] = Flight(None, held.pop_all(), names[1])
+        return self.firsts[key]
+
+    def _order(self, cell: Cell) -> Order:
+        return Order(self.recipe, cell, self.places[cell.scene], self.threads)
+
+    def _given(self, names: Sequence[str]) -> dict[str, bytes]:
+        """What the store has under the names; damaged files are moved aside and not sent."""
+        sound = [name for name in names if self.store.tensors(name, CPU) is not None]
+        return self.store.files(map(file_of, sound))
+
+    def _land(self, arrived: Any) -> tuple[Flight, Delivery]:
+        flight = self.flights[arrived]
+        try:
+            delivery = self.ray.get(arrived)
+        except self.ray.exceptions.RayTaskError:
+            raise  # nobody's fault but ours: it keeps its traceback
+        except self.ray.exceptions.RayError as error:
+            delivery = Delivery({}, lost(error), "")
+        self.store.take_over(delivery.files)
+        if delivery.failure is None:
+            self.store.drop_tensors(flight.checkpoint)
+        if delivery.failure is None and flight.task is not None:
+            self.store.drop_failure(flight.task.cell.key)
+        del self.flights[arrived]
+        flight.held.close()
+        return flight, delivery
+
+
+def lost(error: Exception) -> CellFailed:
+    """A task that the cluster gave up."""
+    return CellFailed(
+        "the cluster lost it",
+        f"{error}".strip().splitlines()[0],
+        f"It was tried {RETRIES + 1} times. If its process ran out of memory, give each cell more threads: fewer then"
+        " share a machine.",
+    )
+
+
+def run_on_cluster(
+    tasks: Sequence[Task], cluster: Cluster, store: Store, progress: Progress, interruption: Interruption
+) -> list[ExplainedError]:
+    """Bring every cell to its end; returns the errors of those that failed.
+
+    As ``in_process.run_cells``: finished cells are skipped, those of other processes left to them and waited for, and a
+    failure that all would share is raised. A stop that is asked for costs what is on the cluster.
+    """
+    failures: list[ExplainedError] = []
+    waiting = [task for task in tasks if store.result(task.cell.key) is None]
+    left = len(waiting)
+    if waiting and not cluster.can_run():
+        progress.say("no machine of the cluster is large enough for a cell; waiting for one to join")
+    progress.advance("cells", len(tasks) - left, len(tasks))
+    try:
+        while waiting or cluster.flights:
+            stop_if_asked(interruption)
+            waiting = unsent(cluster, waiting)
+            if not cluster.flights:
+                time.sleep(POLL_SECONDS)
+                continue
+            for flight, delivery in cluster.landed():
+                report(flight, delivery, failures, store, progress)
+            left = len(waiting) + sum(flight.task is not None for flight in cluster.flights.values())
+            progress.advance("cells", len(tasks) - left, len(tasks))
+    finally:
+        cluster.abandon()
+    return failures
+
+
+def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
+    """Send what can be sent; returns the cells that another process works on."""
+    held = []
+    for task in tasks:
+        try:
+            cluster.send(task)
+        except Claimed as claimed:
+            logger.info("%s: left to %s", task.label, claimed.holder)
+            held.append(task)
+    return held
+
+
+def report(
+    flight: Flight, delivery: Delivery, failures: list[ExplainedError], store: Store, progress: Progress
+) -> None:
+    """Say how a cell ended and remember a failure; raises one that all cells would share."""
+    if flight.task is None:
+        return  # a stage 1 that failed fails the cells that wait for it
+    if delivery.failure is None:
+        progress.say(f"{flight.task.label}: done on {delivery.node}")
+        return
+    if isinstance(delivery.failure, (*STOPPING, UsageError)):
+        raise delivery.failure
+    progress.say(f"{flight.task.label}: failed: {delivery.failure.what}")
+    record_failure(store, flight.task, delivery.failure)
+    failures.append(delivery.failure)
+
+
+def stop_if_asked(interruption: Interruption) -> None:
+    """Raise Interrupted if a stop was asked for."""
+    if interruption.requested:
+        raise Interrupted(
+            "stopped as asked",
+            "Finished cells and first stages are on disk; what was on the cluster begins again.",
+            "Run the same command again: it continues where this run stopped.",
+        )

@@ -1,0 +1,88 @@
+"""What missing cells will take, judged by what the store has measured of their like."""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ..cell import TRAINED, Cell
+from ..store.folder import Store
+from ..store.schema import Result
+
+INITIALISE, INVERT = "initialise", "invert"
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Seconds that a cell will still take, and the most memory (bytes) that one of its stages held; None if unknown."""
+
+    seconds: float | None
+    host_bytes: int | None
+    device_bytes: int | None
+
+
+@dataclass
+class _Like:
+    """What was measured of one kind of cell, by stage."""
+
+    seconds: dict[str, list[float]] = field(default_factory=dict)
+    bytes: dict[str, int] = field(default_factory=dict)
+
+    def add(self, result: Result) -> None:
+        for stage, seconds in result["seconds"].items():
+            self.seconds.setdefault(stage, []).append(seconds)
+        for sessions in result["sessions"].values():
+            for session in sessions:
+                for where, amount in session["peak_memory_bytes"].items():
+                    self.bytes[where] = max(amount, self.bytes.get(where, 0))
+
+
+class Forecast:
+    """Expects of a cell what its like took: the same work on the same scene, or on others, or another variant's."""
+
+    def __init__(self, results: Iterable[Result]) -> None:
+        self.likes: dict[str, _Like] = {}
+        for result in results:
+            for kind in _kinds(result["cell"]):
+                self.likes.setdefault(kind, _Like()).add(result)
+
+    def expected(self, cell: Cell, there: Sequence[str]) -> Expected:
+        """What the cell will take; the stages in ``there`` are in the store already."""
+        like = next((self.likes[kind] for kind in _kinds(cell.content()) if kind in self.likes), None)
+        if like is None:
+            return Expected(None, None, None)
+        seconds = [math.fsum(taken) / len(taken) for stage, taken in like.seconds.items() if stage not in there]
+        return Expected(math.fsum(seconds), like.bytes.get("host"), like.bytes.get("device"))
+
+
+def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
+    """For each cell in turn: None if it is finished, else what it will take. A stage that cells share counts once."""
+    judge = Forecast(store.results())
+    to_come: set[str] = set()
+    expected: list[Expected | None] = []
+    for cell in cells:
+        if store.result(cell.key) is not None:
+            expected.append(None)
+            continue
+        products = {INITIALISE: f"init/{cell.initialisation_key}", INVERT: f"trained/{cell.training_key}"}
+        there = [stage for stage, name in products.items() if name in to_come or store.has_tensors(name)]
+        expected.append(judge.expected(cell, there if cell.experiment in TRAINED else ()))
+        to_come |= set(products.values())
+    return expected
+
+
+def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
+    """Seconds of all cells whose time is known, one after the other, and of how many it is not."""
+    missing = [each for each in expected if each is not None]
+    known = [each.seconds for each in missing if each.seconds is not None]
+    return math.fsum(known), len(missing) - len(known)
+
+
+def _kinds(cell: Mapping[str, Any]) -> list[str]:
+    """What decides how much work a cell is, the nearest likeness first."""
+    named = ("experiment", "settings", "budget", "device", "protocol")
+    common = [(name, sorted(cell[name].items()) if isinstance(cell[name], dict) else cell[name]) for name in named]
+    variant = sorted(cell["variant"].items())
+    return [
+        repr((common, *likeness)) for likeness in ((variant, cell["checksum"]), (variant,), (cell["checksum"],), ())
+    ]

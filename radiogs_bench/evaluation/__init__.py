@@ -1,0 +1,1 @@
+"""Scoring what a model, or somebody else's code, has made."""

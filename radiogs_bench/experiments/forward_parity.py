@@ -1,0 +1,234 @@
+"""Light transport through surfels against a path tracer's: is the fixed point of L_rad global illumination?
+
+Surfels are laid over the generator's own solids with their true materials, under the true light; their radiance is
+solved for by minimising L_rad alone, and then compared with the path tracer's. Nothing is learnt from images.
+"""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from jaxtyping import Bool
+from torch import Tensor
+from torch.nn.functional import max_pool2d
+
+from radiogs.camera import Camera
+from radiogs.errors import DataError
+from radiogs.incident import Incident, incident_along
+from radiogs.kernels.counters import fired, work
+from radiogs.light import EnvironmentMap
+from radiogs.rendering import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SOLID_ALPHA,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    shade_surfels,
+    splat,
+    towards,
+)
+from radiogs.sampling import relighting_directions
+from radiogs.scene import Scene, View
+from radiogs.spherical_harmonics import surfel_radiance
+from radiogs.stages.finetune import FineTuning, Lighting
+from radiogs.surfels import Surfels
+from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
+from radiogs_datasets.generate.catalogue import recipe
+from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over
+
+from ..cell import Cell
+from ..evaluation.figures import Figures
+from ..evaluation.scoring import Image, coverage, displayed, truth
+from ..metrics import Value, protocol
+from ..metrics.values import PSNR_CAP
+from ..provenance import forget_peaks, session
+from ..store.schema import RESULT_SCHEMA, Result
+from .stages import Bench
+from .trail import Trail
+
+SPACING = 0.03
+"""World units between surfels; the scenes are 2 to 3 across."""
+
+OFFSET = 0.1
+"""Where rays start, in standard deviations: surfels that lie exactly on a surface need little more than rounding."""
+
+SPREAD_SAMPLES, LIGHT_SAMPLES = 192, 192
+"""Directions that images are shaded from: over the hemisphere, and drawn from the light. Without the second kind the
+same few directions would stand for the sun at every surfel of a face."""
+
+MARGIN = 3
+"""Pixels that are kept away from silhouettes: surfels are soft for about a step of their grid."""
+
+SILHOUETTE = 5e-3
+"""Change of slope of the inverse depth, per world unit, above which two pixels see different surfaces. Inverse depth is
+linear over a plane; an edge between two faces at 4 units bends it by at most 3e-3, a step of 0.1 units by 6e-3."""
+
+PARTS = ("total", "surfels", "direct", "indirect")
+"""What is compared: shaded radiance, the surfels' own, and shaded radiance after one and after more surfaces."""
+
+
+SOLVE = "solving for the radiance"
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Surfels with their light, before their radiance is known."""
+
+    surfels: Surfels
+    lighting: Lighting
+
+    def to(self, device: torch.device) -> "Setup":
+        """The same on another device."""
+        surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
+        emission = self.lighting.emission
+        return Setup(
+            surfels,
+            replace(
+                self.lighting,
+                light=EnvironmentMap(self.lighting.light.radiance.to(device)),
+                albedo=self.lighting.albedo.to(device),
+                emission=None if emission is None else emission.to(device),
+            ),
+        )
+
+
+def setup(scene: Scene, spacing: float) -> Setup:
+    """Surfels over the solids of a generated scene, or the walls of a furnace. Raises DataError for any other scene."""
+    if scene.training_light is None:
+        raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
+    if scene.name in ALBEDOS:
+        walls = surfels_of_room(HALF_SIDE, spacing, ALBEDOS[scene.name])
+        emission = torch.full_like(walls.centre, EMISSION)
+        return Setup(walls, Lighting(scene.training_light, walls.albedo, emission, (DIFFUSE_DIRECT, DIFFUSE_INDIRECT)))
+    surfels = surfels_over(recipe(scene.name.rsplit("-", 1)[0]).solids, spacing)
+    return Setup(surfels, Lighting(scene.training_light, surfels.albedo))
+
+
+def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Solve for the radiance, compare it on every test view, store the result."""
+    device, settings = bench.device, cell.settings
+    made = setup(scene, settings.get("spacing", SPACING)).to(device)
+    cameras = [view.camera for view in scene.train]
+    work.clear()
+    fired.clear()
+    forget_peaks(device)
+    started = time.perf_counter()
+    stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
+    losses: Mapping[str, float] = {}
+    trail = Trail(stage.iterations, [], {}, scored=False)
+    while stage.iteration < stage.iterations:
+        losses = stage.step()
+        trail.add(losses)
+        if trail.due(stage.iteration):
+            trail.close(stage.iteration, time.perf_counter() - started, {})
+        bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
+        bench.interruption.check()
+    solved, counted, guarded = time.perf_counter(), dict(work), dict(fired)
+
+    work.clear()
+    fired.clear()
+    figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
+    incident = shading_incident(stage)
+    arrays: dict[str, np.ndarray] = {}
+    for view in scene.test:
+        ours = transported(stage.surfels, made.lighting, incident, view.camera.to(device, torch.float32))
+        true = traced(view)
+        for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
+            figures.add(name, view.name, scores)
+        if view is scene.test[0]:
+            for origin, maps in (("render", ours), ("truth", true)):
+                shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
+                arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
+    here = [session(device)]
+    bench.store.put_result(
+        Result(
+            schema=RESULT_SCHEMA,
+            key=cell.key,
+            scene=cell.scene,
+            cell=cell.content(),
+            protocol=figures.rules.describe(),
+            metrics=figures.metrics(),
+            timings={},
+            views=list(figures.views),
+            shown_view=scene.test[0].name,
+            shown_light=None,
+            albedo_scale=None,
+            surfels=len(made.surfels),
+            losses={"solve": dict(losses)},
+            trail={"solve": trail.points},
+            seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
+            work={"solve": counted, "evaluate": dict(work)},
+            guards={"solve": guarded, "evaluate": dict(fired)},
+            sessions={"solve": here, "evaluate": here},
+        ),
+        arrays,
+    )
+
+
+@torch.no_grad()
+def shading_incident(stage: FineTuning) -> Incident:
+    """The light that arrives at all surfels once their radiance is solved for."""
+    normal = stage.surfels.frame[..., 2]
+    directions = relighting_directions(normal, stage.sampler, SPREAD_SAMPLES, LIGHT_SAMPLES, stage.generator)
+    return incident_along(stage.tracer, *directions)
+
+
+@torch.no_grad()
+def transported(surfels: Surfels, lighting: Lighting, incident: Incident, camera: Camera) -> dict[str, Image]:
+    """Linear radiance of one view, by ``PARTS``, on black: what the surfels emit counts as direct."""
+    outgoing = towards(camera, surfels)
+    parts = shade_surfels(surfels, lighting.albedo, incident, outgoing[:, None], lighting.light.radiance)[:, 0]
+    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in lighting.parts]
+    direct = parts[:, counted].sum(1)
+    if lighting.emission is not None:
+        direct = direct + lighting.emission
+    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in lighting.parts]].sum(1)
+    channels = {
+        "total": direct + indirect,
+        "surfels": surfel_radiance(surfels.sh, outgoing),
+        "direct": direct,
+        "indirect": indirect,
+    }
+    seen = splat(camera, surfels, channels, depth_unit=1.0)
+    # Whole, as the tracer makes what a ray meets: a few per cent of a solid surface are gaps between Gaussians.
+    whole = torch.where(seen.alpha > SOLID_ALPHA, seen.alpha, 1.0)[..., None]
+    return {name: (image / whole).cpu() for name, image in seen.images.items()}
+
+
+def traced(view: View) -> dict[str, Image]:
+    """The path tracer's radiance of one view, by ``PARTS``. Raises DataError where a scene lacks one of its parts."""
+    direct, indirect = truth(view, "direct"), truth(view, "indirect")
+    total = direct + indirect
+    return {"total": total, "surfels": total, "direct": direct, "indirect": indirect}
+
+
+def compared(
+    ours: Mapping[str, Image], true: Mapping[str, Image], kept: Bool[Tensor, "height width"]
+) -> dict[str, dict[str, Value]]:
+    """By part: PSNR in display colour and bias of the energy in percent, over the pixels that are kept."""
+    found = {}
+    for name in PARTS:
+        mine, yours = ours[name][kept], true[name][kept]
+        error = float((displayed(ours[name]) - displayed(true[name]))[kept].double().square().mean())
+        energy = float(yours.double().sum())
+        bias = (
+            Value(100 * (float(mine.double().sum()) / energy - 1)) if energy > 0 else Value(None, "the scene is dark")
+        )
+        found[name] = {"psnr": Value(min(PSNR_CAP, -10 * math.log10(max(error, 1e-30)))), "bias": bias}
+    return found
+
+
+def clear_of_silhouettes(view: View) -> Bool[Tensor, "height width"]:
+    """Pixels that are MARGIN away from any that the surfaces cover in part or whose neighbours see other surfaces."""
+    depth = view.read("depth")[..., 0]
+    whole = (coverage(view)[..., 0] > 1 - 1e-3) & (depth > 0)
+    inverse = torch.where(whole, 1 / torch.where(whole, depth, 1.0), 0.0)
+    bend = torch.zeros_like(inverse)
+    bend[1:-1] = (inverse[2:] - 2 * inverse[1:-1] + inverse[:-2]).abs()
+    bend[:, 1:-1] = bend[:, 1:-1].maximum((inverse[:, 2:] - 2 * inverse[:, 1:-1] + inverse[:, :-2]).abs())
+    unclear = (~whole | (bend > SILHOUETTE)).to(inverse.dtype)
+    # Outside the picture counts as covered: the border hides no silhouette.
+    return max_pool2d(unclear[None, None], 2 * MARGIN + 1, stride=1, padding=MARGIN)[0, 0] == 0

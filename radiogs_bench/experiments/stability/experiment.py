@@ -1,0 +1,119 @@
+"""A cell of suite ``stability``: the curves of one axis."""
+
+import math
+import time
+from collections import Counter
+
+import numpy as np
+
+from radiogs.errors import DataError
+from radiogs.kernels.counters import work
+from radiogs.scene import Scene
+
+from ...cell import Cell
+from ...evaluation.figures import Figures
+from ...metrics import Value, protocol
+from ...provenance import forget_peaks, session
+from ...store.schema import RESULT_SCHEMA, Result
+from ..stages import Bench
+from .axes import axis_and_points
+from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
+
+Curves = dict[str, list[Errors]]
+"""By kernel: its errors under each condition."""
+
+STAGE = "evaluate"
+"""Nothing is trained."""
+
+
+def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Measure the curves of the cell's axis, and store them with what they come to."""
+    axis, points = axis_and_points(cell.settings)
+    stand = stand_of(scene, cell.seed)
+    conditions = axis.conditions(points)
+    work.clear()
+    forget_peaks(bench.device)
+    started = time.perf_counter()
+    curves: Curves = {name: [] for name in axis.kernels}
+    for done, condition in enumerate(conditions, start=1):
+        for name, kernel in axis.kernels.items():
+            curves[name].append(measure(kernel.probe(condition, stand), cell.seed, bench.device))
+        bench.progress.advance(f"{axis.label}, {len(conditions)} points", done, len(conditions))
+        bench.interruption.check()
+    figures = Figures(protocol(cell.protocol), [])
+    for task in TASKS:
+        figures.add_whole(task, scores(axis, conditions, curves, task))
+    guards = sum((errors.guards for curve in curves.values() for errors in curve), Counter[str]())
+    figures.add_whole("guards", {"fired": Value(float(guards.total()))})
+    bench.store.put_result(
+        Result(
+            schema=RESULT_SCHEMA,
+            key=cell.key,
+            scene=cell.scene,
+            cell=cell.content(),
+            protocol=figures.rules.describe(),
+            metrics=figures.metrics(),
+            timings={},
+            views=[],
+            shown_view=None,
+            shown_light=None,
+            albedo_scale=None,
+            surfels=0,
+            losses={},
+            trail={},
+            seconds={STAGE: time.perf_counter() - started},
+            work={STAGE: dict(work)},
+            guards={STAGE: dict(guards)},
+            sessions={STAGE: [session(bench.device)]},
+        ),
+        arrays_of(axis, conditions, curves),
+    )
+
+
+def stand_of(scene: Scene, seed: int) -> Stand:
+    """The scene's first camera and its sky. Raises DataError for a scene whose light is not known."""
+    if scene.training_light is None:
+        raise DataError(
+            f"the light of scene '{scene.name}' is not known", "Hard cases are placed under a scene's own light.",
+            "Leave --scenes out.",
+        )  # fmt: skip
+    return Stand(scene.test[0].camera, scene.training_light, seed)
+
+
+def scores(axis: Axis, conditions: list[float], curves: Curves, task: Task) -> dict[str, Value]:
+    """The worst error in the safe range and at the hard end, in eps; the largest share of the documented tolerance."""
+    safe, hard, shares = [], [], []
+    for name, kernel in axis.kernels.items():
+        for condition, errors in zip(conditions, curves[name], strict=True):
+            error = errors.of(task)
+            shares.append(error / kernel.tolerance(task, condition))
+            if kernel.tolerance(task, condition) <= SAFE:
+                safe.append(error)
+            if condition in axis.hard:
+                hard.append(error)
+    return {
+        "safe": worst([error / EPS for error in safe]),
+        "hard": worst([error / EPS for error in hard]),
+        "share": worst(shares),
+    }
+
+
+def worst(values: list[float]) -> Value:
+    """The largest, or why there is none that can be written down."""
+    if not values:
+        return Value(None, "the safe range holds none of the points")
+    return Value(max(values)) if math.isfinite(max(values)) else Value(None, "float32 is infinite or no number")
+
+
+def arrays_of(axis: Axis, conditions: list[float], curves: Curves) -> dict[str, np.ndarray]:
+    """Everything that the figure shows, as ``curve/<kernel>/<what>``, ``guards/<name>`` and the conditions."""
+    arrays = {"conditions": conditions}
+    for name, kernel in axis.kernels.items():
+        for task in TASKS:
+            arrays[f"curve/{name}/{task}"] = [errors.of(task) for errors in curves[name]]
+            arrays[f"curve/{name}/{task} tolerance"] = [kernel.tolerance(task, each) for each in conditions]
+    every = zip(*curves.values(), strict=True)
+    fired = [sum((errors.guards for errors in point), Counter[str]()) for point in every]
+    for guard in sorted({guard for point in fired for guard in point}):
+        arrays[f"guards/{guard}"] = [float(point[guard]) for point in fired]
+    return {name: np.array(values, dtype=np.float32) for name, values in arrays.items()}

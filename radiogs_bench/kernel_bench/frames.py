@@ -1,0 +1,82 @@
+"""What a relit frame takes, shaded from its rays and splatted from the surfels' own radiance (``bench frames``)."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import cycle, islice
+from statistics import median
+
+import torch
+
+from radiogs.errors import DataError
+from radiogs.incident import SurfelTracer, incident_along
+from radiogs.kernels.runtime import use_threads
+from radiogs.light import EnvironmentMap
+from radiogs.relighting import RelitByRays, RelitBySurfels
+from radiogs.sampling import LightSampler, relighting_directions
+from radiogs.scene import Scene
+from radiogs.surfels import Surfels
+from radiogs_datasets.generate.catalogue import recipe
+from radiogs_datasets.generate.surfels import surfels_over
+
+from .clock import seconds
+
+HEMISPHERE_SAMPLES, LIGHT_SAMPLES = 256, 128
+"""Directions a surfel of preset paper when a model is relit."""
+
+FRAMES = 8
+"""Frames that are timed, from the scene's test views in turn."""
+
+WARM_UP = 2
+"""Frames before them that are not."""
+
+
+@dataclass(frozen=True)
+class FrameRow:
+    """Medians over the frames, on one core (CUDA: the whole device)."""
+
+    spacing: float
+    surfels: int
+    rays_milliseconds: float
+    surfels_milliseconds: float
+
+    @property
+    def ratio(self) -> float:
+        """How many times as fast the surfels alone are."""
+        return self.rays_milliseconds / self.surfels_milliseconds
+
+
+def bench_frames(
+    scene: Scene, spacings: Sequence[float], device: torch.device, announce: Callable[[str], None]
+) -> Iterator[FrameRow]:
+    """Frames of a generated scene whose solids are covered by surfels ``spacing`` world units apart.
+
+    What a frame costs depends on how many surfels it shows and not on what they have learnt: their radiance is grey
+    here. Incident rays are traced once, before anything is timed, as for any model that is relit. The two ways take
+    turns, so that their ratio is of one moment. Raises UsageError for a scene without solids, DataError
+    for one without a light.
+    """
+    if scene.training_light is None:
+        raise DataError(f"the light of scene '{scene.name}' is not known", "Frames are shaded under it.")
+    use_threads(1)
+    light = EnvironmentMap(scene.training_light.radiance.to(device))
+    cameras = [view.camera.to(device, torch.float32) for view in islice(cycle(scene.test), WARM_UP + FRAMES)]
+    for spacing in spacings:
+        surfels = surfels_over(recipe(scene.name.rsplit("-", 1)[0]).solids, spacing)
+        surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
+        announce(f"{len(surfels)} surfels, {spacing:g} apart")
+        ways = (by_rays(surfels, light), RelitBySurfels(surfels))
+        taken = [
+            [1e3 * seconds(partial(way.render, camera), device) for way in ways] for camera in cameras
+        ][WARM_UP:]  # fmt: skip
+        yield FrameRow(spacing, len(surfels), *map(median, zip(*taken, strict=True)))
+
+
+@torch.no_grad()
+def by_rays(surfels: Surfels, light: EnvironmentMap) -> RelitByRays:
+    """The surfels with their incident light."""
+    generator = torch.Generator(surfels.centre.device).manual_seed(0)
+    direction, weight = relighting_directions(
+        surfels.frame[..., 2], LightSampler(light), HEMISPHERE_SAMPLES, LIGHT_SAMPLES, generator
+    )
+    return RelitByRays(surfels, surfels.albedo, light, incident_along(SurfelTracer(surfels), direction, weight))

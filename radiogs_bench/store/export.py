@@ -1,0 +1,70 @@
+"""All results of a store as one table: a line a cell and metric."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from radiogs.errors import UsageError
+
+from .atomic import write_atomically
+from .folder import Store
+from .schema import Result
+
+FORMATS = ("csv", "json", "parquet")
+
+
+def rows(store: Store) -> Iterator[dict[str, Any]]:
+    """Every figure of every finished cell, with what the cell was and what it cost.
+
+    Columns: scene, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage; counters
+    of work and of guards, summed over stages; surfels; key.
+    """
+    for result in store.results():
+        common = _of_cell(result)
+        for metric, each in sorted(result["metrics"].items()):
+            yield {**common, "metric": metric, "value": each["value"], "reason": each["reason"]}
+
+
+def export(store: Store, path: Path, form: str) -> int:
+    """Write the table; returns its number of lines. Raises UsageError if pandas cannot write the format here."""
+    table = pd.DataFrame(list(rows(store)))
+    if form == "parquet":
+        try:
+            content = table.to_parquet(index=False)
+        except ImportError as error:
+            raise UsageError(
+                "parquet needs pyarrow, which is not installed", f"{error}".splitlines()[0], "pip install pyarrow"
+            ) from error
+    elif form == "csv":
+        content = table.to_csv(index=False).encode()
+    else:
+        content = table.to_json(orient="records", indent=1).encode()
+    write_atomically(path, content)
+    return len(table)
+
+
+def _over_stages(counted: Mapping[str, Mapping[str, int]]) -> Counter[str]:
+    total: Counter[str] = Counter()
+    for counters in counted.values():
+        total.update(counters)
+    return total
+
+
+def _of_cell(result: Result) -> dict[str, Any]:
+    cell = result["cell"]
+    work, guards = _over_stages(result["work"]), _over_stages(result.get("guards", {}))
+    return {
+        "scene": result["scene"],
+        **{f"variant.{name}": value for name, value in cell["variant"].items()},
+        "budget": cell["budget"]["name"],
+        **{name: cell[name] for name in ("seed", "device")},
+        "protocol": result["protocol"]["name"],
+        "surfels": result["surfels"],
+        **{f"seconds.{stage}": seconds for stage, seconds in result["seconds"].items()},
+        **{f"work.{name}": amount for name, amount in sorted(work.items())},
+        **{f"guards.{name}": amount for name, amount in sorted(guards.items())},
+        "key": result["key"],
+    }

@@ -1,0 +1,112 @@
+"""What a stored result says, key by key. Written as strict JSON; a number that does not exist is null with a reason.
+
+The version rises when a key changes its meaning or goes away, or when a reader needs a new one. docs/store.md describes
+every key, and what each version changed.
+"""
+
+import math
+from typing import Any, NotRequired, TypedDict
+
+RESULT_SCHEMA = "radiogs-bench/result/3"
+
+
+class MetricValue(TypedDict):
+    """One figure of a cell: the mean over its test views (for relighting: over lights, then views)."""
+
+    value: float | None
+    """None where there is no finite figure."""
+    reason: str | None
+    """Why the value is None."""
+    views: list[float | None]
+    """The figure of each test view, in the order of the result's ``views``; None where there is none."""
+
+
+class TrailPoint(TypedDict):
+    """How far a stage had come: after ``iteration`` steps, of which the first is 1."""
+
+    iteration: int
+    seconds: float
+    """Of the stage so far; the clock stands still while the model is scored along the way."""
+    losses: dict[str, float]
+    """The weighted losses by name, each the mean over the steps since the point before."""
+    metrics: dict[str, float]
+    """By ``task/measure`` over a few test views; empty where the model was not scored."""
+
+
+class Session(TypedDict):
+    """One process's share in a result; more than one where a run was interrupted and continued."""
+
+    date: str
+    """UTC, ISO 8601."""
+    git: dict[str, Any] | None
+    """``commit`` and ``dirty`` of the harness's own repository; None where it runs from an installed package."""
+    versions: dict[str, str]
+    """Python and every library whose version can change a digit."""
+    machine: dict[str, Any]
+    """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
+    peak_memory_bytes: dict[str, int]
+    """The stage's peaks in this process: ``host``, its resident set; ``device``, the CUDA allocator (with a GPU)."""
+
+
+class Result(TypedDict):
+    """A finished cell. ``<key>.npz`` beside it holds the maps of one test view (see ``evaluate``)."""
+
+    schema: str
+    key: str
+    scene: str
+    cell: dict[str, Any]
+    """Everything the key is the hash of: checksum, variant, budget, seed, device, protocol and code digests."""
+    protocol: dict[str, Any]
+    """The conventions of the metric protocol, spelled out."""
+    metrics: dict[str, MetricValue]
+    """By ``task/measure``."""
+    timings: dict[str, MetricValue]
+    """By ``task/ms`` (milliseconds a frame) and ``task/megabytes`` (the most that a frame held); apart from the
+    metrics, because no two runs share them."""
+    views: list[str]
+    """Names of the test views, then of views elsewhere that were scored."""
+    shown_view: str | None
+    """The view whose maps are in the array file; None where it holds none (``stability``: curves)."""
+    shown_light: str | None
+    """The light of the relit map there; None where the scene is given under no other light."""
+    albedo_scale: list[float] | None
+    """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None where
+    the scene has no true albedo (relighting then uses 1)."""
+    surfels: int
+    """How many the trained model has."""
+    losses: dict[str, dict[str, float]]
+    """The last step's weighted losses, by stage and name."""
+    trail: dict[str, list[TrailPoint]]
+    """How the losses fell, by stage, at geometrically spaced steps (see ``experiments.trail``)."""
+    seconds: dict[str, float]
+    """Wall-clock seconds by stage (``initialise``, ``invert``, ``solve``, ``evaluate``); work lost to a crash is not in
+    them. Stage 1 is counted in every cell that uses it, also where it was computed once for several cells."""
+    work: dict[str, dict[str, int]]
+    """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
+    guards: NotRequired[dict[str, dict[str, int]]]
+    """How often each guard of ``radiogs.guards`` acted, by stage; absent in results from before it was counted."""
+    effects: NotRequired[dict[str, Any]]
+    """``plan``: what was simulated when training ended (see ``radiogs.effects.plan``; of masks the share of surfels
+    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.evidence``). Absent in
+    results of experiments that train nothing."""
+    sessions: dict[str, list[Session]]
+    """By stage, oldest first."""
+
+
+class Failure(TypedDict):
+    """Why a cell did not finish, the last time it was tried."""
+
+    schema: str
+    key: str
+    scene: str
+    cell: dict[str, Any]
+    what: str
+    why: str
+    remedy: str
+    exit_code: int
+    date: str
+
+
+def training_seconds(result: Result) -> float:
+    """Seconds of all stages but the evaluation."""
+    return math.fsum(seconds for stage, seconds in result["seconds"].items() if stage != "evaluate")

@@ -1,0 +1,1 @@
+"""Suites as data: which variants of the method are run, what is measured, what stands beside it."""

@@ -1,0 +1,227 @@
+"""The suites of the paper's ablations and costs, and those that hold the method to account, on generated scenes."""
+
+from dataclasses import replace
+
+from radiogs.profile import PROFILES, RELEASED
+from radiogs.variant import Variant
+
+from .suite import Metric, Row, Suite, knob_rows
+
+ABLATIONS = Suite(
+    name="ablations",
+    title="Ablation of radiometric consistency",
+    published="ablation",
+    reference="ours",
+    rows=(
+        Row("ours", "Ours", "Ours", Variant()),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("detach-pbr", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", "Detach L_G^PBR", Variant(detach="pbr")),
+        Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", Variant(detach="surfel")),
+        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
+    ),
+    columns=(
+        Metric("nvs", "psnr"),
+        Metric("nvs", "ssim"),
+        Metric("nvs", "lpips"),
+        Metric("normal", "mae"),
+        Metric("albedo", "psnr"),
+        Metric("roughness", "mse"),
+        Metric("relight", "psnr"),
+        Metric("indirect", "psnr"),
+    ),
+)
+
+VIEWS = Suite(
+    name="views",
+    title="Scarcity of training views",
+    published="views",
+    reference="ours-100",
+    rows=tuple(
+        Row(
+            f"{key}-{share}", rf"{latex}, {share}\,\%", f"{text}, {share} % of the views",
+            replace(variant, view_share=share / 100),
+        )
+        for share in (100, 50, 25)
+        for key, latex, text, variant in (
+            ("ours", "Ours", "Ours", Variant()),
+            ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        )
+    ),
+    columns=(Metric("nvs", "psnr"), Metric("indirect", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
+)  # fmt: skip
+
+INIT = Suite(
+    name="init",
+    title="Initialisation strategies",
+    published="init",
+    reference="ours",
+    rows=(
+        Row(
+            "nvs-init-no-rad", r"NVS init., $\lambda_{rad}=0$", "NVS init., λ_rad = 0",
+            Variant(radiometric_weight=0.0, initialise="nvs"),
+        ),
+        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr"), Metric("indirect", "psnr")),
+)  # fmt: skip
+
+INDIRECT = Suite(
+    name="indirect",
+    title="Indirect illumination",
+    published="indirect",
+    reference="ours",
+    rows=(
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(
+        *(Metric(task, measure) for task in ("nvs", "indirect") for measure in ("psnr", "ssim", "lpips")),
+        Metric("normal", "mae"),
+        *(Metric("albedo", measure) for measure in ("psnr", "ssim", "lpips")),
+    ),
+)
+
+QUALITY = (
+    Metric("nvs", "psnr"),
+    Metric("normal", "mae"),
+    Metric("albedo", "psnr"),
+    Metric("relight", "psnr"),
+    Metric("indirect", "psnr"),
+)
+
+NG = Suite(
+    name="ng",
+    title="Surfels that radiometric consistency samples, N_g",
+    published="ng",
+    reference="ng-2048",
+    rows=knob_rows("ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0}),
+    columns=QUALITY,
+)
+
+NS = Suite(
+    name="ns",
+    title="Incident rays a surfel, N_s",
+    published="ns",
+    reference="ns-64",
+    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0, 128: 2.0}),
+    columns=QUALITY,
+)
+
+STRATEGIES = Suite(
+    name="strategies",
+    title="How L_PBR and its incident light are computed",
+    published="strategies",
+    reference="ours",
+    rows=(
+        Row("split-sum", "Split-sum", "Split-sum", Variant(shading="split-sum")),
+        Row("precomputed", "RT precompute", "RT precompute", Variant(incident="precomputed")),
+        Row("no-gradient", "RT w/o diff.", "RT w/o diff.", Variant(incident="detached")),
+        Row("ours", "Ours", "Ours", Variant()),
+    ),
+    columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
+)
+
+PROFILES_SUITE = Suite(
+    name="profiles",
+    title="What the released code does otherwise than the paper",
+    published=None,
+    reference="paper",
+    rows=(
+        Row("paper", "Paper", "the paper", Variant()),
+        *(Row(name, name, name, Variant(deviations=(name,))) for name in RELEASED),
+        Row("released", "Released", "all of them", Variant(deviations=PROFILES["released"])),
+    ),
+    columns=(*QUALITY, Metric("roughness", "mse")),
+    scenes=("corner", "convex"),
+)
+
+RELIGHT_COST = Suite(
+    name="relight-cost",
+    title="Relighting: quality and milliseconds a frame",
+    published="relight-cost",
+    reference="split-sum",
+    rows=(
+        Row("split-sum", "PBR split-sum", "PBR split-sum", Variant()),
+        Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", Variant(relighting="finetuned")),
+        Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", Variant(relighting="surfels")),
+    ),
+    columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
+)
+
+RELIGHT_RAYS = 384
+"""Rays a surfel of preset paper when a model is relit, 256 over the hemisphere and 128 from the light."""
+
+EFFICIENCY = Suite(
+    name="efficiency",
+    title="Relighting: milliseconds and memory of a frame",
+    published="efficiency",
+    reference="traced-64",
+    rows=(
+        Row("finetuned", "Ours (Finetuned)", "Surfel finetuned", Variant(relighting="surfels")),
+        *(
+            Row(
+                f"traced-{rays}", f"Ray tracing, $N={rays}$", f"Ray tracing, N x {rays}/{RELIGHT_RAYS} (paper: {rays})",
+                Variant(),
+                dict.fromkeys(
+                    ("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS
+                ),
+            )
+            for rays in (64, 128, 256)
+        ),
+    ),
+    columns=(Metric("render", "ms"), Metric("render", "megabytes"), Metric("relight", "psnr")),
+)  # fmt: skip
+
+FORWARD_PARITY = Suite(
+    name="forward-parity",
+    title="Light transport through surfels against a path tracer",
+    published=None,
+    reference="fine",
+    rows=(
+        Row(
+            "fine", "3 cm", "surfels 0.03 apart", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 8.0}, {"spacing": 0.03, "offset": 0.1},
+        ),
+        Row(
+            "coarse", "6 cm", "surfels 0.06 apart", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 0.1},
+        ),
+        Row(
+            "offset", "6 cm, offset", "0.06 apart, rays offset as in training", Variant(),
+            {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 1.0},
+        ),
+    ),
+    columns=tuple(
+        Metric(part, measure) for measure in ("psnr", "bias") for part in ("total", "surfels", "direct", "indirect")
+    ),
+    scenes=("corner-128", "red_white-128", "bowl-128", "furnace-0.2", "furnace-0.5", "furnace-0.8"),
+    experiment="forward-parity",
+)  # fmt: skip
+
+STABILITY = Suite(
+    name="stability",
+    title="Hard cases: float32 against float64",
+    published=None,
+    reference=None,
+    rows=tuple(
+        Row(key, text, text, Variant(), settings={key: points})
+        for key, text, points in (
+            ("grazing", "Grazing angle", 25.0),
+            ("aspect", "Aspect ratio", 25.0),
+            ("gap", "Gap of depth", 13.0),
+            ("layers", "Layers", 13.0),
+            ("scale", "Scene's scale", 25.0),
+            ("translation", "Translation", 25.0),
+            ("roughness", "Roughness", 25.0),
+            ("sun", "Sun's radiance", 25.0),
+        )
+    ),
+    columns=(
+        *(Metric(task, measure) for task in ("forward", "gradient") for measure in ("safe", "hard", "share")),
+        Metric("guards", "fired"),
+    ),
+    scenes=("hard-cases",),
+    experiment="stability",
+)

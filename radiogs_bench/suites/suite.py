@@ -1,0 +1,189 @@
+"""What a suite is: the types of its rows and columns, and the measures and tasks that columns are made of."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from radiogs.effects.plan import Effects
+from radiogs.errors import UsageError
+from radiogs.variant import Variant
+
+from ..cell import TRAINING
+
+
+@dataclass(frozen=True)
+class Measure:
+    """How a kind of figure is called and printed, and which way is better."""
+
+    label: str
+    unit: str
+    better: Literal["up", "down", "zero"]
+    decimals: int
+
+
+MEASURES: Mapping[str, Measure] = {
+    "psnr": Measure("PSNR", "dB", "up", 2),
+    "ssim": Measure("SSIM", "", "up", 3),
+    "lpips": Measure("LPIPS", "", "down", 3),
+    "mae": Measure("MAE", "deg", "down", 2),
+    "mse": Measure("MSE", "", "down", 4),
+    "ms": Measure("time", "ms", "down", 2),
+    "megabytes": Measure("memory", "MB", "down", 1),
+    "bias": Measure("bias", "%", "zero", 2),
+    # Stanford-ORB's own: two PSNRs, 1 - cos of normals, scale-invariant depth, distance of surfaces.
+    "psnr_h": Measure("PSNR-H", "dB", "up", 2),
+    "psnr_l": Measure("PSNR-L", "dB", "up", 2),
+    "cosine": Measure("cosine distance", "", "down", 4),
+    "simse": Measure("SI-MSE", "sq. unit", "down", 5),
+    "chamfer": Measure("chamfer", "sq. unit", "down", 6),
+    # The network beside a protocol's first one is named.
+    "lpips_alex": Measure("LPIPS (AlexNet)", "", "down", 3),
+    "lpips_vgg": Measure("LPIPS (VGG)", "", "down", 3),
+    "lpips_squeeze": Measure("LPIPS (SqueezeNet)", "", "down", 3),
+    # Of a recovered environment map, as it is and after the protocol's alignment.
+    "error": Measure("error", "", "down", 3),
+    "error_scaled": Measure("error up to scale", "", "down", 3),
+    # Of float32 against float64, in units of its rounding, 1.19e-7.
+    "safe": Measure("error, safe range", "eps", "down", 1),
+    "hard": Measure("error, hard end", "eps", "down", 1),
+    "share": Measure("share of the tolerance", "", "down", 3),
+    "fired": Measure("that acted", "times", "down", 0),
+    # Of leaving out effects: what is traced, and what that may cost.
+    "rays": Measure("rays", "M", "down", 2),
+    "seconds": Measure("time", "s", "down", 1),
+    "bound": Measure("bound on the loss", "dB", "down", 3),
+    "worst": Measure("worst case", "dB", "down", 2),
+}
+
+TASKS: Mapping[str, str] = {
+    "nvs": "NVS",
+    "normal": "Normal",
+    "albedo": "Albedo",
+    "roughness": "Roughness",
+    "relight": "Relight",
+    "indirect": "Indirect",
+    "render": "Rendering",
+    "prepare": "Preparing a light",
+    "total": "Total",
+    "surfels": "Surfels' own",
+    "direct": "Direct",
+    "depth": "Depth",
+    "environment": "Light",
+    "shape": "Shape",
+    "forward": "Forward",
+    "gradient": "Gradient",
+    "guards": "Guards",
+    "training": "Training",
+    "stage2": "Stage 2",
+    "plan": "Plan",
+}
+
+
+@dataclass(frozen=True)
+class Metric:
+    """A column of a table: what is compared (``task``) and how (``measure``)."""
+
+    task: str
+    measure: str
+
+    @property
+    def key(self) -> str:
+        """The name under which results store it, such as ``nvs/psnr``."""
+        return f"{self.task}/{self.measure}"
+
+    @property
+    def label(self) -> str:
+        """The heading, such as ``NVS PSNR``."""
+        return f"{TASKS[self.task]} {MEASURES[self.measure].label}"
+
+    @classmethod
+    def of(cls, key: str) -> "Metric":
+        """The inverse of ``key``."""
+        task, _, measure = key.partition("/")
+        return cls(task, measure)
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs.
+
+    ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
+    ``settings`` are for experiments that have some of their own.
+    """
+
+    key: str
+    latex: str
+    text: str
+    variant: Variant
+    budget: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Suite:
+    """A table: rows by columns over scenes and seeds.
+
+    ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
+    paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
+    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments.registry``). ``protocol`` is
+    the metric protocol unless another is asked for; ``download`` says where scenes are that do not come with the
+    package.
+    """
+
+    name: str
+    title: str
+    published: str | None
+    reference: str | None
+    rows: tuple[Row, ...]
+    columns: tuple[Metric, ...]
+    scenes: tuple[str, ...] = field(default=("corner",))
+    experiment: str = TRAINING
+    protocol: str = "default"
+    download: str = ""
+
+    def __post_init__(self) -> None:
+        keys = [row.key for row in self.rows]
+        repeated = sorted({key for key in keys if keys.count(key) > 1})
+        if repeated:
+            raise UsageError(f"suite '{self.name}' has rows of the same key: {', '.join(repeated)}")
+        if self.reference is not None and self.reference not in keys:
+            raise UsageError(
+                f"suite '{self.name}' has no row '{self.reference}' to compare with", f"Its rows: {', '.join(keys)}."
+            )
+
+
+def with_effects(suite: Suite, effects: Effects) -> Suite:
+    """The suite with every row that simulates light by rays doing so for these effects, and saying so in its label.
+
+    A row that has made its own choice keeps it, as do those of split-sum shading, which has nothing to leave out.
+    """
+
+    def changed(row: Row) -> Row:
+        if row.variant.effects != "all" or row.variant.shading == "split-sum" or effects == "all":
+            return row
+        mark = effects if isinstance(effects, str) else "+".join(effects) or "none"
+        variant = replace(row.variant, effects=effects)
+        return replace(row, variant=variant, latex=f"{row.latex} ({mark})", text=f"{row.text} (effects: {mark})")
+
+    return replace(suite, rows=tuple(map(changed, suite.rows)))
+
+
+def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:
+    """Rows that turn one knob: a budget's field ``name``, by the paper's value and its share of the preset's.
+
+    >>> [row.key for row in knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 64: 1.0})]
+    ['ns-16', 'ns-64']
+    """
+    return tuple(
+        Row(
+            f"{key}-{paper}",
+            f"{FRACTIONS.get(factor, f'{factor:g}')} ${symbol}$",
+            f"{symbol} x {factor:g} (paper: {paper})",
+            Variant(),
+            {name: factor},
+        )
+        for paper, factor in values.items()
+    )
+
+
+FRACTIONS: Mapping[float, str] = {0.25: r"$\frac{1}{4}$", 0.5: r"$\frac{1}{2}$"}
