@@ -125,9 +125,9 @@ class Suite:
 
     ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
     paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
-    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments.registry``). ``protocol`` is
-    the metric protocol unless another is asked for; ``download`` says where scenes are that do not come with the
-    package.
+    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments.registry``).
+    ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
+    with the package.
     """
 
     name: str
