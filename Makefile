@@ -20,7 +20,7 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 ablations: $(READY) ## the paper's ablation table on the committed miniature scenes
-	$(BIN)/radiogs-bench run ablations --seeds 2
+	$(BIN)/radiogs-bench run ablations --seeds 3 --workers 2
 
 lint: $(READY) ## style, types, and which package may import which
 	$(BIN)/ruff check .
