@@ -18,7 +18,7 @@ import numpy as np
 from bench.fake_method import CPU, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs_bench import engine
+from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.sweep import Request
 from radiogs_bench.provenance import session
 from radiogs_bench.suites.paper import ABLATIONS

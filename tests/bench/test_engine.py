@@ -14,8 +14,8 @@ from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
 from radiogs.errors import DataError, ExplainedError, NumericalFailure
 from radiogs.variant import Variant
-from radiogs_bench import engine
 from radiogs_bench.cell import Cell
+from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.in_process import Task, run_cells
 from radiogs_bench.engines.interruption import Interruption
 from radiogs_bench.engines.progress import LogProgress

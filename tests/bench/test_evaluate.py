@@ -17,8 +17,8 @@ from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.rendering import splat
 from radiogs.scene import Scene, View
-from radiogs_bench import evaluate as module
-from radiogs_bench import frame_cost
+from radiogs_bench.evaluation import evaluate as module
+from radiogs_bench.evaluation import frame_cost
 from radiogs_bench.evaluation.evaluate import evaluate, incident_map
 from radiogs_bench.evaluation.scoring import displayed, truth
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
