@@ -11,7 +11,7 @@ from ..colour import srgb_encode
 from .bounds import bootstrap_t, sidak, zero_events_upper
 from .candidates import Candidates
 from .decision import LEAST_SHARE, decide
-from .evidence import Evidence, Measured
+from .evidence import Evidence, Measured, Verdict
 from .gradient import Gradients
 from .images import TileErrors, mean_error, same_light, splatted, tile_errors
 from .plan import HIGHEST_DEGREE, EffectPlan, everything
@@ -81,7 +81,8 @@ def probe(
     ``mse``: the method's own error where the sights have no targets. Bounds hold with an error of LEVEL together over
     ``effects`` and PROBES.
     """
-    judge = _Judge(subject, step, seed, len(effects) * PROBES, decibel, mse)
+    # Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
+    judge = _Judge(subject, step, seed, 2 * len(effects) * PROBES, decibel, mse)
     before = before or everything()
     plan, records = everything(), []
     for effect in effects:
@@ -95,26 +96,31 @@ def probe(
 def _settle(
     judge: "_Judge", effect: str, plans: Sequence[EffectPlan], before: EffectPlan, iteration: int
 ) -> tuple[EffectPlan, Evidence]:
-    """The boldest of the plans up to which all are accepted, and its record (of leaving it all out, if none is)."""
-    measured = judge.measure(effect, plans)
-    chosen, record = everything(), None
-    for place, (plan, each) in enumerate(zip(plans, measured, strict=True)):
-        if each.share < LEAST_SHARE:
+    """The boldest of the plans if it is accepted; else the last up to which all are, from the most careful one.
+
+    The record is that of the plan; of leaving the effect out altogether, if none is accepted.
+    """
+
+    def record(verdict: Verdict, why: str, measured: Measured) -> Evidence:
+        return Evidence(effect, verdict, why, iteration, judge.seed, judge.tolerance.decibel, measured)
+
+    def decided(plan: EffectPlan, measured: Measured) -> tuple[Verdict, str]:
+        return decide(measured, judge.was_left_out(plan, _only(before, effect)), judge.tolerance.decibel)
+
+    bold = judge.measure(effect, plans[-1:])[0]
+    verdict, why = decided(plans[-1], bold)
+    chosen, settled = everything(), record(verdict, why, bold)
+    if verdict == "off":
+        return plans[-1], settled
+    careful = plans[:-1] if bold.share >= LEAST_SHARE else ()
+    for plan, measured in zip(careful, judge.measure(effect, careful) if careful else (), strict=True):
+        if measured.share < LEAST_SHARE:
             continue  # not refused, but not worth it: a bolder plan may be
-        verdict, why = decide(each, judge.was_left_out(plan, _only(before, effect)), judge.tolerance.decibel)
+        verdict, why = decided(plan, measured)
         if verdict == "on":
             break
-        last = place == len(plans) - 1
-        chosen = plan
-        record = Evidence(effect, "off" if last else "local", why, iteration, judge.seed, judge.tolerance.decibel, each)
-    # What is refused is judged by leaving it out altogether: that is the effect's contribution.
-    if record is None:
-        kept_off = judge.was_left_out(plans[-1], _only(before, effect))
-        verdict, why = decide(measured[-1], kept_off, judge.tolerance.decibel)
-        if verdict == "off":
-            why = "leaving it out altogether would pass, but leaving out less does not"
-        record = Evidence(effect, "on", why, iteration, judge.seed, judge.tolerance.decibel, measured[-1])
-    return chosen, record
+        chosen, settled = plan, record("local", why, measured)
+    return chosen, settled
 
 
 def _accepted(judge: "_Judge", plan: EffectPlan, before: EffectPlan, iteration: int) -> tuple[EffectPlan, Evidence]:
