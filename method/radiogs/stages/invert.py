@@ -147,11 +147,11 @@ class InverseRendering:
         return Model(surfels_of(self.initialised, self.device), light)
 
     def _seen_model(self) -> Model:
-        """The model, with as many harmonics of the surfels' radiance as the plan has."""
-        model = self.model
+        """Surfels and light, with as many harmonics of the surfels' radiance as the plan has."""
+        surfels = self.optimiser.surfels
         if self.plan.sh_degree < HIGHEST_DEGREE:
-            model.surfels.sh = model.surfels.sh[:, : (self.plan.sh_degree + 1) ** 2]
-        return model
+            surfels.sh = surfels.sh[:, : (self.plan.sh_degree + 1) ** 2]
+        return Model(surfels, self.optimiser.tensors["log_environment"])
 
     def _consistency(self, model: Model, view: TrainingView) -> Tensor:
         """L_rad; by the split sum over all surfels, else over N_g random ones by rays."""
@@ -173,7 +173,8 @@ class InverseRendering:
         """The light on some surfels; unless it is frozen, traced now, and kept in the cache too."""
         if self.variant.incident == "precomputed":
             return self.incident.of(index)
-        self.tracer.follow(model.surfels)
+        if self.plan.traces:
+            self.tracer.follow(model.surfels)
         due = self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0
         if due and self.iteration != self.gathered_at:
             self.incident = self._gathered(model.surfels)
