@@ -43,37 +43,59 @@ def empirical_bernstein_upper(values: Float[Tensor, " sample"], largest: float, 
     return min(largest, float(values.double().mean()) + spread + 7 * largest * logarithm / (3 * (count - 1)))
 
 
+class Bootstrap:
+    """One-sided bounds on means by the bootstrap-t, each with an error of ``level``.
+
+    mean - q s / sqrt(n), q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)): skewed samples, which squared
+    errors are, get the longer tail that Student's t would deny them. Resamples are drawn once for each size of sample,
+    and serve all.
+    """
+
+    def __init__(self, level: float, generator: torch.Generator) -> None:
+        self.level, self.generator = level, generator
+        self.resamples = math.ceil(RESAMPLES_PER_TAIL / level)
+        self._times: dict[int, Tensor] = {}
+
+    def bounds(
+        self, values: Float[Tensor, "statistics sample"]
+    ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
+        """Lower and upper bounds of each statistic's mean, float64.
+
+        More than MOST_BATCHES values are averaged in that many batches first. Infinite for fewer than two values, and
+        where so many resamples are constant that the quantile is not known.
+        """
+        values = _batched(values.detach().double().cpu(), self.generator)
+        mean, count = values.mean(1), values.shape[1]
+        if count < 2:
+            return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
+        times = self._drawn(count)
+        centred = values - mean[:, None]
+        moved = centred @ times.T / count
+        spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
+        # A resample that is constant says that the mean may be arbitrarily many of its errors away, on either side.
+        constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
+        ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
+        place = max(1, math.floor(self.level * self.resamples))
+        lowest = torch.where(constant, -torch.inf, ratio).kthvalue(place, 1).values
+        highest = torch.where(constant, torch.inf, ratio).kthvalue(self.resamples + 1 - place, 1).values
+        error = values.std(1) / math.sqrt(count)
+        known = error > 0
+        return torch.where(known, mean - highest * error, mean), torch.where(known, mean - lowest * error, mean)
+
+    def _drawn(self, count: int) -> Float[Tensor, "resamples sample"]:
+        """How often each value is in each resample."""
+        if count not in self._times:
+            drawn = torch.randint(count, (self.resamples, count), generator=self.generator)
+            once = torch.ones(1, dtype=torch.float64).expand_as(drawn)
+            self._times[count] = torch.zeros(drawn.shape, dtype=torch.float64).scatter_add_(1, drawn, once)
+        return self._times[count]
+
+
 def bootstrap_t(
     values: Float[Tensor, "statistics sample"], level: float, generator: torch.Generator
 ) -> tuple[Float[Tensor, " statistics"], Float[Tensor, " statistics"]]:
-    """Lower and upper bounds on the means by the bootstrap-t, each with an error of ``level``; float64.
-
-    mean - q s / sqrt(n), q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)): skewed samples, which squared
-    errors are, get the longer tail that Student's t would deny them. All statistics share the resamples. More than
-    MOST_BATCHES values are averaged in that many batches first. Infinite for fewer than two values, and where so many
-    resamples are constant that the quantile is not known.
-    """
-    values = _batched(values.detach().double().cpu(), generator)
-    mean, count = values.mean(1), values.shape[1]
-    if count < 2:
-        return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
-    resamples = math.ceil(RESAMPLES_PER_TAIL / level)
-    drawn = torch.randint(count, (resamples, count), generator=generator)
-    times = torch.zeros(resamples, count, dtype=torch.float64).scatter_add_(1, drawn, torch.ones_like(drawn).double())
-    centred = values - mean[:, None]
-    moved = centred @ times.T / count
-    spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
-    # A resample that is constant says that the mean may be arbitrarily many of its errors away, on either side.
-    constant = spread <= 1e-12 * centred.abs().amax(1, keepdim=True)
-    ratio = torch.where(constant, 0.0, moved / torch.where(constant, 1.0, spread))
-    place = max(1, math.floor(level * resamples))
-    lowest = torch.where(constant, -torch.inf, ratio).kthvalue(place, 1).values
-    highest = torch.where(constant, torch.inf, ratio).kthvalue(resamples + 1 - place, 1).values
-    error = values.std(1) / math.sqrt(count)
-    known = error > 0
-    below = torch.where(known, mean - highest * error, mean)
-    above = torch.where(known, mean - lowest * error, mean)
-    return below, above
+    """Lower and upper bounds on the means of some statistics, each with an error of ``level``; see ``Bootstrap``."""
+    return Bootstrap(level, generator).bounds(values)
 
 
 def _batched(values: Float[Tensor, "statistics sample"], generator: torch.Generator) -> Tensor:

@@ -62,8 +62,10 @@ class Evidence:
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Evidence":
         """The inverse of ``plain``; what was not finite comes back as infinity."""
-        measured = values["measured"]
-        if measured is not None:
-            found: dict[str, Any] = {name: math.inf if value is None else value for name, value in measured.items()}
-            measured = Measured(**found)
+        measured = None
+        if values["measured"] is not None:
+            figures: dict[str, Any] = {
+                name: math.inf if value is None else value for name, value in values["measured"].items()
+            }
+            measured = Measured(**figures)
         return cls(**{**values, "measured": measured})

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..colour import srgb_encode
-from .bounds import bootstrap_t, sidak, zero_events_upper
+from .bounds import Bootstrap, sidak, zero_events_upper
 from .candidates import Candidates
 from .decision import LEAST_SHARE, decide
 from .evidence import Evidence, Measured, Verdict
@@ -84,50 +84,54 @@ def probe(
     # Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
     judge = _Judge(subject, step, seed, 2 * len(effects) * PROBES, decibel, mse)
     before = before or everything()
-    plan, records = everything(), []
-    for effect in effects:
-        chosen, record = _settle(judge, effect, offers(subject, effect), before, iteration)
-        records.append(record)
-        plan = _joined(plan, chosen)
+    ways = {effect: offers(subject, effect) for effect in effects}
+    bold = judge.measure([(effect, ways[effect][-1]) for effect in effects])
+    settled = {
+        effect: _Settled(plan, *judge.decided(effect, plan, measured, before), measured)
+        for (effect, plan), measured in zip(((each, ways[each][-1]) for each in effects), bold, strict=True)
+    }
+    careful = [
+        (effect, plan)
+        for effect, found in settled.items()
+        if found.verdict == "on" and found.measured.share >= LEAST_SHARE
+        for plan in ways[effect][:-1]
+    ]
+    over: set[str] = set()
+    for (effect, plan), measured in zip(careful, judge.measure(careful), strict=True):
+        if effect in over or measured.share < LEAST_SHARE:
+            continue  # what saves little is not refused, but not worth it: a bolder plan may be
+        verdict, why = judge.decided(effect, plan, measured, before)
+        if verdict == "on":
+            over.add(effect)
+        else:
+            settled[effect] = _Settled(plan, "local", why, measured)
+    plan = everything()
+    for found in settled.values():
+        if found.verdict != "on":
+            plan = _joined(plan, found.plan)
+    records = [
+        Evidence(effect, found.verdict, found.why, iteration, seed, decibel, found.measured)
+        for effect, found in settled.items()
+    ]
     plan, whole = _accepted(judge, plan, before, iteration)
     return Findings(plan, (*records, whole), judge.tolerance)
 
 
-def _settle(
-    judge: "_Judge", effect: str, plans: Sequence[EffectPlan], before: EffectPlan, iteration: int
-) -> tuple[EffectPlan, Evidence]:
-    """The boldest of the plans if it is accepted; else the last up to which all are, from the most careful one.
+@dataclass(frozen=True)
+class _Settled:
+    """How one effect is left out, if it is: by ``plan``; measured of it, or of leaving the effect out altogether."""
 
-    The record is that of the plan; of leaving the effect out altogether, if none is accepted.
-    """
-
-    def record(verdict: Verdict, why: str, measured: Measured) -> Evidence:
-        return Evidence(effect, verdict, why, iteration, judge.seed, judge.tolerance.decibel, measured)
-
-    def decided(plan: EffectPlan, measured: Measured) -> tuple[Verdict, str]:
-        return decide(measured, judge.was_left_out(plan, _only(before, effect)), judge.tolerance.decibel)
-
-    bold = judge.measure(effect, plans[-1:])[0]
-    verdict, why = decided(plans[-1], bold)
-    chosen, settled = everything(), record(verdict, why, bold)
-    if verdict == "off":
-        return plans[-1], settled
-    careful = plans[:-1] if bold.share >= LEAST_SHARE else ()
-    for plan, measured in zip(careful, judge.measure(effect, careful) if careful else (), strict=True):
-        if measured.share < LEAST_SHARE:
-            continue  # not refused, but not worth it: a bolder plan may be
-        verdict, why = decided(plan, measured)
-        if verdict == "on":
-            break
-        chosen, settled = plan, record("local", why, measured)
-    return chosen, settled
+    plan: EffectPlan
+    verdict: Verdict
+    why: str
+    measured: Measured
 
 
 def _accepted(judge: "_Judge", plan: EffectPlan, before: EffectPlan, iteration: int) -> tuple[EffectPlan, Evidence]:
     """The joint plan if it passes as a whole; else with one effect after the other put back, the cheapest first."""
     while plan.off:
-        measured = judge.measure("plan", [plan])[0]
-        verdict, why = decide(measured, judge.was_left_out(plan, before), judge.tolerance.decibel)
+        measured = judge.measure([("plan", plan)])[0]
+        verdict, why = judge.decided("plan", plan, measured, before)
         if verdict == "off":
             return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured)
         least = min(plan.off, key=lambda effect: judge.step.saving(_only(plan, effect), everything()))
@@ -183,7 +187,7 @@ class _Judge:
     ) -> None:
         self.subject, self.step, self.seed = subject, step, seed
         self.level = sidak(LEVEL, comparisons)
-        self.generator = torch.Generator().manual_seed(seed)
+        self.bootstrap = Bootstrap(self.level, torch.Generator().manual_seed(seed))
         self.candidates = Candidates(subject)
         self.gradients = Gradients(self.candidates)
         full = {
@@ -200,8 +204,16 @@ class _Judge:
         """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
         return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
 
-    def measure(self, effect: str, plans: Sequence[EffectPlan]) -> list[Measured]:
-        """What each plan loses against everything."""
+    def decided(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
+        """The rule, with what ``before`` left out for the same effect as the past."""
+        past = before if effect == "plan" else _only(before, effect)
+        return decide(measured, self.was_left_out(plan, past), self.tolerance.decibel)
+
+    def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
+        """What each plan, made for an effect, loses against everything."""
+        if not asked_of:
+            return []
+        plans = [plan for _, plan in asked_of]
         asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
         for place, plan in enumerate(plans):
             if plan.sh_degree < HIGHEST_DEGREE:
@@ -214,11 +226,13 @@ class _Judge:
         images, _ = splatted(
             self.subject.sights, self.subject.surfels, {names[key]: value for key, value in asked.items()}
         )
-        scaled = effect not in NO_GAUGE
         errors = {
-            key: tile_errors(images[names[key]], self.full[key[1]], self.subject.sights, self.covered, scaled)
+            key: tile_errors(
+                images[names[key]], self.full[key[1]], self.subject.sights, self.covered,
+                scaled=asked_of[key[0]][0] not in NO_GAUGE,
+            )
             for key in asked
-        }
+        }  # fmt: skip
         bounds = self._bounds(errors)
         return [
             self._measured(
@@ -232,7 +246,7 @@ class _Judge:
     def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
         """Of the mean difference and the mean rise; sharp images have no target, and so no rise."""
         stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
-        below, above = bootstrap_t(stacked, self.level, self.generator)
+        below, above = self.bootstrap.bounds(stacked)
         mean = stacked.double().mean(1).cpu()
         found = {}
         for place, key in enumerate(errors):
