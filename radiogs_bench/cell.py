@@ -20,7 +20,10 @@ TRAINING = "training"
 COST = "cost"
 """The same, and the model is scored along the way too."""
 
-TRAINED = (TRAINING, COST)
+AUDIT = "audit"
+"""The first, and what training cost and what its plan predicted stand among the figures."""
+
+TRAINED = (TRAINING, COST, AUDIT)
 """The experiments whose cells go through both stages of training."""
 
 

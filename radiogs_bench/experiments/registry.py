@@ -6,7 +6,7 @@ from dataclasses import replace
 from radiogs.model import Model
 from radiogs.scene import Scene
 
-from ..cell import COST, TRAINING, Cell
+from ..cell import AUDIT, COST, TRAINING, Cell
 from ..evaluation.evaluate import evaluate
 from .forward_parity import run_forward_parity
 from .run_cell import run_cell
@@ -37,9 +37,15 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
     run_cell(bench, cell, scene, evaluate, score)
 
 
+def train_score_and_account(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """The first, with what training cost and what its plan predicted among the figures."""
+    run_cell(bench, cell, scene, evaluate, audited=True)
+
+
 EXPERIMENTS: Mapping[str, Experiment] = {
     TRAINING: train_and_score,
     COST: train_and_score_on_the_way,
+    AUDIT: train_score_and_account,
     "forward-parity": run_forward_parity,
     "stability": run_stability,
 }

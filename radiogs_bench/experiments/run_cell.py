@@ -68,10 +68,17 @@ def accounts(model: Model, ledgers: Mapping[str, Ledger], views: int) -> tuple[d
     return metrics, timings
 
 
-def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_the_way: Score | None = None) -> None:
+def run_cell(
+    bench: Bench,
+    cell: Cell,
+    scene: Scene,
+    evaluate: Evaluate,
+    along_the_way: Score | None = None,
+    audited: bool = False,
+) -> None:
     """Train the cell's model (or find it trained), score it, and store the result.
 
-    ``along_the_way`` scores it while it is trained (see ``trained``).
+    ``along_the_way`` scores it while it is trained (see ``trained``); ``audited`` adds its ``accounts``.
     """
     model, ledgers = trained(bench, cell, scene, along_the_way)
 
@@ -85,7 +92,7 @@ def run_cell(bench: Bench, cell: Cell, scene: Scene, evaluate: Evaluate, along_t
     started = time.perf_counter()
     evaluation = evaluate(model, scene, cell, bench.device, advance)
     seconds = time.perf_counter() - started
-    counted, spent = accounts(model, ledgers, len(evaluation.views))
+    counted, spent = accounts(model, ledgers, len(evaluation.views)) if audited else ({}, {})
     result = Result(
         schema=RESULT_SCHEMA,
         key=cell.key,

@@ -3,6 +3,7 @@
 from radiogs.effects.plan import EFFECTS
 from radiogs.variant import Variant
 
+from .cell import AUDIT
 from .suite import Metric, Row, Suite
 
 
@@ -28,5 +29,6 @@ EFFECTS_SUITE = Suite(
         Metric("stage2", "seconds"), Metric("training", "seconds"),
     ),
     scenes=("convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror"),
+    experiment=AUDIT,
 )  # fmt: skip
 """The rows below auto switch effects off by hand: what a plan must not do where they matter."""

@@ -50,7 +50,7 @@ MEASURES: Mapping[str, Measure] = {
     "fired": Measure("that acted", "times", "down", 0),
     # Of leaving out effects: what is traced, and what that may cost.
     "rays": Measure("rays", "M", "down", 2),
-    "seconds": Measure("seconds", "s", "down", 1),
+    "seconds": Measure("duration", "s", "down", 1),
     "bound": Measure("bound on the loss", "dB", "down", 3),
     "worst": Measure("worst case", "dB", "down", 2),
 }
