@@ -3,7 +3,7 @@
 from radiogs.effects.plan import EFFECTS
 from radiogs.variant import Variant
 
-from .cell import AUDIT
+from ..cell import AUDIT
 from .suite import Metric, Row, Suite
 
 
