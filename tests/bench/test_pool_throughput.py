@@ -51,8 +51,8 @@ class Run:
 
     def _read(self) -> None:
         assert self.process.stderr is not None
-        for line in self.process.stderr:
-            self.lines.append((time.perf_counter(), line))
+        with self.process.stderr as lines:
+            self.lines.extend((time.perf_counter(), line) for line in lines)
 
     def span(self) -> tuple[float, float]:
         self.reader.join()
