@@ -77,7 +77,11 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
             maps = {name: arrays[name].tobytes() for name in arrays.files}
         model = torch.load(folder / f"trained/{place['training_key']}.pt", weights_only=True)["product"]
         surfels = [value.numpy().tobytes() for value in model_of(model).surfels.parameters().values()]
-        said = {name: value for name, value in result.items() if name not in MEASURED}
+        said: dict[str, Any] = {name: value for name, value in result.items() if name not in MEASURED}
+        said["trail"] = {
+            stage: [{name: value for name, value in point.items() if name not in MEASURED} for point in points]
+            for stage, points in result["trail"].items()
+        }
         found[result["key"]] = (said, maps, surfels)
     return found
 
