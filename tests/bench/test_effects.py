@@ -4,6 +4,7 @@ import json
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -33,6 +34,7 @@ from radiogs_bench.suites.toml_file import read_suite
 from radiogs_bench.trained_folder import read_trained, variant_of
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.surfels import surfels_of_room
+from radiogs_datasets.image_files import write_hdr
 
 TINY = budget("tiny")
 
@@ -173,6 +175,10 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
     found = json.loads(capsys.readouterr().out)
     assert {record["effect"] for record in found["evidence"]} >= set(EFFECTS) - {"light-sampling", "refresh"}
     assert picture.stat().st_size > 0
+
+    write_hdr(tmp_path / "even.hdr", np.full((8, 16, 3), 0.4, np.float32))
+    assert main(["relight", str(out), "--envmap", str(tmp_path / "even.hdr"), "--effects", "auto"]) == 0
+    assert "light-sampling: off" in capsys.readouterr().out
 
 
 def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
