@@ -47,15 +47,14 @@ Evaluate = Callable[[Model, Scene, Cell, torch.device, Callable[[int, int], None
 def accounts(model: Model, ledgers: Mapping[str, Ledger], views: int) -> tuple[dict[str, MetricValue], ...]:
     """What training cost and what the plan predicts, as metrics and as timings.
 
-    ``stage2/rays`` in millions; ``plan/bound`` and ``plan/worst``: dB that the last probe says its plan costs at most,
-    0 where nothing is left out by a probe. ``stage2/seconds``, ``training/seconds`` (both stages).
+    ``stage2/rays`` in millions; ``plan/bound`` and ``plan/worst``: dB that a plan costs at most, by the probe that says
+    most; 0 where no probe has left anything out. ``stage2/seconds``, ``training/seconds`` (both stages).
     """
-    judged = [record for record in model.evidence if record["effect"] == "plan" and record["measured"] is not None]
-    last = judged[-1]["measured"] if judged and model.plan.off else {"bound": 0.0, "worst": 0.0}
+    judged = [each["measured"] for each in model.evidence if each["effect"] == "plan" and each["measured"] is not None]
     figures = {
         "stage2/rays": 1e-6 * ledgers["invert"]["work"].get("rays", 0),
-        "plan/bound": last["bound"],
-        "plan/worst": last["worst"],
+        "plan/bound": max((each["bound"] for each in judged), default=0.0),
+        "plan/worst": max((each["worst"] for each in judged), default=0.0),
     }
     spent = {
         "stage2/seconds": ledgers["invert"]["seconds"],

@@ -16,7 +16,7 @@ from radiogs.effects.lighting import concentration, plan_for_light
 from radiogs.effects.plan import EffectPlan, everything
 from radiogs.effects.planner import Planner
 from radiogs.effects.prices import Step
-from radiogs.effects.probe import Findings, probe
+from radiogs.effects.probe import Findings, _accepted, probe
 from radiogs.effects.staleness import Staleness, settle_refresh
 from radiogs.effects.subject import Sight, Subject, subject_of
 from radiogs.effects.tolerance import Tolerance
@@ -276,3 +276,39 @@ def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again(
     moving = Staleness(1e-2 * torch.rand(200))
     factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0)
     assert (factor, record.verdict) == (1, "on")
+
+
+@pytest.mark.parametrize("refused", [{"visibility", "indirect"}, {"visibility", "indirect", "samples"}])
+def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_out(refused: set[str]) -> None:
+    """A judge that refuses plans which leave out all of ``refused``; each alone passes."""
+    local = EffectPlan(traced=torch.arange(100) < 30)
+    chosen = {
+        "visibility": local,
+        "indirect": everything().without("indirect"),
+        "samples": everything().without("samples"),
+    }
+
+    class Judge:
+        step, seed, tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
+
+        def measure(self, asked: list[tuple[str, EffectPlan]]) -> list[None]:
+            return [None] * len(asked)
+
+        def decided(self, effect: str, plan: EffectPlan, measured: None, before: EffectPlan) -> tuple[str, str]:
+            left_out = {
+                name
+                for name, out in (
+                    ("visibility", plan.traced is not None),
+                    ("indirect", not plan.indirect),
+                    ("samples", plan.samples > 1),
+                )
+                if out
+            }
+            return ("on", "") if refused <= left_out else ("off", "")
+
+    plan, record, left = _accepted(Judge(), chosen, everything(), 7)  # type: ignore[arg-type]
+    assert set(left) == {"visibility", "samples"}
+    assert plan.indirect
+    assert plan.traced is local.traced
+    assert plan.samples == 2
+    assert (record.verdict, record.iteration) == ("off", 7)

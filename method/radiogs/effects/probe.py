@@ -105,15 +105,16 @@ def probe(
             over.add(effect)
         else:
             settled[effect] = _Settled(plan, "local", why, measured)
-    plan = everything()
-    for found in settled.values():
-        if found.verdict != "on":
-            plan = _joined(plan, found.plan)
+    chosen = {effect: found.plan for effect, found in settled.items() if found.verdict != "on"}
+    plan, whole, left_out = _accepted(judge, chosen, before, iteration)
+    for effect in chosen.keys() - set(left_out):
+        settled[effect] = replace(
+            settled[effect], verdict="on", why="left out alone it would pass, with others it does not"
+        )
     records = [
         Evidence(effect, found.verdict, found.why, iteration, seed, decibel, found.measured)
         for effect, found in settled.items()
     ]
-    plan, whole = _accepted(judge, plan, before, iteration)
     return Findings(plan, (*records, whole), judge.tolerance)
 
 
@@ -127,16 +128,26 @@ class _Settled:
     measured: Measured
 
 
-def _accepted(judge: "_Judge", plan: EffectPlan, before: EffectPlan, iteration: int) -> tuple[EffectPlan, Evidence]:
-    """The joint plan if it passes as a whole; else with one effect after the other put back, the cheapest first."""
-    while plan.off:
+def _accepted(
+    judge: "_Judge", chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
+) -> tuple[EffectPlan, Evidence, list[str]]:
+    """What was chosen for each effect, joined, if that passes; else without the one that saves least, and so on.
+
+    Effects interact: without indirect light, rays that some surfels keep for it only darken them. Returns the plan, its
+    record, and the effects that it leaves out.
+    """
+    left = sorted(chosen, key=lambda effect: -judge.step.saving(chosen[effect], everything()))
+    while left:
+        plan = everything()
+        for effect in left:
+            plan = _joined(plan, chosen[effect])
         measured = judge.measure([("plan", plan)])[0]
         verdict, why = judge.decided("plan", plan, measured, before)
         if verdict == "off":
-            return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured)
-        least = min(plan.off, key=lambda effect: judge.step.saving(_only(plan, effect), everything()))
-        plan = _put_back(plan, least)
-    return plan, Evidence("plan", "on", "nothing is left out", iteration, judge.seed, judge.tolerance.decibel, None)
+            return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured), left
+        left.pop()
+    why = "nothing is left out"
+    return everything(), Evidence("plan", "on", why, iteration, judge.seed, judge.tolerance.decibel, None), left
 
 
 _FIELDS: Mapping[str, tuple[str, ...]] = {
@@ -154,10 +165,6 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
 
 def _only(plan: EffectPlan, effect: str) -> EffectPlan:
     return replace(everything(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
-
-
-def _put_back(plan: EffectPlan, effect: str) -> EffectPlan:
-    return replace(plan, **{name: getattr(everything(), name) for name in _FIELDS[effect]})
 
 
 def _joined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
