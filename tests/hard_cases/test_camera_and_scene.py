@@ -35,9 +35,10 @@ from radiogs.kernels.shade import shade
 from radiogs.kernels.trace import trace
 from radiogs.model import Model
 from radiogs.rendering import Renderer, towards
-from radiogs.spherical_harmonics import basis, surfel_radiance
+from radiogs.spherical_harmonics import surfel_radiance
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
+from reference.harmonics import basis
 from scenes import look_at
 
 GEOMETRY = ("centre", "axis_u", "axis_v", "normal", "opacity")

@@ -4,7 +4,8 @@ import numpy as np
 import torch
 from scipy.special import sph_harm_y
 
-from radiogs.spherical_harmonics import basis, surfel_radiance
+from radiogs.spherical_harmonics import surfel_radiance
+from reference.harmonics import basis
 
 
 def _unit(count: int) -> torch.Tensor:

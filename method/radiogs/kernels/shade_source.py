@@ -85,6 +85,8 @@ _SURFEL = """
         return lanes[0];
     };
     auto faces = [&](const SCALAR* wo) -> bool { return nx * wo[0] + ny * wo[1] + nz * wo[2] > zero; };
+    bool seen_from_any = false;
+    for (int view = 0; view < views; ++view) seen_from_any |= faces(wo_of_view + 3 * view);
 
     // Irradiance of the six channels; the same for all views.
     SCALAR matte[6][LANES] = {};
@@ -173,6 +175,7 @@ _FORWARD = (
     + """
     SCALAR* out_of_view = out.data + 12LL * views * surfel;
     for (int i = 0; i < 12 * views; ++i) out_of_view[i] = zero;
+    if (!seen_from_any) return;
     for (int begin = 0; begin < samples; begin += LANES) {
 """
     + _BLOCK
@@ -208,6 +211,18 @@ _BACKWARD = (
     for (int view = 0; view < views; ++view)
         if (faces(wo_of_view + 3 * view))
             for (int i = 0; i < 6; ++i) matte_pull[i] += pull_of_view[12 * view + i];
+    bool pulled = false;
+    for (int i = 0; i < 12 * views; ++i) pulled |= pull_of_view[i] != zero;
+    if (!(seen_from_any && pulled)) {
+        for (int i = 0; i < 3; ++i) grad_normal.data[3 * surfel + i] = grad_albedo.data[3 * surfel + i] = zero;
+        grad_roughness.data[surfel] = zero;
+        if (wants_incident) {
+            const long long start = (long long)samples * surfel;
+            for (int c = 0; c < samples; ++c) grad_visibility.data[start + c] = zero;
+            for (int c = 0; c < 3 * samples; ++c) grad_indirect.data[3 * start + c] = zero;
+        }
+        return;
+    }
     SCALAR normal_pull[3][LANES] = {}, sharpness_pull[LANES] = {}, k_pull[LANES] = {};
     for (int begin = 0; begin < samples; begin += LANES) {
 """

@@ -12,9 +12,11 @@ import torch
 import warp as wp
 
 from .geometry import MAX_ALPHA
+from .harmonics_source import HARMONICS
 from .runtime import NATIVE, scalar_type, start_warp
 
-_RAY = """
+_RAY = (
+    """
 #if defined(__CUDA_ARCH__)
     #define FETCH(address)
     #define ADD(address, value) atomicAdd(address, value)
@@ -28,25 +30,9 @@ _RAY = """
     const long long ray = hits.ray.data[slot];
     const SCALAR* d = hits.direction.data + 3 * ray;
     const SCALAR x = d[0], y = d[1], z = d[2];
-    const SCALAR xx = x * x, yy = y * y, zz = z * z;
-    const SCALAR harmonic[16] = {
-        SCALAR(0.28209479177387814),
-        SCALAR(-0.4886025119029199) * y,
-        SCALAR(0.4886025119029199) * z,
-        SCALAR(-0.4886025119029199) * x,
-        SCALAR(1.0925484305920792) * x * y,
-        SCALAR(-1.0925484305920792) * y * z,
-        SCALAR(0.31539156525252005) * (SCALAR(2) * zz - xx - yy),
-        SCALAR(-1.0925484305920792) * x * z,
-        SCALAR(0.5462742152960396) * (xx - yy),
-        SCALAR(-0.5900435899266435) * y * (SCALAR(3) * xx - yy),
-        SCALAR(2.890611442640554) * x * y * z,
-        SCALAR(-0.4570457994644658) * y * (SCALAR(4) * zz - xx - yy),
-        SCALAR(0.3731763325901154) * z * (SCALAR(2) * zz - SCALAR(3) * xx - SCALAR(3) * yy),
-        SCALAR(-0.4570457994644658) * x * (SCALAR(4) * zz - xx - yy),
-        SCALAR(1.445305721320277) * z * (xx - yy),
-        SCALAR(-0.5900435899266435) * x * (xx - SCALAR(3) * yy),
-    };
+"""
+    + HARMONICS
+    + """
     SCALAR basis[48];
     for (int k = 0; k < 16; ++k) basis[3 * k] = basis[3 * k + 1] = basis[3 * k + 2] = harmonic[k];
 
@@ -75,6 +61,7 @@ _RAY = """
         }
     };
 """
+)
 
 _FORWARD = (
     _RAY

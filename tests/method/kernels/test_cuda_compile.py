@@ -8,6 +8,7 @@ import torch
 import warp as wp
 
 from radiogs.kernels.binning_source import binning_kernels
+from radiogs.kernels.harmonics_source import harmonics_kernels
 from radiogs.kernels.hits_source import hit_kernels
 from radiogs.kernels.rasterize_source import blend_kernels
 from radiogs.kernels.shade_source import shade_kernels
@@ -16,8 +17,9 @@ from radiogs.kernels.trace_source import trace_kernels
 
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
-    binning, shading, hits, tracing, blending = (
+    binning, harmonics, shading, hits, tracing, blending = (
         binning_kernels(dtype),
+        harmonics_kernels(dtype),
         shade_kernels(dtype),
         hit_kernels(dtype),
         trace_kernels(dtype),
@@ -26,6 +28,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
+        harmonics.forward, harmonics.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

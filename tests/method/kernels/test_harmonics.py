@@ -1,0 +1,55 @@
+"""K4 against the basis as one writes it, in float64, with PyTorch's own gradients."""
+
+import pytest
+import torch
+
+from radiogs.kernels.harmonics import harmonic_sum
+from radiogs.kernels.runtime import use_threads
+from reference.harmonics import basis
+
+
+def dense(sh: torch.Tensor, direction: torch.Tensor) -> torch.Tensor:
+    return torch.einsum("nvk,nkc->nvc", basis(direction)[..., : sh.shape[1]], sh)
+
+
+def inputs(coefficients: int, views: int, surfels: int = 40) -> tuple[torch.Tensor, torch.Tensor]:
+    direction = torch.nn.functional.normalize(torch.randn(surfels, views, 3, dtype=torch.float64), dim=-1)
+    return torch.randn(surfels, coefficients, 3, dtype=torch.float64), direction
+
+
+@pytest.mark.parametrize("coefficients", [1, 4, 9, 16])
+@pytest.mark.parametrize("views", [1, 3])
+def test_float64_equals_the_dense_sum_and_its_gradients(coefficients: int, views: int) -> None:
+    ours = [value.requires_grad_() for value in inputs(coefficients, views)]
+    theirs = [value.detach().clone().requires_grad_() for value in ours]
+    found, expected = harmonic_sum(*ours), dense(*theirs)
+    torch.testing.assert_close(found, expected, rtol=1e-12, atol=1e-13)
+    pull = torch.randn_like(found)
+    (found * pull).sum().backward()
+    (expected * pull).sum().backward()
+    for mine, other in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(mine.grad, other.grad, rtol=1e-11, atol=1e-12)
+
+
+def test_gradients_equal_central_differences() -> None:
+    assert torch.autograd.gradcheck(harmonic_sum, tuple(value.requires_grad_() for value in inputs(16, 2, 5)))
+
+
+def test_float32_is_as_good_as_its_digits() -> None:
+    sh, direction = inputs(16, 2, 500)
+    found = harmonic_sum(sh.float(), direction.float()).double()
+    assert (found - dense(sh, direction)).abs().max() < 1e-5
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_no_number_stays_with_its_surfel(threads: int) -> None:
+    use_threads(threads)
+    sh, direction = inputs(9, 1)
+    sh[7, 3, 1] = torch.nan
+    found = harmonic_sum(sh, direction)
+    assert torch.isnan(found[7, 0, 1])
+    assert torch.isfinite(torch.cat([found[:7], found[8:]])).all()
+
+
+def test_no_surfels_send_nothing() -> None:
+    assert harmonic_sum(torch.zeros(0, 16, 3), torch.zeros(0, 2, 3)).shape == (0, 2, 3)
