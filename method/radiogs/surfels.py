@@ -10,6 +10,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from .camera import Camera
+from .kernels.frame import frames
 from .kernels.geometry import SplatGeometry
 from .spherical_harmonics import COEFFICIENTS, CONSTANT_BASIS
 
@@ -64,16 +65,9 @@ class Surfels:
     def frame(self) -> Float[Tensor, "surfels 3 3"]:
         """Rotation matrices; columns t_u, t_v, n, in the world. A zero quaternion is no rotation: its frame is zero.
 
-        The diagonal is written by four squares instead of 1 - 2 (y^2 + z^2), which would make a zero quaternion the
-        identity; a zero frame has no tangents, so no camera or ray ever meets that surfel.
+        A zero frame has no tangents, so no camera or ray ever meets that surfel.
         """
-        w, x, y, z = unit_quaternion(self.rotation).unbind(-1)
-        rows = [
-            w * w + x * x - y * y - z * z, 2 * (x * y - w * z), 2 * (x * z + w * y),
-            2 * (x * y + w * z), w * w - x * x + y * y - z * z, 2 * (y * z - w * x),
-            2 * (x * z - w * y), 2 * (y * z + w * x), w * w - x * x - y * y + z * z,
-        ]  # fmt: skip
-        return torch.stack(rows, -1).unflatten(-1, (3, 3))
+        return frames(self.rotation)
 
     def geometry(self) -> SplatGeometry:
         """The surfels as the tracer meets them."""
@@ -108,19 +102,6 @@ class Surfels:
     def take(self, index: Int[Tensor, " chosen"]) -> "Surfels":
         """The surfels at ``index``, without gradient history."""
         return Surfels(**{name: value.detach()[index] for name, value in self.parameters().items()})
-
-
-def unit_quaternion(rotation: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
-    """Quaternions of unit length along ``rotation``; zero stays zero, with a gradient of zero.
-
-    The largest entry is divided out first: in float32 the squares of entries below 1e-19 lose their digits, and
-    PyTorch's own ``normalize`` divides by at least 1e-12. The result does not depend on that factor, so leaving it out
-    of the gradient changes nothing.
-    """
-    largest = rotation.detach().abs().amax(-1, keepdim=True)
-    scaled = rotation / torch.where(largest == 0, 1.0, largest)
-    square = scaled.square().sum(-1, keepdim=True)
-    return scaled * torch.where(square == 0, torch.inf, square).rsqrt()
 
 
 def surfels_at(

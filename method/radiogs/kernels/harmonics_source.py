@@ -112,9 +112,7 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
     ): ...
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
-    def forward(
-        begin: wp.int32, coefficients: wp.int32, views: wp.int32, sh: flat, direction: flat, out: flat
-    ):
+    def forward(begin: wp.int32, coefficients: wp.int32, views: wp.int32, sh: flat, direction: flat, out: flat):
         send(begin + wp.tid(), coefficients, views, sh, direction, out)
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)

@@ -8,6 +8,7 @@ import torch
 import warp as wp
 
 from radiogs.kernels.binning_source import binning_kernels
+from radiogs.kernels.frame_source import frame_kernels
 from radiogs.kernels.harmonics_source import harmonics_kernels
 from radiogs.kernels.hits_source import hit_kernels
 from radiogs.kernels.rasterize_source import blend_kernels
@@ -17,7 +18,8 @@ from radiogs.kernels.trace_source import trace_kernels
 
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
-    binning, harmonics, shading, hits, tracing, blending = (
+    frames, binning, harmonics, shading, hits, tracing, blending = (
+        frame_kernels(dtype),
         binning_kernels(dtype),
         harmonics_kernels(dtype),
         shade_kernels(dtype),
@@ -28,7 +30,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
-        harmonics.forward, harmonics.backward,
+        harmonics.forward, harmonics.backward, frames.forward, frames.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)
