@@ -7,6 +7,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
+ABSOLUTE_WEIGHT = 0.8
+SIMILARITY_WEIGHT = 0.2
 SSIM_WINDOW = 11
 SSIM_SIGMA = 1.5
 SSIM_LUMINANCE_GUARD = 0.01**2
@@ -16,36 +18,38 @@ MASK_CONFIDENCE = 1e-6
 
 
 def reconstruction(
-    image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"], weight: float = 0.8
-) -> Float[Tensor, ""]:
-    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images; ``weight`` in the place of 0.8.
+    image: Float[Tensor, "*images height width 3"],
+    target: Float[Tensor, "height width 3"],
+    weight: float | Float[Tensor, " images"] = ABSOLUTE_WEIGHT,
+) -> Float[Tensor, "*images"]:
+    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images; ``weight`` in the place of 0.8. Of several images, of each.
 
     Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
     image is not clipped, so that what is too bright keeps its gradient.
     """
     image = torch.where(target >= 1, image.clamp(max=1), image)
-    return weight * (image - target).abs().mean() + 0.2 * (1 - structural_similarity(image, target))
+    absolute = (image - target).abs().mean((-3, -2, -1))
+    return weight * absolute + SIMILARITY_WEIGHT * (1 - structural_similarity(image, target))
 
 
 def structural_similarity(
-    image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]
-) -> Float[Tensor, ""]:
+    image: Float[Tensor, "*images height width channels"], target: Float[Tensor, "height width channels"]
+) -> Float[Tensor, "*images"]:
     """Mean SSIM as splatting codes train with it: 11 Gaussian taps, sigma 1.5, zero padding, range 1.
 
     For scoring use ``radiogs_bench.metrics``: its window is not padded.
     """
-    down, across = (_gaussian_band(size).to(image) for size in image.shape[:2])
-    x, y = image.permute(2, 0, 1), target.permute(2, 0, 1)
-    stacked = torch.cat([x, y, x * x, y * y, x * y])
-    blurred = down @ stacked @ across.T
-    mean_x, mean_y, square_x, square_y, product = blurred.chunk(5)
+    down, across = (_gaussian_band(size).to(image) for size in image.shape[-3:-1])
+    x, y = image.movedim(-1, -3), target.movedim(-1, -3)
+    mean_y, square_y = (down @ torch.stack([y, y * y]) @ across.T).unbind()
+    mean_x, square_x, product = (down @ torch.stack([x, x * x, x * y]) @ across.T).unbind()
     variance_x, variance_y = square_x - mean_x.square(), square_y - mean_y.square()
     covariance = product - mean_x * mean_y
     luminance = (2 * mean_x * mean_y + SSIM_LUMINANCE_GUARD) / (
         mean_x.square() + mean_y.square() + SSIM_LUMINANCE_GUARD
     )
     contrast = (2 * covariance + SSIM_CONTRAST_GUARD) / (variance_x + variance_y + SSIM_CONTRAST_GUARD)
-    return (luminance * contrast).mean()
+    return (luminance * contrast).mean((-3, -2, -1))
 
 
 @cache
@@ -96,14 +100,18 @@ def mask_entropy(alpha: Float[Tensor, "height width"], mask: Float[Tensor, "heig
 
 
 def edge_aware_smoothness(
-    data: Float[Tensor, "height width channels"], guide: Float[Tensor, "height width 3"]
+    data: Float[Tensor, "height width channels"], allowance: Float[Tensor, "2 height width 3"]
 ) -> Float[Tensor, ""]:
-    """Mean of |gradient of data| exp(-|gradient of guide|), both by normalised Sobel filters.
+    """Mean of |gradient of data| times what ``edge_allowance`` makes of the training image.
 
-    ``guide`` is the training image in display sRGB; one-channel data meets each of its channels, three-channel
-    data its own.
+    One-channel data meets each of the image's channels, three-channel data its own.
     """
-    return (sobel(data).abs() * torch.exp(-sobel(guide).abs())).sum(0).mean()
+    return (sobel(data).abs() * allowance).sum(0).mean()
+
+
+def edge_allowance(guide: Float[Tensor, "height width 3"]) -> Float[Tensor, "2 height width 3"]:
+    """exp(-|gradient of guide|) along x and y, by normalised Sobel filters; ``guide`` is in display sRGB."""
+    return torch.exp(-sobel(guide).abs())
 
 
 def sobel(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "2 height width channels"]:

@@ -32,19 +32,20 @@ def consistency_loss(
     over surfels and channels. ``variant.detach`` stops the gradient of one side of the residual. ``specular``: which of
     all surfels have a specular part (None: all).
     """
-    normal = surfels.frame[index, :, 2]
+    chosen = surfels.among(index)
+    normal = chosen.frame[..., 2]
     with torch.no_grad():
-        to_camera = towards(camera, surfels)[index]
+        to_camera = towards(camera, chosen)
         outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)
         facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
     if "light-detached" in variant.deviations:
         environment = environment.detach()
     physical = shade(
-        normal, surfels.albedo[index], surfels.roughness[index], outgoing,
+        normal, chosen.albedo, chosen.roughness, outgoing,
         incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
         None if specular is None else specular[index],
     ).sum(2)  # fmt: skip
-    own = surfel_radiance(surfels.sh[index], outgoing)
+    own = surfel_radiance(chosen.sh, outgoing)
     if variant.detach == "pbr":
         physical = physical.detach()
     elif variant.detach == "surfel":

@@ -99,6 +99,10 @@ class Surfels:
         """The inverse of ``parameters``."""
         return cls(**dict(parameters))
 
+    def among(self, index: Int[Tensor, " chosen"]) -> "Surfels":
+        """The surfels at ``index``, connected to these."""
+        return Surfels(**{name: value[index] for name, value in self.parameters().items()})
+
     def take(self, index: Int[Tensor, " chosen"]) -> "Surfels":
         """The surfels at ``index``, without gradient history."""
         return Surfels(**{name: value.detach()[index] for name, value in self.parameters().items()})

@@ -5,6 +5,7 @@ from skimage.metrics import structural_similarity as skimage_ssim
 from radiogs.camera import Camera
 from radiogs.losses import (
     depth_normals,
+    edge_allowance,
     edge_aware_smoothness,
     light_prior,
     mask_entropy,
@@ -30,6 +31,13 @@ def test_reconstruction_is_zero_for_equal_images_and_forgives_over_exposure() ->
     white = torch.ones(16, 16, 3)
     assert float(reconstruction(white * 3, white)) < 1e-6
     assert float(reconstruction(white * 3, white * 0.9)) > 1
+
+
+def test_several_images_are_compared_as_each_alone() -> None:
+    images, target = torch.rand(2, 16, 20, 3, dtype=torch.float64), torch.rand(16, 20, 3, dtype=torch.float64)
+    together = reconstruction(images, target, torch.tensor([0.8, 1.0], dtype=torch.float64))
+    for found, image, weight in zip(together, images, (0.8, 1.0), strict=True):
+        torch.testing.assert_close(found, reconstruction(image, target, weight))
 
 
 def test_depth_normals_of_a_tilted_plane_are_its_normal() -> None:
@@ -73,7 +81,8 @@ def test_edges_of_the_guide_forgive_edges_of_the_data() -> None:
     data, flat, edge = torch.zeros(8, 8, 3), torch.zeros(8, 8, 3), torch.zeros(8, 8, 3)
     data[:, 4:] = 1
     edge[:, 4:] = 1
-    assert float(edge_aware_smoothness(data, edge)) < float(edge_aware_smoothness(data, flat))
+    forgiven, counted = (float(edge_aware_smoothness(data, edge_allowance(guide))) for guide in (edge, flat))
+    assert forgiven < counted
 
 
 def test_mask_entropy_is_finite_at_hard_coverage_and_smallest_for_agreement() -> None:

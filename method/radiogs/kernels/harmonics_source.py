@@ -83,7 +83,8 @@ _BACKWARD = (
             - three * g * (xx - yy) * s[9] + h * x * z * s[10] - i * (four * zz - xx - three * yy) * s[11]
             - six * j * y * z * s[12] + two * i * x * y * s[13] - two * m * y * z * s[14] + six * g * x * y * s[15];
         grad_direction.data[place + 2] = a * s[2] - b * (y * s[5] + x * s[7]) + four * e * z * s[6] + h * x * y * s[10]
-            - eight * i * z * (y * s[11] + x * s[13]) + three * j * (two * zz - xx - yy) * s[12] + m * (xx - yy) * s[14];
+            - eight * i * z * (y * s[11] + x * s[13]) + three * j * (two * zz - xx - yy) * s[12]
+            + m * (xx - yy) * s[14];
     }
 """
 )

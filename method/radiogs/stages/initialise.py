@@ -10,7 +10,7 @@ from ..budget import Budget
 from ..colour import srgb_decode, srgb_encode
 from ..density import Pull, densify_and_prune
 from ..finite import backward
-from ..losses import edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
+from ..losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
 from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
 from ..points import initial_points, nearest_camera, neighbour_spacing
@@ -116,14 +116,17 @@ class Initialisation:
         seen = splat(camera, surfels, channels, self.depth_unit)
         background = BACKGROUNDS[self.iteration % len(BACKGROUNDS)]
         target = view.over(background)
-        for name, image in seen.images.items():
-            display = srgb_encode(image) if self.encode else image
-            losses[name] = reconstruction(composite(display, seen.alpha, background), target)
+        pictures = torch.stack(list(seen.images.values()))
+        display = srgb_encode(pictures) if self.encode else pictures
+        reconstructed = reconstruction(composite(display, seen.alpha, background), target)
+        losses |= dict(zip(seen.images, reconstructed.unbind(), strict=True))
         losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         losses["mask"] = MASK_WEIGHT * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= DISTORTION_FROM * self.iterations:
             losses["distortion"] = DISTORTION_WEIGHT * seen.distortion.mean()
-        losses["normal smoothness"] = NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(seen.normal, view.over(0.0))
+        losses["normal smoothness"] = NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(
+            seen.normal, edge_allowance(view.over(0.0))
+        )
         return losses, seen
 
     def _control_density(self) -> None:

@@ -15,6 +15,8 @@ from ..effects.staleness import staleness
 from ..finite import backward
 from ..incident import Incident, gather_incident, tracer_of
 from ..losses import (
+    ABSOLUTE_WEIGHT,
+    edge_allowance,
     edge_aware_smoothness,
     environment_smoothness,
     light_prior,
@@ -179,7 +181,7 @@ class InverseRendering:
         if due and self.iteration != self.gathered_at:
             self.incident = self._gathered(model.surfels)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
-            normal = model.surfels.frame[index, :, 2].detach()
+            normal = model.surfels.take(index).frame[..., 2]
             direction, weight = hemisphere_directions(normal, self._samples, self.generator, self._floor)
             fresh = self.tracer.incident(index, direction, weight, self.plan)
         self.incident.store(index, fresh)
@@ -187,7 +189,7 @@ class InverseRendering:
 
     @property
     def _image_weight(self) -> float:
-        return 1.0 if "image-weight" in self.variant.deviations else 0.8
+        return 1.0 if "image-weight" in self.variant.deviations else ABSOLUTE_WEIGHT
 
     def _gathered(self, surfels: Surfels) -> Incident:
         return gather_incident(self.tracer, surfels, self._samples, self.generator, self._floor, self.plan)
@@ -212,15 +214,17 @@ class InverseRendering:
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
         target, mask = view.over(0.0), view.mask[..., None]
-        images = seen.images
+        images, allowance = seen.images, edge_allowance(target)
+        pictures = srgb_encode(torch.stack([images["radiance"], images["shaded"]]))
+        radiance, shaded = reconstruction(pictures, target, pictures.new_tensor([ABSOLUTE_WEIGHT, self._image_weight]))
         losses = {
-            "radiance": reconstruction(srgb_encode(images["radiance"]), target),
-            "shaded": reconstruction(srgb_encode(images["shaded"]), target, self._image_weight),
+            "radiance": radiance,
+            "shaded": shaded,
             "mask": MASK_WEIGHT * mask_entropy(seen.alpha, view.mask),
-            "albedo smoothness": ALBEDO_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * images["albedo"], target),
+            "albedo smoothness": ALBEDO_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * images["albedo"], allowance),
             "roughness smoothness": ROUGHNESS_SMOOTHNESS_WEIGHT
-            * edge_aware_smoothness(mask * images["roughness"], target),
-            "normal smoothness": NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * seen.normal, target),
+            * edge_aware_smoothness(mask * images["roughness"], allowance),
+            "normal smoothness": NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * seen.normal, allowance),
             "light prior": LIGHT_PRIOR_WEIGHT * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
             "light smoothness": LIGHT_SMOOTHNESS_WEIGHT * environment_smoothness(model.environment),
         }
