@@ -82,7 +82,7 @@ class _Blend(torch.autograd.Function):
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = int(blended.sum())
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
-        ctx.camera, ctx.lists, ctx.depth_unit = camera, lists, depth_unit
+        ctx.camera, ctx.arguments = camera, arguments
         ctx.save_for_backward(images, sums, ends, *splats)
         return images, sums
 
@@ -91,13 +91,12 @@ class _Blend(torch.autograd.Function):
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1])
         gradients = WorkerSums(splats, images.device)
-        arguments = _arguments(kernels, ctx.camera, ctx.lists, ctx.depth_unit, splats)
         saved = list(map(_flat, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
         launch_in_parallel(
             kernels.backward,
             _items(ctx.camera, images.device),
             images.device,
-            lambda worker: [*arguments, *saved, *map(_flat, gradients.of(worker))],
+            lambda worker: [*ctx.arguments, *saved, *map(_flat, gradients.of(worker))],
         )
         return None, None, None, *gradients.total()
 

@@ -57,6 +57,7 @@ class _Shade(torch.autograd.Function):
         samples = surfels * views * direction.shape[1]
         lobes = int(specular.sum()) * views * direction.shape[1]
         count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
+        ctx.given = given
         ctx.save_for_backward(*inputs)
         return out
 
@@ -73,7 +74,7 @@ class _Shade(torch.autograd.Function):
         team = workers(normal.device) if wants_environment else 0
         light = environment.new_zeros(team, *environment.shape)
         lights = [_flat(buffer) for buffer in light] or [_flat(light)] * workers(normal.device)
-        given, pull = _inputs(kernels, inputs), _flat(grad_out.contiguous())
+        given, pull = ctx.given, _flat(grad_out.contiguous())
         outputs = [_flat(value) for value in (*own, *incident)]
         launch_in_parallel(
             kernels.backward,

@@ -72,20 +72,17 @@ class _Blend(torch.autograd.Function):
         launch_in_parallel(kernels.forward, rays, origin.device, lambda _: arguments)
         read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
         count(bytes_read=len(lists.surfel) * read_of_surfel)
-        ctx.lists, ctx.direction = lists, direction
+        ctx.arguments = arguments
         ctx.save_for_backward(*inputs, *outputs)
         return outputs
 
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor) -> Any:
-        inputs, outputs = ctx.saved_tensors[:4], ctx.saved_tensors[4:]
-        origin, surface, sh, features = inputs
+        origin, surface, sh, features = ctx.saved_tensors[:4]
         kernels = trace_kernels(origin.dtype)
         grad_origin = torch.empty_like(origin)
         sums = WorkerSums((surface, sh, features), origin.device)
-        arguments = [_hits(kernels, ctx.lists, ctx.direction, inputs), *map(_flat, outputs)]
-        arguments += [_flat(pull.contiguous()) for pull in pulls]
-        arguments.append(_flat(grad_origin))
+        arguments = [*ctx.arguments, *(_flat(pull.contiguous()) for pull in pulls), _flat(grad_origin)]
         launch_in_parallel(
             kernels.backward, len(origin), origin.device, lambda worker: [*arguments, *map(_flat, sums.of(worker))]
         )
