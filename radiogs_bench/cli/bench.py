@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from .options import Commands
 
-KERNELS = ("trace", "rasterize", "shade")
+KERNELS = ("trace", "rasterize", "shade", "harmonics")
 SCENES = ("S", "M", "Mi")
 SPACINGS = ("0.12", "0.06", "0.03")
 
@@ -22,7 +22,7 @@ def add_to(commands: "Commands") -> None:
     subjects = parser.add_subparsers(title="subjects", required=True, metavar="SUBJECT")
     measuring = subjects.add_parser("kernels", help="tracing, rasterizing, shading", allow_abbrev=False)
     measuring.set_defaults(command=bench_kernels)
-    measuring.add_argument("--kernels", type=names, default=KERNELS, metavar="A,B", help="(default: all three)")
+    measuring.add_argument("--kernels", type=names, default=KERNELS, metavar="A,B", help="(default: all)")
     measuring.add_argument("--scenes", type=names, default=SCENES, metavar="A,B", help="(default: S,M,Mi)")
     measuring.add_argument("--points", type=Path, metavar="NPZ", help="real points, as gsplat's test_garden.npz")
     measuring.add_argument("--repetitions", type=positive, default=5, metavar="N", help="(default: 5)")

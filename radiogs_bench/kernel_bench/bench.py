@@ -10,7 +10,7 @@ import torch
 from radiogs.kernels.counters import work
 from radiogs.kernels.runtime import use_threads
 
-from .cases import Case, Yardstick, rasterize_case, shade_case, trace_case
+from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, trace_case
 from .clock import peak_bytes, seconds, wall_seconds
 from .scenes import SCENES, KernelScene, cloud
 
@@ -147,6 +147,9 @@ def _cases(
     if "shade" in kernels:
         for dtype in PRECISIONS:
             yield shade_case(dtype, device)
+    if "harmonics" in kernels:
+        for dtype in PRECISIONS:
+            yield harmonics_case(dtype, device)
 
 
 def _name(dtype: torch.dtype) -> str:

@@ -10,16 +10,18 @@ from torch import Tensor
 from radiogs.camera import Camera
 from radiogs.kernels.bvh import SurfelBVH
 from radiogs.kernels.geometry import SplatGeometry
+from radiogs.kernels.harmonics import harmonic_sum
 from radiogs.kernels.rasterize import rasterize
 from radiogs.kernels.shade import shade
 from radiogs.kernels.trace import trace
 from radiogs.sampling import hemisphere_directions
 
 from .embree import closest_hits, missing_embree
-from .plain_torch import rasterize_densely, shade_plainly
+from .plain_torch import harmonics_plainly, rasterize_densely, shade_plainly
 from .scenes import KernelScene
 
 SHADED_SURFELS, SHADED_SAMPLES = 4000, 64
+SEEN_SURFELS = 30_000
 LIGHT_HEIGHT = 16
 CHANNELS = 13
 
@@ -109,6 +111,18 @@ def shade_case(dtype: torch.dtype, device: torch.device) -> Case:
     plain = _passes(lambda values: shade_plainly(*values).sum(), leaves, made_without_gradient)
     name = f"{count} x {samples}"
     return Case("shade", name, dtype, count * samples, "sample", *passes, Yardstick("plain PyTorch", *plain))
+
+
+def harmonics_case(dtype: torch.dtype, device: torch.device) -> Case:
+    """The radiance of SEEN_SURFELS towards one camera, all 16 harmonics, beside the same sum as PyTorch expressions."""
+    generator = torch.Generator().manual_seed(0)
+    sh = torch.randn(SEEN_SURFELS, 16, 3, generator=generator, dtype=torch.float64)
+    towards = torch.randn(SEEN_SURFELS, 1, 3, generator=generator, dtype=torch.float64)
+    leaves = [value.to(device, dtype) for value in (sh, torch.nn.functional.normalize(towards, dim=-1))]
+    passes = _passes(lambda values: harmonic_sum(*values).sum(), leaves)
+    plain = _passes(lambda values: harmonics_plainly(*values).sum(), leaves)
+    name = f"{SEEN_SURFELS} x 1"
+    return Case("harmonics", name, dtype, SEEN_SURFELS, "surfel", *passes, Yardstick("plain PyTorch", *plain))
 
 
 def _passes(

@@ -1,4 +1,4 @@
-"""The yardsticks of rasterizing and shading: the same sums as straightforward PyTorch expressions, with autograd."""
+"""The yardsticks of our own kernels: the same sums as straightforward PyTorch expressions, with autograd."""
 
 import torch
 from jaxtyping import Float
@@ -8,6 +8,7 @@ from radiogs.brdf import diffuse, specular
 from radiogs.camera import Camera
 from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
 from radiogs.light import EnvironmentMap
+from radiogs.spherical_harmonics import CONSTANT_BASIS
 
 PIXELS_AT_ONCE = 1024
 """Rows of the pixel-by-surfel table that are held together."""
@@ -60,3 +61,41 @@ def shade_plainly(
     weighted = (weight[:, None] * cosine.clamp(min=0))[..., None]
     parts = (matt * direct, matt * indirect[:, None], glossy * direct, glossy * indirect[:, None])
     return torch.stack([(weighted * part).sum(2) for part in parts], 2)
+
+
+def harmonics_plainly(
+    sh: Float[Tensor, "surfels coefficients 3"], direction: Float[Tensor, "surfels views 3"]
+) -> Float[Tensor, "surfels views 3"]:
+    """The sum over basis functions by a product and a sum (see ``kernels.harmonics``).
+
+    Batched multiplication of thousands of 1 x 16 by 16 x 3 matrices measured slower.
+    """
+    values = basis(direction)[..., : sh.shape[1]]
+    return (values[..., None] * sh[:, None]).sum(-2)
+
+
+def basis(direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 16"]:
+    """The 16 basis functions at unit directions of travel (from the viewer to the surfel)."""
+    x, y, z = direction.unbind(-1)
+    xx, yy, zz = x * x, y * y, z * z
+    return torch.stack(
+        [
+            torch.full_like(x, CONSTANT_BASIS),
+            -0.4886025119029199 * y,
+            0.4886025119029199 * z,
+            -0.4886025119029199 * x,
+            1.0925484305920792 * x * y,
+            -1.0925484305920792 * y * z,
+            0.31539156525252005 * (2 * zz - xx - yy),
+            -1.0925484305920792 * x * z,
+            0.5462742152960396 * (xx - yy),
+            -0.5900435899266435 * y * (3 * xx - yy),
+            2.890611442640554 * x * y * z,
+            -0.4570457994644658 * y * (4 * zz - xx - yy),
+            0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy),
+            -0.4570457994644658 * x * (4 * zz - xx - yy),
+            1.445305721320277 * z * (xx - yy),
+            -0.5900435899266435 * x * (xx - 3 * yy),
+        ],
+        -1,
+    )

@@ -38,7 +38,7 @@ from radiogs.rendering import Renderer, towards
 from radiogs.spherical_harmonics import surfel_radiance
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
-from reference.harmonics import basis
+from radiogs_bench.kernel_bench.plain_torch import basis
 from scenes import look_at
 
 GEOMETRY = ("centre", "axis_u", "axis_v", "normal", "opacity")

@@ -5,7 +5,7 @@ import torch
 from scipy.special import sph_harm_y
 
 from radiogs.spherical_harmonics import surfel_radiance
-from reference.harmonics import basis
+from radiogs_bench.kernel_bench.plain_torch import basis
 
 
 def _unit(count: int) -> torch.Tensor:

@@ -5,7 +5,7 @@ import torch
 
 from radiogs.kernels.harmonics import harmonic_sum
 from radiogs.kernels.runtime import use_threads
-from reference.harmonics import basis
+from radiogs_bench.kernel_bench.plain_torch import basis
 
 
 def dense(sh: torch.Tensor, direction: torch.Tensor) -> torch.Tensor:
