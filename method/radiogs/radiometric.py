@@ -6,9 +6,9 @@ from torch import Tensor
 
 from .camera import Camera
 from .incident import Incident
-from .kernels.shade import shade
 from .rendering import towards
 from .sampling import random_hemisphere_direction
+from .shading import shade_materials
 from .spherical_harmonics import surfel_radiance
 from .splitsum import PrefilteredLight, split_sum_radiance
 from .surfels import Surfels
@@ -30,7 +30,7 @@ def consistency_loss(
     Per surfel the residual is taken towards the camera (where it faces it) and towards one direction drawn
     uniformly over its hemisphere, both from the same incident samples; the two l1-norms are added and averaged
     over surfels and channels. ``variant.detach`` stops the gradient of one side of the residual. ``specular``: which of
-    all surfels have a specular part (None: all).
+    all surfels have a specular lobe (None: all).
     """
     chosen = surfels.among(index)
     normal = chosen.frame[..., 2]
@@ -40,9 +40,8 @@ def consistency_loss(
         facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
     if "light-detached" in variant.deviations:
         environment = environment.detach()
-    physical = shade(
-        normal, chosen.albedo, chosen.roughness, outgoing,
-        incident.direction, incident.weight, incident.visibility, incident.radiance, environment,
+    physical = shade_materials(
+        normal, chosen.albedo, chosen.roughness, outgoing, incident, environment,
         None if specular is None else specular[index],
     ).sum(2)  # fmt: skip
     own = surfel_radiance(chosen.sh, outgoing)

@@ -11,9 +11,9 @@ from .camera import Camera
 from .colour import srgb_encode
 from .incident import Incident, gather_incident, tracer_of
 from .kernels.rasterize import rasterize
-from .kernels.shade import shade
 from .losses import depth_normals
 from .model import Model
+from .shading import shade_materials
 from .spherical_harmonics import surfel_radiance
 from .splitsum import PrefilteredLight, split_sum_radiance
 from .surfels import Surfels
@@ -72,11 +72,8 @@ def shade_surfels(
     environment: Float[Tensor, "rows columns 3"],
     specular: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
-    """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade``."""
-    return shade(
-        surfels.frame[..., 2], albedo, surfels.roughness, outgoing,
-        incident.direction, incident.weight, incident.visibility, incident.radiance, environment, specular,
-    )  # fmt: skip
+    """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade_materials``."""
+    return shade_materials(surfels.frame[..., 2], albedo, surfels.roughness, outgoing, incident, environment, specular)
 
 
 def towards(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:

@@ -98,7 +98,7 @@ def brdf_integral(
     cosine: Float[Tensor, " batch"], roughness: Float[Tensor, " batch"]
 ) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
     """A and B with F0 A + B = integral of f_s (n.wi) over the hemisphere; cosine n.wo in [0, 1]."""
-    table = _brdf_table().to(cosine)
+    table = brdf_table().to(cosine)
     size = table.shape[0]
     row, column = cosine * (size - 1), roughness * (size - 1)
     top, left = (place.detach().floor().clamp(0, size - 2) for place in (row, column))
@@ -114,7 +114,7 @@ def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tenso
 
 
 @cache
-def _brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
+def brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
     """The integrals on a grid of n.wo by roughness, float32.
 
     Half-vectors are stratified in the GGX distribution (density D (n.h)); with wi = reflected wo the integrand is

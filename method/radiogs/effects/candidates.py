@@ -16,6 +16,7 @@ from ..rendering import (
     shade_surfels,
     towards,
 )
+from ..shading import lambert_albedo
 from ..spherical_harmonics import surfel_radiance
 from ..surfels import Surfels, roughness_to_logit
 from .plan import EffectPlan
@@ -29,7 +30,8 @@ class Candidates:
     """Radiance of a subject's surfels towards its sights under any plan.
 
     ``albedo``, ``roughness`` and ``environment`` are leaves, so that gradients can be compared too. Shading is done
-    once for each set of directions and kind of light, and put together for a plan.
+    once for each set of directions and kind of light, of white surfaces, and put together for a plan: what they scatter
+    by Lambert's law depends on the plan too.
     """
 
     def __init__(self, subject: Subject) -> None:
@@ -57,8 +59,9 @@ class Candidates:
             met = parts if plan.bounces else self._first
             diffuse = diffuse + torch.where(traced, met[:, :, DIFFUSE_INDIRECT], 0.0)
             specular = specular + torch.where(traced, met[:, :, SPECULAR_INDIRECT], 0.0)
-        shiny = plan.specular_among(self.subject.surfels.albedo)
-        return diffuse + torch.where(self._where(shiny), specular, 0.0)
+        shiny = plan.specular_among(self.albedo)
+        scattered = lambert_albedo(self.albedo, self._materials(sharp).roughness, shiny)
+        return scattered[:, None] * diffuse + torch.where(self._where(shiny), specular, 0.0)
 
     def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
         """L_G with harmonics up to ``degree``."""
@@ -85,7 +88,7 @@ class Candidates:
 
     @cached_property
     def _sharp(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(self.subject.incident, SHARP_ROUGHNESS)
+        return self._shaded(self.subject.incident, sharp=True)
 
     @cached_property
     def _first(self) -> Tensor:
@@ -95,12 +98,15 @@ class Candidates:
         once = Incident(incident.direction, incident.weight, incident.visibility, first)
         return self._lit(once)
 
-    def _shaded(self, incident: Incident, roughness: float | None = None) -> tuple[Tensor, Tensor]:
-        return self._lit(incident, roughness), self._lit(alone(incident), roughness)
+    def _shaded(self, incident: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
+        return self._lit(incident, sharp), self._lit(alone(incident), sharp)
 
-    def _lit(self, incident: Incident, roughness: float | None = None) -> Float[Tensor, "surfels views 4 3"]:
-        surfels = self.subject.surfels
-        surfels = Surfels.of(surfels.parameters() | {"roughness_logit": self.roughness_logit})
-        if roughness is not None:
-            surfels.roughness_logit = torch.full_like(surfels.roughness_logit, roughness_to_logit(roughness))
-        return shade_surfels(surfels, self.albedo, incident, self.outgoing, self.environment)
+    def _lit(self, incident: Incident, sharp: bool = False) -> Float[Tensor, "surfels views 4 3"]:
+        white = torch.ones_like(self.albedo)
+        return shade_surfels(self._materials(sharp), white, incident, self.outgoing, self.environment)
+
+    def _materials(self, sharp: bool) -> Surfels:
+        logit = self.roughness_logit
+        if sharp:
+            logit = torch.full_like(logit, roughness_to_logit(SHARP_ROUGHNESS))
+        return Surfels.of(self.subject.surfels.parameters() | {"roughness_logit": logit})

@@ -14,7 +14,7 @@ EFFECTS = {
     "visibility": "V is 1 everywhere; without indirect light no ray is traced",
     "indirect": "L_ind is 0",
     "bounces": "light that has met more than one surface is left out: L_ind is the split sum at what a ray meets",
-    "specular": "Lambert's law alone",
+    "specular": "no lobe: its energy is scattered by Lambert's law",
     "light-sampling": "relighting draws no direction from the light",
     "view-dependence": "the surfels' own radiance is of degree 0",
     "samples": "half as many directions a surfel",
@@ -35,7 +35,7 @@ class EffectPlan:
     """What is simulated; the default is everything.
 
     traced: surfels whose V and L_ind are traced where either is on; the others are lit as if nothing else were there.
-    None: all. specular_at: surfels that have a specular part where it is on. None: all.
+    None: all. specular_at: surfels that have a specular lobe where it is on. None: all.
     sh_degree: of the surfels' own radiance. samples: divisor of the number of directions. refresh: factor of the
     interval at which all surfels are traced anew.
     """
@@ -94,7 +94,7 @@ class EffectPlan:
         return torch.nonzero(self.traced[index])[:, 0]
 
     def specular_among(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"] | None:
-        """Which of all surfels have a specular part; None: all. ``like`` says how many they are, and where."""
+        """Which of all surfels have a specular lobe; None: all. ``like`` says how many they are, and where."""
         if self.specular:
             return self.specular_at
         return torch.zeros(len(like), dtype=torch.bool, device=like.device)
