@@ -18,7 +18,7 @@ from radiogs.effects.planner import Planner
 from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, _accepted, probe
 from radiogs.effects.staleness import Staleness, settle_refresh
-from radiogs.effects.subject import Sight, Subject, subject_of
+from radiogs.effects.subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 from radiogs.effects.tolerance import Tolerance
 from radiogs.light import EnvironmentMap, texel_directions
 from radiogs.rendering import shaded_maps
@@ -175,11 +175,17 @@ def test_specular_parts_stay_where_they_show(seed: int) -> None:
 
 
 def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
-    """Roughness may yet be learnt: what it could still do counts as much as what it does."""
+    """While roughness may yet be learnt, what it could still do counts as much as what it does; later it does not."""
     rough = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), 0.98))], 0.12)
-    made = subject(rough, sky(sun=8.0), noise=0.1)
-    record = next(each for each in found(made).evidence if each.effect == "specular")
-    assert record.verdict == "on"
+    final = subject(rough, sky(sun=8.0), noise=0.1)
+    learning = dataclasses.replace(final, sharpest=SHARP_ROUGHNESS)
+    assert found(learning, effects=("specular",)).plan.specular
+    assert not found(final, effects=("specular",)).plan.specular
+
+
+def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> None:
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
+    assert Planner("auto", 0, 40, SAMPLES).subject(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
 
 
 def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None:

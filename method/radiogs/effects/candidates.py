@@ -22,9 +22,6 @@ from ..surfels import Surfels, roughness_to_logit
 from .plan import EffectPlan
 from .subject import Subject, alone, halved
 
-SHARP_ROUGHNESS = 0.2
-"""Roughness at which a specular part is looked at besides the present one: what training may still make of it."""
-
 
 class Candidates:
     """Radiance of a subject's surfels towards its sights under any plan.
@@ -48,7 +45,7 @@ class Candidates:
         return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
 
     def radiance(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
-        """L_PBR under a plan; ``sharp``: as if every surface had a roughness of SHARP_ROUGHNESS."""
+        """L_PBR under a plan; ``sharp``: as if every surface had the roughness of the subject's ``sharpest``."""
         traced = self._where(plan.traced) if plan.traces else self._where(False)
         parts, free = self._parts(plan.samples, sharp)
         diffuse, specular = (
@@ -108,5 +105,7 @@ class Candidates:
     def _materials(self, sharp: bool) -> Surfels:
         logit = self.roughness_logit
         if sharp:
-            logit = torch.full_like(logit, roughness_to_logit(SHARP_ROUGHNESS))
+            if self.subject.sharpest is None:
+                raise UsageError("another roughness of a subject whose materials are final")
+            logit = torch.full_like(logit, roughness_to_logit(self.subject.sharpest))
         return Surfels.of(self.subject.surfels.parameters() | {"roughness_logit": logit})

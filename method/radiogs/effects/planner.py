@@ -16,7 +16,7 @@ from .plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 from .prices import Step
 from .probe import PROBES, Findings, probe
 from .staleness import Staleness, settle_refresh
-from .subject import Sight, Subject, subject_of
+from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 
 DIRECTIONS = 2
 """A probe traces the samples of training divided by this from every surfel: four probes are then 2 % of the rays of a
@@ -88,7 +88,7 @@ class Planner:
     def subject(
         self, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], views: Sequence[Seen], seed: int
     ) -> Subject:
-        """What a probe with this seed looks at."""
+        """What a probe with this seed looks at: materials that are still being learnt."""
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
         chosen = torch.Generator().manual_seed(seed)
         sights = []
@@ -96,7 +96,8 @@ class Planner:
             low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
             view = views[int(torch.randint(low, high, (), generator=chosen))]
             sights.append(Sight(view.camera, view.over(0.0)))
-        return subject_of(surfels, environment, tuple(sights), self.samples, generator)
+        seen = subject_of(surfels, environment, tuple(sights), self.samples, generator)
+        return replace(seen, sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

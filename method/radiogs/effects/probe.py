@@ -199,9 +199,10 @@ class _Judge:
         self.gradients = Gradients(self.candidates)
         full = {
             "shaded": self.candidates.radiance(everything()).detach(),
-            "sharp": self.candidates.radiance(everything(), sharp=True).detach(),
             "own": self.candidates.own(HIGHEST_DEGREE),
         }
+        if subject.sharpest is not None:
+            full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
         self.full, self.covered = splatted(subject.sights, subject.surfels, full)
         if mse is None:
             mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
@@ -227,7 +228,7 @@ class _Judge:
                 asked[place, "own"] = self.candidates.own(plan.sh_degree)
             if replace(plan, sh_degree=HIGHEST_DEGREE).off:
                 asked[place, "shaded"] = self.candidates.radiance(plan).detach()
-            if not plan.specular or plan.specular_at is not None:
+            if "sharp" in self.full and "specular" in plan.off:
                 asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
         names = {key: f"{key[0]} {key[1]}" for key in asked}
         images, _ = splatted(

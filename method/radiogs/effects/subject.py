@@ -20,6 +20,10 @@ hidden at the median surfel, and leaving that out costs 0.3 dB; from the rim of 
 ``corner`` it costs more than 7 dB from wherever they start (docs/effects.md)."""
 
 
+SHARP_ROUGHNESS = 0.2
+"""What training may still make of any surface: the roughness at which lobes are judged besides the present one."""
+
+
 @dataclass(frozen=True)
 class Sight:
     """A camera, and the display-sRGB image [height, width, 3] on black that it saw; None where there is none."""
@@ -34,7 +38,8 @@ class Subject:
 
     surfels, environment (linear radiance, lat-long): as they are. sights: from where. incident: V and L_ind of all
     surfels along the probe's directions. first: L_ind of light that has met one surface alone, along the same; None
-    where it was not asked for.
+    where it was not asked for. sharpest: the roughness that any surface may yet be learnt to have, at which its lobe is
+    judged besides; None: materials are final.
     """
 
     surfels: Surfels
@@ -42,6 +47,7 @@ class Subject:
     sights: tuple[Sight, ...]
     incident: Incident
     first: Float[Tensor, "surfels samples 3"] | None = None
+    sharpest: float | None = None
 
     @property
     def occlusion(self) -> Float[Tensor, " surfels"]:
