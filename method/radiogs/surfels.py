@@ -26,15 +26,15 @@ class Surfels:
     """N surfels by their raw parameters (what the optimiser moves).
 
     centre: world units. rotation: quaternion w, x, y, z of any non-zero length; its columns are t_u, t_v, n.
-    log_scale: log of (s_u, s_v), world units. sh: linear radiance, 3DGS basis. The logits are described by the
-    properties that activate them.
+    log_scale: log of (s_u, s_v), world units. sh: linear radiance, 3DGS basis; 16 coefficients, or those of the lower
+    degrees alone. The logits are described by the properties that activate them.
     """
 
     centre: Float[Tensor, "surfels 3"]
     rotation: Float[Tensor, "surfels 4"]
     log_scale: Float[Tensor, "surfels 2"]
     opacity_logit: Float[Tensor, " surfels"]
-    sh: Float[Tensor, "surfels 16 3"]
+    sh: Float[Tensor, "surfels coefficients 3"]
     albedo_logit: Float[Tensor, "surfels 3"]
     roughness_logit: Float[Tensor, " surfels"]
 

@@ -300,7 +300,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
         def measure(self, asked: list[tuple[str, EffectPlan]]) -> list[None]:
             return [None] * len(asked)
 
-        def decided(self, effect: str, plan: EffectPlan, measured: None, before: EffectPlan) -> tuple[str, str]:
+        def decided(self, effect: str, plan: EffectPlan, measured: None, before: EffectPlan) -> tuple[str, str, None]:
             left_out = {
                 name
                 for name, out in (
@@ -310,7 +310,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
                 )
                 if out
             }
-            return ("on", "") if refused <= left_out else ("off", "")
+            return ("on" if refused <= left_out else "off", "", None)
 
     plan, record, left = _accepted(Judge(), chosen, everything(), 7)  # type: ignore[arg-type]
     assert set(left) == {"visibility", "samples"}

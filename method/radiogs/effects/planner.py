@@ -22,8 +22,10 @@ DIRECTIONS = 2
 """A probe traces the samples of training divided by this from every surfel: four probes are then 2 % of the rays of a
 training with preset tiny. Halving samples that are fewer costs more, so what it finds of them is on the safe side."""
 
-SIGHTS = 4
-"""Training views that a probe looks from, one of each quarter of their list."""
+SIGHTS = 16
+"""Training views that a probe looks from, one of each sixteenth of their list. Few tiles of an image show what rays
+matter to; from 4 views the bound on a mean of 0.02 dB is 0.01 to 1.8 dB (trained
+``convex``, two seeds), from 16 it is 0.01 to 0.3."""
 
 
 @runtime_checkable

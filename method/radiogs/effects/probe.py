@@ -34,6 +34,9 @@ ROUGHNESS_EDGES = (0.7, 0.5, 0.3)
 IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
 """What is probed of images during training."""
 
+GLANCE = 4
+"""Every so many sights are enough to see that most effects are needed."""
+
 NO_GAUGE = ("view-dependence", "samples")
 """Effects whose absence no factor on the light takes back."""
 
@@ -82,29 +85,14 @@ def probe(
     ``effects`` and PROBES.
     """
     # Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
-    judge = _Judge(subject, step, seed, 2 * len(effects) * PROBES, decibel, mse)
+    level = sidak(LEVEL, 2 * len(effects) * PROBES)
     before = before or everything()
-    ways = {effect: offers(subject, effect) for effect in effects}
-    bold = judge.measure([(effect, ways[effect][-1]) for effect in effects])
+    ways = [(effect, plan) for effect in effects for plan in offers(subject, effect)]
+    glance = _Judge(replace(subject, sights=subject.sights[::GLANCE]), step, seed, LEVEL, decibel, mse)
+    judge, measured = _measured_where_promising(glance, subject, level, ways)
     settled = {
-        effect: _Settled(plan, *judge.decided(effect, plan, measured, before), measured)
-        for (effect, plan), measured in zip(((each, ways[each][-1]) for each in effects), bold, strict=True)
+        effect: _settle(judge, before, [found for found in measured if found.effect == effect]) for effect in effects
     }
-    careful = [
-        (effect, plan)
-        for effect, found in settled.items()
-        if found.verdict == "on" and found.measured.share >= LEAST_SHARE
-        for plan in ways[effect][:-1]
-    ]
-    over: set[str] = set()
-    for (effect, plan), measured in zip(careful, judge.measure(careful), strict=True):
-        if effect in over or measured.share < LEAST_SHARE:
-            continue  # what saves little is not refused, but not worth it: a bolder plan may be
-        verdict, why = judge.decided(effect, plan, measured, before)
-        if verdict == "on":
-            over.add(effect)
-        else:
-            settled[effect] = _Settled(plan, "local", why, measured)
     chosen = {effect: found.plan for effect, found in settled.items() if found.verdict != "on"}
     plan, whole, left_out = _accepted(judge, chosen, before, iteration)
     for effect in chosen.keys() - set(left_out):
@@ -119,6 +107,15 @@ def probe(
 
 
 @dataclass(frozen=True)
+class _Way:
+    """A way of leaving an effect out, and what was measured of it."""
+
+    effect: str
+    plan: EffectPlan
+    measured: Measured
+
+
+@dataclass(frozen=True)
 class _Settled:
     """How one effect is left out, if it is: by ``plan``; measured of it, or of leaving the effect out altogether."""
 
@@ -126,6 +123,38 @@ class _Settled:
     verdict: Verdict
     why: str
     measured: Measured
+
+
+def _measured_where_promising(
+    at_a_glance: "_Judge", subject: Subject, level: float, ways: Sequence[tuple[str, EffectPlan]]
+) -> tuple["_Judge", list[_Way]]:
+    """All ways at a glance; from all sights, with bounds of ``level``, those that may pass, if there are any.
+
+    What is refused at a glance needs no bound: to keep an effect is never wrong. Returns who is to decide, too.
+    """
+    judge, found = at_a_glance, at_a_glance.measure(ways)
+    promising = [place for place, each in enumerate(found) if each.contribution < judge.tolerance.decibel]
+    if promising:
+        judge = at_a_glance.looking_at(subject, level)
+        for place, each in zip(promising, judge.measure([ways[place] for place in promising]), strict=True):
+            found[place] = each
+    return judge, [_Way(*way, each) for way, each in zip(ways, found, strict=True)]
+
+
+def _settle(judge: "_Judge", before: EffectPlan, ways: Sequence[_Way]) -> _Settled:
+    """Altogether, if that passes; else the boldest of the careful ways up to the first that is refused."""
+    *careful, bold = ways
+    settled = _Settled(bold.plan, *judge.decided(bold.effect, bold.plan, bold.measured, before))
+    if settled.verdict == "off" or bold.measured.share < LEAST_SHARE:
+        return settled
+    for way in careful:
+        if way.measured.share < LEAST_SHARE:
+            continue  # what saves little is not refused, but not worth it: a bolder plan may be
+        verdict, why, measured = judge.decided(way.effect, way.plan, way.measured, before)
+        if verdict == "on":
+            break
+        settled = _Settled(way.plan, "local", why, measured)
+    return settled
 
 
 def _accepted(
@@ -141,8 +170,7 @@ def _accepted(
         plan = everything()
         for effect in left:
             plan = _joined(plan, chosen[effect])
-        measured = judge.measure([("plan", plan)])[0]
-        verdict, why = judge.decided("plan", plan, measured, before)
+        verdict, why, measured = judge.decided("plan", plan, judge.measure([("plan", plan)])[0], before)
         if verdict == "off":
             return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured), left
         left.pop()
@@ -190,11 +218,11 @@ class _Judge:
     """Measures plans against the full images of a subject."""
 
     def __init__(
-        self, subject: Subject, step: Step, seed: int, comparisons: int, decibel: float, mse: float | None
+        self, subject: Subject, step: Step, seed: int, level: float, decibel: float, mse: float | None
     ) -> None:
-        self.subject, self.step, self.seed = subject, step, seed
-        self.level = sidak(LEVEL, comparisons)
-        self.bootstrap = Bootstrap(self.level, torch.Generator().manual_seed(seed))
+        self.subject, self.step, self.seed, self.mse = subject, step, seed, mse
+        self.level = level
+        self.bootstrap = Bootstrap(level, torch.Generator().manual_seed(seed))
         self.candidates = Candidates(subject)
         self.gradients = Gradients(self.candidates)
         full = {
@@ -208,19 +236,31 @@ class _Judge:
             mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
 
+    def looking_at(self, subject: Subject, level: float) -> "_Judge":
+        """The same, of another subject with another level of error."""
+        return _Judge(subject, self.step, self.seed, level, self.tolerance.decibel, self.mse)
+
     def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
         """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
         return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
 
-    def decided(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
-        """The rule, with what ``before`` left out for the same effect as the past."""
+    def decided(
+        self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan
+    ) -> tuple[Verdict, str, Measured]:
+        """The rule, with what ``before`` left out for the same effect as the past.
+
+        Gradients cost as much as all else, and are asked for last: what is refused by its images needs none.
+        """
         past = before if effect == "plan" else _only(before, effect)
-        return decide(measured, self.was_left_out(plan, past), self.tolerance.decibel)
+        was_off = self.was_left_out(plan, past)
+        verdict, why = decide(measured, was_off, self.tolerance.decibel)
+        if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
+            measured = replace(measured, gradient=self.gradients.change(plan))
+            verdict, why = decide(measured, was_off, self.tolerance.decibel)
+        return verdict, why, measured
 
     def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
         """What each plan, made for an effect, loses against everything."""
-        if not asked_of:
-            return []
         plans = [plan for _, plan in asked_of]
         asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
         for place, plan in enumerate(plans):
@@ -274,19 +314,16 @@ class _Judge:
         worst_tile = max(float(each.difference.max()) for each in errors.values())
         tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
         tiles = len(next(iter(errors.values())).difference)
-        bound = max(tolerance.loss(each.above) for each in bounds.values())
-        # Gradients cost as much as all else: what is refused by its images, or changes none of them, needs none.
-        asked = "shaded" in errors and bound < tolerance.decibel and tail < 1
         saved = self.step.work(everything())["rays"] - self.step.work(plan)["rays"]
         seconds = 1e-6 * (cost(self.step.work(everything())) - cost(self.step.work(plan)))
         return Measured(
             contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
             lowest=max(tolerance.loss(each.below) for each in bounds.values()),
-            bound=bound,
+            bound=max(tolerance.loss(each.above) for each in bounds.values()),
             worst=max(tolerance.worst_case(each.difference) for each in bounds.values()),
             tail=tail,
             unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
-            gradient=self.gradients.change(plan) if asked else 0.0,
+            gradient=0.0,
             share=self.step.saving(plan, everything()),
             rays=round(saved),
             seconds=seconds,
