@@ -1,9 +1,11 @@
 """A scene made on the spot: a shaded sphere seen from a ring of cameras, for tests that need a `Scene`."""
 
+import math
+
 import torch
 
 from radiogs.camera import Camera
-from radiogs.light import EnvironmentMap
+from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs.scene import Scene, View
 
 
@@ -16,6 +18,18 @@ def look_at(position: torch.Tensor, target: torch.Tensor, size: int, focal: floa
     matrix[:3, :3] = torch.stack([right, down, forward], -1)
     matrix[:3, 3] = position
     return Camera(matrix, focal, focal, size / 2, size / 2, size, size)
+
+
+def sun_and_sky(height: int) -> tuple[torch.Tensor, torch.Tensor]:
+    """A sun of its real width, 0.53 degrees, 45 degrees high in a grey sky of radiance 0.1; and the direction to it.
+
+    A surface that faces it receives an irradiance of 2 from it, six times the sky's.
+    """
+    direction = texel_directions(height, 2 * height)
+    sun = direction[height // 4, height // 2]
+    disc = ((direction @ sun) > math.cos(math.radians(0.53 / 2))).double()
+    radiance = 2 / float((disc * texel_solid_angles(height, 2 * height)).sum())
+    return (0.1 + radiance * disc)[..., None].repeat(1, 1, 3).float(), sun.float()
 
 
 def sphere_scene(views: int = 6, size: int = 16, scale: float = 1.0) -> Scene:

@@ -10,9 +10,10 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs.budget import budget
+from radiogs.colour import srgb_encode
 from radiogs.effects.candidates import Candidates
 from radiogs.effects.gradient import pull_of_images
-from radiogs.effects.lighting import concentration, plan_for_light
+from radiogs.effects.lighting import concentration, plan_for_light, reference_colour
 from radiogs.effects.plan import EffectPlan, everything
 from radiogs.effects.planner import Planner
 from radiogs.effects.prices import Step
@@ -28,7 +29,7 @@ from radiogs.surfels import Surfels, radiance_to_sh
 from radiogs.variant import Variant
 from radiogs_datasets.generate.catalogue import Box, Material, Sphere
 from radiogs_datasets.generate.surfels import surfels_over
-from scenes import look_at, sphere_scene
+from scenes import look_at, sphere_scene, sun_and_sky
 
 SAMPLES = 32
 CLAY = Material((0.6, 0.5, 0.4), 0.7)
@@ -158,6 +159,19 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         assert much.contribution > 3 * little.contribution, effect
         assert sun[effect].verdict == "on"
         assert even[effect].verdict == "off"
+
+
+def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree() -> None:
+    """Of rough surfaces by closed form, albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 1.0))], 0.25)
+    light, sun = sun_and_sky(512)
+    truth = reference_colour(ball, EnvironmentMap(light), torch.Generator().manual_seed(0))
+    facing = (ball.frame[..., 2] @ sun).clamp(min=0)
+    matt = srgb_encode(0.8 * (0.1 + 2.0 * facing / math.pi))
+    ratio = truth[:, 0] / matt
+    # The solid angle that a sun of few texels is read over differs from theirs; a lobe reflects 2 to 5 % of 0.8.
+    assert float(ratio.min()) > 0.99
+    assert float(ratio.max()) < 1.06
 
 
 def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:

@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..colour import srgb_encode
-from ..incident import Incident
+from ..incident import unoccluded
 from ..light import EnvironmentMap, texel_solid_angles
 from ..rendering import own_radiance, shade_surfels, splat
 from ..sampling import LightSampler, hemisphere_directions, relighting_directions
@@ -31,8 +31,12 @@ from .tolerance import TOLERANCE_DB, Tolerance
 CHECKED = 128
 """Surfels that are shaded by both kinds of directions."""
 
-REFERENCE_DIRECTIONS = 16384
-"""Directions over the hemisphere that are taken for the truth: 1.1 degrees apart."""
+REFERENCE_DIRECTIONS = (16384, 8192)
+"""Directions over the hemisphere, and from the light, that are taken for the truth. Those over the hemisphere are 1.1
+degrees apart: they alone would miss a sun, half a degree wide, from most surfels."""
+
+DRAWS = 16
+"""Times that each surfel's directions are drawn: what a few suns by chance find or miss says little."""
 
 DIRECTIONS = 16
 """That a probe traces from every surfel, twice: a quarter of the rays of relighting with preset tiny."""
@@ -75,22 +79,20 @@ def settle_light_sampling(
 ) -> Evidence:
     """Whether ``drawn`` directions from the light beside ``spread`` ones over the hemisphere make images better.
 
-    Both are compared with REFERENCE_DIRECTIONS on CHECKED surfels that nothing occludes, seen along their normals.
+    Both are compared with ``reference_colour`` on CHECKED surfels that nothing occludes, seen along their normals.
     """
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     chosen = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
     some = surfels.take(chosen)
+    truth = reference_colour(some, light, generator).repeat_interleave(DRAWS, 0)
+    some = some.take(torch.arange(len(some), device=truth.device).repeat_interleave(DRAWS))
     normal = some.frame[..., 2]
 
-    def shaded(direction: Tensor, weight: Tensor) -> Tensor:
-        incident = Incident(direction, weight, torch.ones_like(weight), torch.zeros_like(direction))
-        radiance = shade_surfels(some, some.albedo, incident, normal[:, None], light.radiance)[:, 0].sum(1)
-        return srgb_encode(radiance)
+    def error(directions: tuple[Tensor, Tensor]) -> Float[Tensor, " surfels"]:
+        return (_shaded(some, light, directions) - truth).square().mean(-1).view(-1, DRAWS).mean(1)
 
-    truth = shaded(*hemisphere_directions(normal, REFERENCE_DIRECTIONS, generator))
-    without = (shaded(*hemisphere_directions(normal, spread, generator)) - truth).square().mean(-1)
-    both = relighting_directions(normal, LightSampler(light), spread, drawn, generator)
-    rise = without - (shaded(*both) - truth).square().mean(-1)
+    without = error(hemisphere_directions(normal, spread, generator))
+    rise = without - error(relighting_directions(normal, LightSampler(light), spread, drawn, generator))
     below, above = bootstrap_t(rise[None], sidak(LEVEL, PROBES), torch.Generator().manual_seed(seed))
     measured = Measured(
         contribution=tolerance.loss(float(rise.mean())),
@@ -108,6 +110,34 @@ def settle_light_sampling(
     shape = concentration(light)
     why += f"; peak {shape.peak:.1f} times the mean, {100 * shape.effective:.0f} % of the sphere in effect"
     return Evidence("light-sampling", verdict, why, 0, seed, tolerance.decibel, measured)
+
+
+@torch.no_grad()
+def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.Generator) -> Float[Tensor, "surfels 3"]:
+    """Display colour along the normals under a light that nothing occludes, from REFERENCE_DIRECTIONS."""
+    directions = relighting_directions(
+        surfels.frame[..., 2], LightSampler(_widened(light)), *REFERENCE_DIRECTIONS, generator
+    )
+    return _shaded(surfels, light, directions)
+
+
+def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
+    """Display colour along the normals, from directions and their solid angles, where nothing is in the way."""
+    along = surfels.frame[:, None, :, 2]
+    return srgb_encode(
+        shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
+    )
+
+
+def _widened(light: EnvironmentMap) -> EnvironmentMap:
+    """Each texel as bright as the brightest about it: light is read between texels, and a sun reaches into the next.
+
+    Drawn from the map itself, directions in those are rare and weigh much (``tests/method/test_effect_probe.py``).
+    """
+    around = light.radiance.permute(2, 0, 1)[None]
+    around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
+    around = torch.nn.functional.pad(around, (0, 0, 1, 1), mode="replicate")
+    return EnvironmentMap(torch.nn.functional.max_pool2d(around, 3, stride=1)[0].permute(1, 2, 0))
 
 
 @torch.no_grad()

@@ -28,7 +28,7 @@ PROBES = 4
 OCCLUSION_EDGES = (0.05, 0.1, 0.2, 0.4)
 """Rays may be left to the surfels that have more than one of these shares of their sky hidden."""
 
-ROUGHNESS_EDGES = (0.7, 0.5, 0.3)
+ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
 """Specular parts may be left to the surfels that are smoother than one of these."""
 
 IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
