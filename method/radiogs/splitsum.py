@@ -11,7 +11,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
-from .brdf import FRESNEL_NORMAL, smith_visibility
+from .brdf import smith_visibility
+from .kernels.splitsum import split_sum
 from .light import EnvironmentMap, bilinear_texels, texel_directions, texel_solid_angles
 
 LARGEST_HEIGHT = 32
@@ -35,7 +36,8 @@ MOST_BALANCING_ROUNDS = 1024
 class PrefilteredLight:
     """A light map, filtered for diffuse and glossy reflection; differentiable in its texels.
 
-    ``radiance``: linear, lat-long (see ``light``), averaged down by solid angle to at most 32 rows.
+    ``radiance``: linear, lat-long (see ``light``). ``sharp``: the same, averaged down by solid angle to at most 32
+    rows.
     """
 
     def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
@@ -43,35 +45,24 @@ class PrefilteredLight:
         area = texel_solid_angles(*radiance.shape[:2]).to(radiance).expand(radiance.shape[:2])
         small = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
         self._matrix = _filters(height).to(radiance)
-        self._sharp = EnvironmentMap(small)
+        self.sharp = small
 
     @cached_property
-    def _diffuse(self) -> EnvironmentMap:
-        filtered = self._matrix[:GRID_SIZE] @ self._sharp.radiance.reshape(-1, 3)
-        return EnvironmentMap(filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3))
+    def diffuse(self) -> Float[Tensor, "rows columns 3"]:
+        """Irradiance over pi by normal."""
+        filtered = self._matrix[:GRID_SIZE] @ self.sharp.reshape(-1, 3)
+        return filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
 
     @cached_property
-    def _glossy(self) -> Float[Tensor, "texels_of_levels 3"]:
+    def glossy(self) -> Float[Tensor, "levels rows columns 3"]:
+        """Light averaged over the GGX lobe of each of LEVELS, by mirrored direction."""
         # Apart from the diffuse one: shading by rays needs that one alone, a sixth of the work.
-        return self._matrix[GRID_SIZE:] @ self._sharp.radiance.reshape(-1, 3)
+        filtered = self._matrix[GRID_SIZE:] @ self.sharp.reshape(-1, 3)
+        return filtered.view(len(LEVELS), GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
-        return self._diffuse.lookup(normal)
-
-    def glossy(
-        self, direction: Float[Tensor, "batch 3"], roughness: Float[Tensor, " batch"]
-    ) -> Float[Tensor, "batch 3"]:
-        """Light averaged over the GGX lobe about a mirrored direction; linear in between the levels."""
-        place = (roughness / LEVELS[0]).clamp(0, len(LEVELS)) - 1
-        lower = place.detach().floor().clamp(0, len(LEVELS) - 2)
-        upwards = (place - lower).clamp(min=0)
-        texel, share = bilinear_texels(direction, GRID_HEIGHT, 2 * GRID_HEIGHT)
-        first = texel + (lower.long() * GRID_SIZE)[:, None]
-        both = torch.cat([first, first + GRID_SIZE], -1)
-        shares = torch.cat([share * (1 - upwards)[:, None], share * upwards[:, None]], -1)
-        smooth = (self._glossy[both] * shares[..., None]).sum(-2)
-        return torch.lerp(smooth, self._sharp.lookup(direction), (-place).clamp(min=0)[:, None])
+        return EnvironmentMap(self.diffuse).lookup(normal)
 
 
 def split_sum_radiance(
@@ -82,31 +73,9 @@ def split_sum_radiance(
     light: PrefilteredLight,
 ) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch 3"]]:
     """Diffuse and specular radiance towards unit ``outgoing``, without occlusion; zero seen from behind."""
-    cosine = (normal * outgoing).sum(-1)
-    front = (cosine > 0)[:, None]
-    mirrored = 2 * cosine[:, None] * normal - outgoing
-    scale, bias = brdf_integral(cosine.clamp(0, 1), roughness)
-    reflectance = (FRESNEL_NORMAL * scale + bias)[:, None]
-    diffuse = albedo * light.irradiance(normal)
-    return (
-        torch.where(front, diffuse, 0.0),
-        torch.where(front, reflectance * light.glossy(mirrored, roughness), 0.0),
-    )
-
-
-def brdf_integral(
-    cosine: Float[Tensor, " batch"], roughness: Float[Tensor, " batch"]
-) -> tuple[Float[Tensor, " batch"], Float[Tensor, " batch"]]:
-    """A and B with F0 A + B = integral of f_s (n.wi) over the hemisphere; cosine n.wo in [0, 1]."""
-    table = brdf_table().to(cosine)
-    size = table.shape[0]
-    row, column = cosine * (size - 1), roughness * (size - 1)
-    top, left = (place.detach().floor().clamp(0, size - 2) for place in (row, column))
-    i, j = top.long(), left.long()
-    down, right = (row - top)[:, None], (column - left)[:, None]
-    upper = torch.lerp(table[i, j], table[i, j + 1], right)
-    lower = torch.lerp(table[i + 1, j], table[i + 1, j + 1], right)
-    return torch.lerp(upper, lower, down).unbind(-1)  # type: ignore[return-value]
+    table = brdf_table().to(normal)
+    both = split_sum(normal, albedo, roughness, outgoing, light.diffuse, light.glossy, light.sharp, table, LEVELS[0])
+    return both[:, 0], both[:, 1]
 
 
 def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tensor, "rows columns _"]:

@@ -38,7 +38,7 @@ from radiogs.rendering import Renderer, towards
 from radiogs.spherical_harmonics import surfel_radiance
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
-from radiogs_bench.kernel_bench.plain_torch import basis
+from reference.trace import harmonics
 from scenes import look_at
 
 GEOMETRY = ("centre", "axis_u", "axis_v", "normal", "opacity")
@@ -167,7 +167,7 @@ def test_a_world_scaled_by_a_power_of_two_repeats_bit_for_bit(scale: float) -> N
 def rotated_harmonics(sh: Tensor, rotation: Tensor) -> Tensor:
     """Coefficients of the same radiance in a turned world, by a fit to directions."""
     direction = torch.nn.functional.normalize(torch.randn(200, 3, dtype=torch.float64), dim=-1)
-    matrix = torch.linalg.lstsq(basis(direction @ rotation.T), basis(direction)).solution
+    matrix = torch.linalg.lstsq(harmonics(direction @ rotation.T), harmonics(direction)).solution
     return torch.einsum("ab,nbc->nac", matrix, sh)
 
 

@@ -5,7 +5,7 @@ import torch
 from scipy.special import sph_harm_y
 
 from radiogs.spherical_harmonics import surfel_radiance
-from radiogs_bench.kernel_bench.plain_torch import basis
+from reference.trace import harmonics
 
 
 def _unit(count: int) -> torch.Tensor:
@@ -23,7 +23,7 @@ def test_basis_is_scipys_up_to_the_sign_order_of_3dgs() -> None:
             # SciPy keeps the Condon-Shortley phase, as 3DGS's signs do.
             part = value.imag if order < 0 else value.real
             expected.append(part * (1 if order == 0 else np.sqrt(2)))
-    np.testing.assert_allclose(basis(direction).numpy(), np.stack(expected, -1), atol=1e-12)
+    np.testing.assert_allclose(harmonics(direction).numpy(), np.stack(expected, -1), atol=1e-12)
 
 
 def test_basis_is_orthonormal_over_the_sphere() -> None:
@@ -33,7 +33,7 @@ def test_basis_is_orthonormal_over_the_sphere() -> None:
     sine = (1 - z.square()).sqrt()
     direction = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), z], -1)
     area = torch.tensor(weights)[:, None].expand(8, 16) * (2 * torch.pi / 16)
-    values = basis(direction)
+    values = harmonics(direction)
     gram = torch.einsum("abi,abj,ab->ij", values, values, area)
     torch.testing.assert_close(gram, torch.eye(16, dtype=torch.float64), atol=1e-12, rtol=0)
 

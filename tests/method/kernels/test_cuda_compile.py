@@ -13,12 +13,14 @@ from radiogs.kernels.harmonics_source import harmonics_kernels
 from radiogs.kernels.hits_source import hit_kernels
 from radiogs.kernels.rasterize_source import blend_kernels
 from radiogs.kernels.shade_source import shade_kernels
+from radiogs.kernels.splitsum_source import splitsum_kernels
 from radiogs.kernels.trace_source import trace_kernels
 
 
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
-    frames, binning, harmonics, shading, hits, tracing, blending = (
+    splitsum, frames, binning, harmonics, shading, hits, tracing, blending = (
+        splitsum_kernels(dtype, 5, 0.2),
         frame_kernels(dtype),
         binning_kernels(dtype),
         harmonics_kernels(dtype),
@@ -31,6 +33,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
+        splitsum.forward, splitsum.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

@@ -5,11 +5,11 @@ import torch
 
 from radiogs.kernels.harmonics import harmonic_sum
 from radiogs.kernels.runtime import use_threads
-from radiogs_bench.kernel_bench.plain_torch import basis
+from reference.trace import harmonics
 
 
 def dense(sh: torch.Tensor, direction: torch.Tensor) -> torch.Tensor:
-    return torch.einsum("nvk,nkc->nvc", basis(direction)[..., : sh.shape[1]], sh)
+    return torch.einsum("nvk,nkc->nvc", harmonics(direction)[..., : sh.shape[1]], sh)
 
 
 def inputs(coefficients: int, views: int, surfels: int = 40) -> tuple[torch.Tensor, torch.Tensor]:
