@@ -18,9 +18,9 @@ from .probe import PROBES, Findings, probe
 from .staleness import Staleness, settle_refresh
 from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 
-DIRECTIONS = 2
-"""A probe traces the samples of training divided by this from every surfel: four probes are then 2 % of the rays of a
-training with preset tiny. Halving samples that are fewer costs more, so what it finds of them is on the safe side."""
+DIRECTIONS = 16
+"""That a probe traces from every surfel, or half of those of training if that is less: four probes are then 2 % of the rays
+of a training with preset tiny. Halving samples that are fewer costs more: what it finds of them is on the safe side."""
 
 SIGHTS = 16
 """Training views that a probe looks from, one of each sixteenth of their list. Few tiles of an image show what rays
@@ -49,7 +49,7 @@ class Planner:
 
     def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:
         self.auto = effects == "auto"
-        self.seed, self.samples = seed, max(2, samples // DIRECTIONS)
+        self.seed, self.samples = seed, max(2, min(DIRECTIONS, samples // 2))
         self.plan = plan_of(effects)
         self.evidence: tuple[Evidence, ...] = ()
         self.at = frozenset(iterations * place // PROBES for place in range(PROBES)) if self.auto else frozenset()
