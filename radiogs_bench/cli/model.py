@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     import torch
 
     from radiogs.camera import Camera
+    from radiogs.light import EnvironmentMap
     from radiogs.scene import Scene
 
     from .options import Commands
@@ -128,31 +129,39 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs import relighting
     from radiogs.budget import budget
     from radiogs.effects.plan import plan_of
-    from radiogs.light import EnvironmentMap
-    from radiogs_datasets.image_files import read_exr, read_hdr
 
     from ..experiments.effects import plan_under
     from ..trained_folder import read_trained
     from .reporter import say
 
     device = chosen_device(options)
-    readers = {".hdr": read_hdr, ".exr": read_exr}
-    if options.envmap.suffix.lower() not in readers:
-        raise UsageError(f"{options.envmap} is neither .hdr nor .exr", "Light needs linear values above one.")
-    light = EnvironmentMap(torch.from_numpy(readers[options.envmap.suffix.lower()](options.envmap)[..., :3]))
+    light = light_of(options.envmap)
     about, model = read_trained(options.folder, device)
     scene = scene_of(about["scene"], about["checksum"])
     cameras = [view.camera.to(device, torch.float32) for view in scene.train]
     scale, preset, seed = torch.tensor(options.albedo_scale), budget(about["preset"]), about["seed"]
     plan = plan_of(options.effects)
     if options.effects == "auto":
-        found = plan_under(model, light, scale, scene, preset, seed, device)
+        _, found = plan_under(model, light, scale, scene, preset, seed, device)
         plan = found.plan
         for record in found.evidence:
             say(f"{record.effect}: {record.verdict} ({record.why})")
     relit = relighting.relight(model, light, scale, cameras, preset, seed, options.mode, plan)
     folder = options.folder / "relight" / options.envmap.stem / options.mode
     return write_views(relit.render, scene, options.views, folder, device)
+
+
+def light_of(path: Path) -> "EnvironmentMap":
+    """The light in a file. Raises UsageError for one of a kind that holds no radiance."""
+    import torch
+
+    from radiogs.light import EnvironmentMap
+    from radiogs_datasets.image_files import read_exr, read_hdr
+
+    readers = {".hdr": read_hdr, ".exr": read_exr}
+    if path.suffix.lower() not in readers:
+        raise UsageError(f"{path} is neither .hdr nor .exr", "Light needs linear values above one.")
+    return EnvironmentMap(torch.from_numpy(readers[path.suffix.lower()](path)[..., :3]))
 
 
 def chosen_device(options: argparse.Namespace) -> "torch.device":

@@ -5,8 +5,6 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import UsageError
-
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
@@ -31,7 +29,8 @@ def add_to(commands: "Commands") -> None:
         "subject", metavar="SCENE|DIR", help="a generated scene (its true surfaces and light), or a folder of `train`"
     )
     parser.add_argument("--preset", default="tiny", help="budget whose steps are weighed (default: tiny; DIR: its own)")
-    parser.add_argument("--seed", type=int, default=0, help="(default: 0)")
+    parser.add_argument("--seed", type=int, help="(default: 0; DIR: its own)")
+    parser.add_argument("--envmap", type=Path, metavar="FILE", help="relit by this light: .hdr or .exr, lat-long, Z up")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="where effects matter (default: probe-NAME.png)")
     parser.add_argument("--json", action="store_true", help="the records instead of a table")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
@@ -44,12 +43,12 @@ def probe(options: argparse.Namespace) -> int:
     from radiogs.budget import budget
 
     from ..experiments import effects
-    from .model import chosen_device
+    from .model import chosen_device, light_of
     from .reporter import say
 
     device = chosen_device(options)
-    folder, preset = Path(options.subject), budget(options.preset)
-    bounces = None
+    folder, preset, seed = Path(options.subject), budget(options.preset), options.seed
+    light = light_of(options.envmap) if options.envmap else None
     if folder.is_dir() and (folder / "trained.json").exists():
         from ..trained_folder import read_trained
         from .model import scene_of
@@ -57,24 +56,21 @@ def probe(options: argparse.Namespace) -> int:
         about, model = read_trained(folder, device)
         preset, name = budget(about["preset"]), folder.name
         scene = scene_of(about["scene"], about["checksum"])
-        subject = effects.subject_of_model(model, scene, preset, options.seed)
-        found = effects.findings_of(subject, preset, options.seed, effects.EFFECTS_OF_MODELS)
+        probed = effects.probed_model(model, scene, preset, about["seed"] if seed is None else seed, device, light)
     else:
         from radiogs_datasets import load_scene
 
         scene = load_scene(options.subject)
         name = scene.name
-        subject, decay = effects.subject_of_scene(scene, preset.incident_samples, options.seed)
-        found = effects.findings_of(subject, preset, options.seed)
-        light = effects.sampling_of(scene, subject, found, preset, options.seed)
-        found = effects.with_record(found, light)
-        bounces = effects.bounces_needed(found, decay)
+        probed = effects.probed_scene(scene, preset, seed or 0, light)
+    if light is not None:
+        name += f"-{options.envmap.stem}"
     if options.json:
-        say(json.dumps(effects.record_of(found, bounces), allow_nan=False))
+        say(json.dumps(effects.record_of(probed.found, probed.bounces), allow_nan=False))
     else:
-        _show(name, found, bounces)
+        _show(name, probed.found, probed.bounces)
     picture = options.picture or Path(f"probe-{name}.png")
-    _draw(subject, picture, effects.EFFECTS if bounces is not None else effects.EFFECTS_OF_MODELS)
+    _draw(probed.subject, picture, probed.effects)
     if not options.json:
         say(f"wrote {picture}: changes of {MATTERS:g} of the display's range and above are white")
     return 0
@@ -114,14 +110,12 @@ def _draw(subject: "Subject", path: Path, effects: "Sequence[str]") -> None:
 
     from radiogs.effects.probe import difference_maps
 
-    maps = difference_maps(subject, effects)
-    target = subject.sights[0].target
-    if target is None:
-        raise UsageError("a probe without pictures has nothing to draw beside")
+    full, maps = difference_maps(subject, effects)
+    taken = subject.sights[0].target
     figure = Figure(figsize=(1.6 * (len(maps) + 1), 1.9), dpi=150, layout="constrained")
     panels = figure.subplots(1, len(maps) + 1)
-    panels[0].imshow(np.clip(target.numpy(), 0, 1))
-    panels[0].set_title("picture", fontsize=7)
+    panels[0].imshow(np.clip((full if taken is None else taken).numpy(), 0, 1))
+    panels[0].set_title("relit" if taken is None else "picture", fontsize=7)
     for panel, (name, change) in zip(panels[1:], maps.items(), strict=True):
         panel.imshow(change.numpy(), cmap=colormaps["inferno"], vmin=0, vmax=MATTERS)
         panel.set_title(name, fontsize=7)

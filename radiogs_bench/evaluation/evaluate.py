@@ -143,7 +143,7 @@ def relit_models(
         started = time.perf_counter()
         plan = plan_of(cell.variant.effects)
         if cell.variant.effects == "auto":
-            plan = plan_under(model, environment, albedo_scale, scene, cell.budget, cell.seed, device).plan
+            plan = plan_under(model, environment, albedo_scale, scene, cell.budget, cell.seed, device)[1].plan
         relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan)
         if device.type == "cuda":
             torch.cuda.synchronize(device)

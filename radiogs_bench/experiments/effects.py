@@ -10,11 +10,11 @@ from torch import Tensor
 
 from radiogs.budget import Budget
 from radiogs.effects.evidence import Evidence
-from radiogs.effects.lighting import plan_for_light, settle_light_sampling
+from radiogs.effects.lighting import IN_RELIGHTING, own_error, plan_for_light, settle_light_sampling, subject_under
 from radiogs.effects.planner import SIGHTS
 from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, probe
-from radiogs.effects.subject import Sight, Subject, subject_of
+from radiogs.effects.subject import OVERLAP, Sight, Subject, subject_of
 from radiogs.errors import DataError
 from radiogs.incident import Incident, SurfelTracer, visibility_of
 from radiogs.light import EnvironmentMap
@@ -150,13 +150,16 @@ def plan_under(
     budget: Budget,
     seed: int,
     device: torch.device,
-) -> Findings:
-    """What relighting a trained model by ``light`` may leave out."""
-    surfels = model.surfels
-    return plan_for_light(
+    offset: float = OVERLAP,
+) -> tuple[Subject, Findings]:
+    """What relighting a model by ``light`` may leave out, and what was looked at."""
+    surfels, sights = model.surfels, sights_of(scene, device)
+    subject = subject_under(
         surfels, surfels.albedo.detach() * albedo_scale.to(device), EnvironmentMap(light.radiance.to(device)),
-        sights_of(scene, device), budget.relight_hemisphere_samples, budget.relight_light_samples, seed,
+        sights, seed, offset,
     )  # fmt: skip
+    directions = budget.relight_hemisphere_samples, budget.relight_light_samples
+    return subject, plan_for_light(subject, own_error(surfels, sights), *directions, seed)
 
 
 def subject_of_model(model: Model, scene: Scene, budget: Budget, seed: int) -> Subject:
@@ -207,3 +210,38 @@ def record_of(found: Findings, bounces: int | None) -> dict[str, Any]:
         "bounces": bounces,
         "evidence": [each.plain() for each in found.evidence],
     }
+
+
+@dataclass(frozen=True)
+class Probed:
+    """A probe as it is shown: what was looked at, what was found, and of which effects to draw a picture.
+
+    bounces: how many are needed; None where that is not known.
+    """
+
+    subject: Subject
+    found: Findings
+    effects: tuple[str, ...]
+    bounces: int | None = None
+
+
+def probed_scene(scene: Scene, budget: Budget, seed: int, light: EnvironmentMap | None) -> Probed:
+    """A generated scene under its own light, or relit by ``light``. Raises DataError (see ``true_model``)."""
+    subject, decay = subject_of_scene(scene, budget.incident_samples, seed)
+    if light is not None:
+        model = Model(subject.surfels, subject.environment.log())
+        relit, found = plan_under(model, light, torch.ones(3), scene, budget, seed, torch.device("cpu"), OFFSET)
+        return Probed(relit, found, IN_RELIGHTING)
+    found = findings_of(subject, budget, seed)
+    found = with_record(found, sampling_of(scene, subject, found, budget, seed))
+    return Probed(subject, found, EFFECTS, bounces_needed(found, decay))
+
+
+def probed_model(
+    model: Model, scene: Scene, budget: Budget, seed: int, device: torch.device, light: EnvironmentMap | None
+) -> Probed:
+    """A trained model under the light that it has recovered, or relit by ``light``."""
+    if light is not None:
+        return Probed(*plan_under(model, light, torch.ones(3), scene, budget, seed, device), IN_RELIGHTING)
+    subject = subject_of_model(model, scene, budget, seed)
+    return Probed(subject, findings_of(subject, budget, seed, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)

@@ -26,6 +26,7 @@ from radiogs_bench.experiments.effects import (
     Decay,
     bounces_needed,
     findings_of,
+    probed_scene,
     sampling_of,
     scattered,
     subject_of_scene,
@@ -176,6 +177,18 @@ def test_bounces_are_as_many_as_the_decay_needs() -> None:
     assert Decay((0.0, 0.0)).needed(1.0, 0.1) == 1
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_relighting_by_a_sun_of_half_a_degree_keeps_the_shadow_that_it_throws(seed: int) -> None:
+    """One direction in 94 000 over a hemisphere meets it: a probe has to draw from the light as well."""
+    light = EnvironmentMap(real_sun())
+    probed = probed_scene(load_scene("occluder"), TINY, seed, light)
+    shadow = records(probed.found)["visibility"].measured
+    assert shadow is not None
+    assert shadow.contribution > 1.0
+    assert probed.found.plan.visibility
+    assert not probed_scene(load_scene("convex"), TINY, seed, light).found.plan.traces
+
+
 def test_surfels_of_a_scene_have_its_materials() -> None:
     surfels, light = true_model(load_scene("convex"), SPACING)
     assert torch.allclose(surfels.albedo, torch.tensor([0.6, 0.35, 0.2]).expand(len(surfels), 3), atol=1e-5)
@@ -237,9 +250,15 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
     assert {record["effect"] for record in found["evidence"]} >= set(EFFECTS) - {"light-sampling", "refresh"}
     assert picture.stat().st_size > 0
 
-    write_hdr(tmp_path / "even.hdr", np.full((8, 16, 3), 0.4, np.float32))
-    assert main(["relight", str(out), "--envmap", str(tmp_path / "even.hdr"), "--effects", "auto"]) == 0
-    assert "light-sampling: off" in capsys.readouterr().out
+    even = tmp_path / "even.hdr"
+    write_hdr(even, np.full((8, 16, 3), 0.4, np.float32))
+    assert main(["relight", str(out), "--envmap", str(even), "--effects", "auto"]) == 0
+    said = capsys.readouterr().out
+    assert "light-sampling: off" in said
+    assert main(["probe", str(out), "--envmap", str(even), "--json", "--picture", str(picture)]) == 0
+    found = json.loads(capsys.readouterr().out)
+    for record in found["evidence"]:
+        assert f"{record['effect']}: {record['verdict']} ({record['why']})" in said
 
 
 def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -247,6 +266,22 @@ def test_a_probe_of_a_scene_says_why(tmp_path: Path, capsys: pytest.CaptureFixtu
     said = capsys.readouterr().out
     assert "visibility" in said
     assert "bounces of light that are needed: 1" in said
+
+
+def test_a_probe_of_a_scene_under_another_light_draws_it_relit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_hdr(tmp_path / "even.hdr", np.full((8, 16, 3), 0.4, np.float32))
+    picture = tmp_path / "relit.png"
+    given = ["probe", "occluder", "--envmap", str(tmp_path / "even.hdr"), "--json", "--picture", str(picture)]
+    assert main(given) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {record["effect"] for record in found["evidence"]} == {
+        "visibility", "indirect", "specular", "light-sampling", "plan",
+    }  # fmt: skip
+    assert picture.stat().st_size > 0
+    (tmp_path / "light.png").touch()
+    assert main(["probe", "occluder", "--envmap", str(tmp_path / "light.png")]) == 2
 
 
 def test_a_scene_without_known_solids_cannot_be_probed(capsys: pytest.CaptureFixture[str]) -> None:

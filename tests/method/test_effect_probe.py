@@ -13,7 +13,7 @@ from radiogs.budget import budget
 from radiogs.colour import srgb_encode
 from radiogs.effects.candidates import Candidates
 from radiogs.effects.gradient import pull_of_images
-from radiogs.effects.lighting import concentration, plan_for_light, reference_colour
+from radiogs.effects.lighting import concentration, own_error, plan_for_light, reference_colour, subject_under
 from radiogs.effects.plan import EffectPlan, everything
 from radiogs.effects.planner import Planner
 from radiogs.effects.prices import Step
@@ -147,7 +147,12 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         {
             record.effect: record
             for record in plan_for_light(
-                surfels, surfels.albedo, EnvironmentMap(light), made.sights, 32, 32, 0, decibel=1.0
+                subject_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, 0),
+                own_error(surfels, made.sights),
+                32,
+                32,
+                0,
+                decibel=1.0,
             ).evidence
         }
         for light in (torch.full((16, 32, 3), 0.7), sunny)

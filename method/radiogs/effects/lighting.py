@@ -25,7 +25,7 @@ from .images import mean_error
 from .plan import EffectPlan
 from .prices import Step
 from .probe import LEVEL, PROBES, Findings, probe
-from .subject import Sight, subject_of
+from .subject import OVERLAP, Sight, Subject, subject_of
 from .tolerance import TOLERANCE_DB, Tolerance
 
 CHECKED = 128
@@ -38,8 +38,9 @@ degrees apart: they alone would miss a sun, half a degree wide, from most surfel
 DRAWS = 16
 """Times that each surfel's directions are drawn: what a few suns by chance find or miss says little."""
 
-DIRECTIONS = 16
-"""That a probe traces from every surfel, twice: a quarter of the rays of relighting with preset tiny."""
+DIRECTIONS = 8
+"""Over the hemisphere, and as many from the light, that a probe traces from every surfel, twice: a quarter of the rays
+of relighting with preset tiny. Over the hemisphere alone a probe would not meet a sun, nor what hides it."""
 
 IN_RELIGHTING = ("visibility", "indirect", "specular")
 
@@ -148,32 +149,39 @@ def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
     return mean_error([each.images["own"] for each in seen], sights, covered)
 
 
-def plan_for_light(
+def subject_under(
     surfels: Surfels,
     albedo: Float[Tensor, "surfels 3"],
     light: EnvironmentMap,
     sights: Sequence[Sight],
-    spread: int,
-    drawn: int,
     seed: int,
-    decibel: float = TOLERANCE_DB,
-) -> Findings:
-    """What relighting by ``light`` may leave out. ``sights`` have the images that the model was trained on.
+    offset: float = OVERLAP,
+) -> Subject:
+    """A model as it is relit, seen from ``sights``, whose images are another light's and left out.
 
-    ``albedo``: linear, as it will be relit. ``spread``, ``drawn``: relighting's directions over the hemisphere and from
-    the light. L_ind is that of light that has met one surface, as in relighting: the surfels' own is another light's.
+    ``albedo``: linear, as it will be relit. ``offset``: where rays start (see ``OVERLAP``). L_ind is that of light that
+    has met one surface, as in relighting: the surfels' own is another light's.
     """
-    mse = own_error(surfels, sights)
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     blind = tuple(Sight(sight.camera, None) for sight in sights)
-    subject = subject_of(painted, light.radiance, blind, DIRECTIONS, generator, bounces=True)
-    if subject.first is not None:
-        met = replace(subject.incident, radiance=subject.first)
-        subject = replace(subject, incident=met)
+    subject = subject_of(painted, light.radiance, blind, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
+    if subject.first is None:
+        return subject
+    return replace(subject, incident=replace(subject.incident, radiance=subject.first))
+
+
+def plan_for_light(
+    subject: Subject, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
+) -> Findings:
+    """What relighting a subject of ``subject_under`` may leave out, beside an error of ``mse`` (``own_error``).
+
+    ``spread``, ``drawn``: relighting's directions over the hemisphere and from the light.
+    """
     # Every surfel is traced once, as in a step that does nothing but refresh.
-    step = Step(len(surfels), 0, spread + drawn, 1)
+    step = Step(len(subject.surfels), 0, spread + drawn, 1)
     found = probe(subject, step, seed, effects=IN_RELIGHTING, decibel=decibel, mse=mse)
-    sampling = settle_light_sampling(painted, light, found.tolerance, spread, drawn, seed)
+    light = EnvironmentMap(subject.environment)
+    sampling = settle_light_sampling(subject.surfels, light, found.tolerance, spread, drawn, seed)
     plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
     return Findings(plan, (*found.evidence, sampling), found.tolerance)

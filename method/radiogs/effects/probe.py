@@ -340,8 +340,13 @@ class _Bounds:
     difference: float
 
 
-def difference_maps(subject: Subject, effects: Sequence[str]) -> dict[str, Float[Tensor, "height width"]]:
-    """Of the first sight: how much leaving each effect out changes each pixel, mean over channels, display sRGB."""
+def difference_maps(
+    subject: Subject, effects: Sequence[str]
+) -> tuple[Float[Tensor, "height width 3"], dict[str, Float[Tensor, "height width"]]]:
+    """The first sight with everything on, and how much leaving each effect out changes each pixel, mean over channels.
+
+    Both in display sRGB.
+    """
     candidates, first = Candidates(subject), replace(subject, sights=subject.sights[:1])
     plans = {effect: offers(subject, effect)[-1] for effect in effects}
     radiance = {"shaded": candidates.radiance(everything()), "own": candidates.own(HIGHEST_DEGREE)}
@@ -356,4 +361,4 @@ def difference_maps(subject: Subject, effects: Sequence[str]) -> dict[str, Float
         factor = torch.ones(3) if effect in NO_GAUGE else same_light(images[effect], full, covered)
         change = srgb_encode(images[effect][0] * factor.to(full[0])) - srgb_encode(full[0])
         maps[effect] = change.abs().mean(-1)
-    return maps
+    return srgb_encode(images["shaded"][0]), maps

@@ -8,8 +8,9 @@ from torch import Tensor
 
 from ..camera import Camera
 from ..incident import Incident, SurfelTracer, unoccluded, visibility_of
+from ..light import EnvironmentMap
 from ..rendering import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
-from ..sampling import hemisphere_directions
+from ..sampling import LightSampler, hemisphere_directions, relighting_directions
 from ..surfels import Surfels
 
 OVERLAP = 6.66
@@ -69,11 +70,19 @@ def subject_of(
     generator: torch.Generator,
     bounces: bool = False,
     offset: float = OVERLAP,
+    drawn: int = 0,
 ) -> Subject:
-    """Trace ``samples`` directions of every surfel; with ``bounces`` once more, to surfaces lit by what was visible."""
+    """Trace ``samples`` directions of every surfel; with ``bounces`` once more, to surfaces lit by what was visible.
+
+    ``drawn``: as many more from the light, by the balance heuristic: a sun is missed by those over the hemisphere.
+    """
     surfels = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
     environment = environment.detach()
-    direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator)
+    normal = surfels.frame[..., 2]
+    direction, weight = hemisphere_directions(normal, samples, generator)
+    if drawn:
+        sampler = LightSampler(EnvironmentMap(environment))
+        direction, weight = relighting_directions(normal, sampler, samples, drawn, generator)
     tracer = SurfelTracer(surfels, offset)
     seen, radiance, _ = _traced(tracer, direction, torch.zeros_like(surfels.albedo))
     incident = Incident(direction, weight, seen, radiance)
