@@ -19,8 +19,8 @@ from .staleness import Staleness, settle_refresh
 from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 
 DIRECTIONS = 16
-"""That a probe traces from every surfel, or half of those of training if that is less: four probes are then 2 % of the rays
-of a training with preset tiny. Halving samples that are fewer costs more: what it finds of them is on the safe side."""
+"""That a probe traces from every surfel, or half of those of training if that is less: four probes are then 2 % of the
+rays of a training with preset tiny. Halving samples that are fewer costs more: what it finds is on the safe side."""
 
 SIGHTS = 16
 """Training views that a probe looks from, one of each sixteenth of their list. Few tiles of an image show what rays

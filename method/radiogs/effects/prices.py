@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from .plan import EffectPlan
 
-PRICES = {"rays": 2.5, "shaded_samples": 0.035, "lobes": 0.015, "coefficients": 0.002, "surfels": 8.0}
+PRICES = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
 """Microseconds of one CPU core, forward and backward. surfels: of everything in a step that no plan changes, a surfel.
 Only their ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
 
