@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
     from .options import Commands
 
-KERNELS = ("trace", "rasterize", "shade", "harmonics")
+KERNELS = ("trace", "rasterize", "shade", "harmonics", "split-sum")
 SCENES = ("S", "M", "Mi")
 SPACINGS = ("0.12", "0.06", "0.03")
 

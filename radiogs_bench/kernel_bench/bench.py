@@ -10,7 +10,7 @@ import torch
 from radiogs.kernels.counters import work
 from radiogs.kernels.runtime import use_threads
 
-from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, trace_case
+from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, split_sum_case, trace_case
 from .clock import peak_bytes, seconds, wall_seconds
 from .scenes import SCENES, KernelScene, cloud
 
@@ -150,6 +150,9 @@ def _cases(
     if "harmonics" in kernels:
         for dtype in PRECISIONS:
             yield harmonics_case(dtype, device)
+    if "split-sum" in kernels:
+        for dtype in PRECISIONS:
+            yield split_sum_case(dtype, device)
 
 
 def _name(dtype: torch.dtype) -> str:

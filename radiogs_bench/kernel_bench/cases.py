@@ -15,7 +15,9 @@ from radiogs.kernels.rasterize import rasterize
 from radiogs.kernels.shade import shade
 from radiogs.kernels.trace import trace
 from radiogs.sampling import hemisphere_directions
+from radiogs.splitsum import PrefilteredLight, split_sum_radiance
 
+from . import plain_split_sum
 from .embree import closest_hits, missing_embree
 from .plain_torch import harmonics_plainly, rasterize_densely, shade_plainly
 from .scenes import KernelScene
@@ -123,6 +125,34 @@ def harmonics_case(dtype: torch.dtype, device: torch.device) -> Case:
     plain = _passes(lambda values: harmonics_plainly(*values).sum(), leaves)
     name = f"{SEEN_SURFELS} x 1"
     return Case("harmonics", name, dtype, SEEN_SURFELS, "surfel", *passes, Yardstick("plain PyTorch", *plain))
+
+
+def split_sum_case(dtype: torch.dtype, device: torch.device) -> Case:
+    """SEEN_SURFELS shaded towards one camera under a learnt light, as in stage 1, beside PyTorch expressions."""
+    generator = torch.Generator().manual_seed(0)
+
+    def unit() -> Tensor:
+        return torch.nn.functional.normalize(
+            torch.randn(SEEN_SURFELS, 3, generator=generator, dtype=torch.float64), dim=-1
+        )
+
+    uniform = torch.rand(SEEN_SURFELS, 4, generator=generator, dtype=torch.float64)
+    light = torch.rand(LIGHT_HEIGHT, 2 * LIGHT_HEIGHT, 3, generator=generator, dtype=torch.float64)
+    given = [unit(), uniform[:, :3].contiguous(), uniform[:, 3].contiguous(), unit(), light]
+    leaves = [value.to(device, dtype) for value in given]
+
+    def ours(values: list[Tensor]) -> Tensor:
+        normal, albedo, roughness, outgoing, radiance = values
+        return torch.cat(split_sum_radiance(normal, albedo, roughness, outgoing, PrefilteredLight(radiance))).sum()
+
+    def plainly(values: list[Tensor]) -> Tensor:
+        normal, albedo, roughness, outgoing, radiance = values
+        light = PrefilteredLight(radiance)
+        return torch.cat(plain_split_sum.split_sum_radiance(normal, albedo, roughness, outgoing, light)).sum()
+
+    yardstick = Yardstick("plain PyTorch", *_passes(plainly, leaves))
+    name = f"{SEEN_SURFELS} x 1"
+    return Case("split-sum", name, dtype, SEEN_SURFELS, "surfel", *_passes(ours, leaves), yardstick)
 
 
 def _passes(

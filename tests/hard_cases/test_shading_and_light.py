@@ -31,7 +31,7 @@ from radiogs.sampling import (
 from radiogs.splitsum import GRID_HEIGHT, LEVELS, PrefilteredLight, _filters, _grid_solid_angles
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
-from reference import splitsum as dense
+from radiogs_bench.kernel_bench import plain_split_sum as dense
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 from reference.shade import shade as dense_shade
 from reference.trace import harmonics

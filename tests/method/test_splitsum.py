@@ -6,7 +6,7 @@ import torch
 from radiogs.brdf import FRESNEL_NORMAL, specular
 from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs.splitsum import LEVELS, PrefilteredLight, split_sum_radiance
-from reference import splitsum as dense
+from radiogs_bench.kernel_bench import plain_split_sum as dense
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 
 F64 = torch.float64

@@ -1,6 +1,7 @@
-"""Split-sum shading as one writes it, in PyTorch: what the fused kernel is judged by."""
+"""The yardstick of split-sum shading: the same as PyTorch expressions; tests judge the kernel by it, too."""
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.brdf import FRESNEL_NORMAL
@@ -9,9 +10,13 @@ from radiogs.splitsum import LEVELS, PrefilteredLight, brdf_table
 
 
 def split_sum_radiance(
-    normal: Tensor, albedo: Tensor, roughness: Tensor, outgoing: Tensor, light: PrefilteredLight
-) -> tuple[Tensor, Tensor]:
-    """Diffuse and specular radiance [points, 3] towards unit ``outgoing``; zero seen from behind."""
+    normal: Float[Tensor, "points 3"],
+    albedo: Float[Tensor, "points 3"],
+    roughness: Float[Tensor, " points"],
+    outgoing: Float[Tensor, "points 3"],
+    light: PrefilteredLight,
+) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
+    """Diffuse and specular radiance towards unit ``outgoing``; zero seen from behind."""
     cosine = (normal * outgoing).sum(-1)
     front = (cosine > 0)[:, None]
     mirrored = 2 * cosine[:, None] * normal - outgoing
@@ -23,16 +28,20 @@ def split_sum_radiance(
     )
 
 
-def glossy(light: PrefilteredLight, direction: Tensor, roughness: Tensor) -> Tensor:
+def glossy(
+    light: PrefilteredLight, direction: Float[Tensor, "points 3"], roughness: Float[Tensor, " points"]
+) -> Float[Tensor, "points 3"]:
     """Light averaged over the lobe about a mirrored direction; every level is read, and two are blended."""
     place = (roughness / LEVELS[0]).clamp(0, len(LEVELS))
     maps = torch.stack([EnvironmentMap(map_).lookup(direction) for map_ in (light.sharp, *light.glossy)])
     lower = place.detach().floor().clamp(max=len(LEVELS) - 1).long()
-    each = torch.arange(len(direction))
+    each = torch.arange(len(direction), device=direction.device)
     return torch.lerp(maps[lower, each], maps[lower + 1, each], (place - lower)[:, None])
 
 
-def brdf_integral(cosine: Tensor, roughness: Tensor) -> tuple[Tensor, Tensor]:
+def brdf_integral(
+    cosine: Float[Tensor, " points"], roughness: Float[Tensor, " points"]
+) -> tuple[Float[Tensor, " points"], Float[Tensor, " points"]]:
     """A and B with F0 A + B = integral of f_s (n.wi) over the hemisphere; cosine n.wo in [0, 1]."""
     table = brdf_table().to(cosine)
     size = table.shape[0]
