@@ -108,7 +108,7 @@ def _draw(subject: "Subject", path: Path, effects: "Sequence[str]") -> None:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    from radiogs.effects.probe import difference_maps
+    from radiogs.effects.difference_maps import difference_maps
 
     full, maps = difference_maps(subject, effects)
     taken = subject.sights[0].target

@@ -56,6 +56,15 @@ def splatted(
     ]
 
 
+def blending_weights(sights: Sequence[Sight], surfels: Surfels) -> Float[Tensor, "surfels views"]:
+    """How much of each sight's image every surfel is, in pixels."""
+    with torch.enable_grad():
+        each = [surfels.opacity_logit.new_ones(len(surfels), 1).requires_grad_() for _ in sights]
+        seen = [splat(sight.camera, surfels, {"one": one}, 1.0) for sight, one in zip(sights, each, strict=True)]
+        total = torch.stack([image.images["one"].sum() for image in seen]).sum()
+    return torch.cat(torch.autograd.grad(total, each), 1)
+
+
 def same_light(reduced: Sequence[Tensor], full: Sequence[Tensor], covered: Sequence[Tensor]) -> Float[Tensor, "3"]:
     """Factor a channel that brings the reduced images nearest to the full ones, in linear radiance.
 

@@ -1,0 +1,40 @@
+"""Where effects matter: how much leaving each out changes the pixels of a view."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..colour import srgb_encode
+from .candidates import Candidates
+from .images import same_light, splatted
+from .judge import NO_GAUGE
+from .plan import HIGHEST_DEGREE, everything
+from .subject import Subject
+from .ways import altogether
+
+
+def difference_maps(
+    subject: Subject, effects: Sequence[str]
+) -> tuple[Float[Tensor, "height width 3"], dict[str, Float[Tensor, "height width"]]]:
+    """The first sight with everything on, and how much leaving each effect out changes each pixel, mean over channels.
+
+    Both in display sRGB.
+    """
+    candidates, first = Candidates(subject), replace(subject, sights=subject.sights[:1])
+    plans = {effect: altogether(effect) for effect in effects}
+    radiance = {"shaded": candidates.radiance(everything()), "own": candidates.own(HIGHEST_DEGREE)}
+    for effect, plan in plans.items():
+        own = plan.sh_degree < HIGHEST_DEGREE
+        radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
+    seen = {name: value[:, :1].detach() for name, value in radiance.items()}
+    images, covered = splatted(first.sights, subject.surfels, seen)
+    maps = {}
+    for effect, plan in plans.items():
+        full = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"]
+        factor = torch.ones(3) if effect in NO_GAUGE else same_light(images[effect], full, covered)
+        change = srgb_encode(images[effect][0] * factor.to(full[0])) - srgb_encode(full[0])
+        maps[effect] = change.abs().mean(-1)
+    return srgb_encode(images["shaded"][0]), maps
