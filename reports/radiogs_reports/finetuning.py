@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .cost.paired import runs_of
+from .paired import runs_of
 from .summary import Summary
 
 MODES: Mapping[str, str] = {"surfels": "fine-tuned surfels alone", "finetuned": "rays to fine-tuned surfels"}

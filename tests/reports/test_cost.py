@@ -12,12 +12,13 @@ from scipy import stats
 
 from made_up_run import run, summary
 from radiogs_reports import texts
-from radiogs_reports.cost import CostReport, Item, cost_csv, cost_latex, cost_markdown, cost_report
+from radiogs_reports.cost import CostReport, cost_csv, cost_latex, cost_markdown, cost_report
 from radiogs_reports.cost.along import Point, figure_at, seconds_to, to_equal_quality
-from radiogs_reports.cost.paired import figures_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.knobs import knob_figures
 from radiogs_reports.front import points
+from radiogs_reports.grids import Item
+from radiogs_reports.paired import figures_of
 from radiogs_reports.plain import signed_figure
 from radiogs_reports.summary import Summary
 
@@ -229,7 +230,7 @@ def test_a_long_grid_goes_on_over_the_page_and_loses_no_row() -> None:
     assert [re.findall(r"line (\d+) ", table) for table in tables] == [
         [str(place) for place in places] for places in (range(32), range(32, 64), range(64, 70))
     ]
-    assert [r"\label{cost:fronts}" in table for table in tables] == [True, False, False]
+    assert [r"\label{grid:fronts}" in table for table in tables] == [True, False, False]
 
 
 def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:

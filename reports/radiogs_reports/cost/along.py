@@ -7,8 +7,8 @@ import math
 from itertools import pairwise
 from typing import NamedTuple
 
+from ..paired import Estimate, Pair, difference, estimate, runs_of
 from ..summary import ColumnSummary, RunSummary, Summary, reference_of
-from .paired import Estimate, Pair, difference, estimate, runs_of
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
 """Of what the reference row gains from its first scored point to its last."""

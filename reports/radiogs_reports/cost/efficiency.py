@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
+from ..paired import Estimate, Pair, costs_of, figures_of, ratio
 from ..summary import ColumnSummary, Summary, reference_of
-from .paired import Estimate, Pair, costs_of, figures_of, ratio
 
 
 class Efficiency(NamedTuple):

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..paired import runs_of
 from ..summary import Summary, reference_of
-from .paired import runs_of
 
 NAMES: Mapping[str, str] = {
     "inverse_iterations": "iterations of stage 2",

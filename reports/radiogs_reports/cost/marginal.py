@@ -3,9 +3,9 @@
 import math
 from typing import NamedTuple
 
+from ..paired import Estimate, Pair, costs_of, difference, estimate, exponential, figures_of, ratio
 from ..summary import ColumnSummary, Summary
 from .knobs import Knob, Setting
-from .paired import Estimate, Pair, costs_of, difference, estimate, exponential, figures_of, ratio
 
 
 class Step(NamedTuple):

@@ -4,31 +4,14 @@ from itertools import groupby
 from typing import NamedTuple
 
 from ..front import COSTS, points
-from ..plain import signed_figure
+from ..grids import Grid, Item, factor, spread
+from ..paired import Estimate
 from ..summary import ColumnSummary, Summary, reference_of
 from .along import at_equal_time, to_equal_quality
 from .efficiency import efficiencies
 from .knobs import Knob, knobs
 from .marginal import doublings, steps
-from .paired import Estimate
 from .sentences import doubling_sentence, second_half_sentence, step_sentence
-
-
-class Item(NamedTuple):
-    """A text in a grid, and the number that it sorts by."""
-
-    text: str
-    value: float | str | None = None
-
-
-class Grid(NamedTuple):
-    """A table of the report: ``note`` says how to read it."""
-
-    name: str
-    title: str
-    note: str
-    heads: list[str]
-    rows: list[list[Item]]
 
 
 class CostReport(NamedTuple):
@@ -182,21 +165,6 @@ def _qualities(summary: Summary) -> Grid:
         ["metric", "share", "target", "fastest row", "its seconds", "the reference's", "rows that reach it"],
         rows,
     )
-
-
-def spread(estimate: Estimate, digits: int, *, signed: bool) -> str:
-    """Mean and half-width of the interval."""
-    text = signed_figure(estimate.mean, digits) if signed else f"{estimate.mean:.{digits}f}"
-    if estimate.low is None or estimate.high is None:
-        return text
-    return f"{text} ± {(estimate.high - estimate.low) / 2:.{digits}f}"
-
-
-def factor(estimate: Estimate) -> str:
-    """A ratio and the ends of its interval."""
-    if estimate.low is None or estimate.high is None:
-        return f"{estimate.mean:.2f}"
-    return f"{estimate.mean:.2f} ({estimate.low:.2f} to {estimate.high:.2f})"
 
 
 def heading(column: ColumnSummary) -> str:

@@ -1,10 +1,10 @@
 """Sentences that state results, with every figure computed from the summary."""
 
+from ..paired import Estimate
 from ..plain import signed_figure
 from ..summary import ColumnSummary, Summary
 from .along import second_half
 from .marginal import Doubling, Step
-from .paired import Estimate
 
 
 def step_sentence(summary: Summary, step: Step) -> str:

@@ -3,23 +3,21 @@
 import pandas as pd
 
 from ..front import COSTS, points
-from ..latex import BOX_BEGIN, BOX_END, as_formula
-from ..plain import note, row_of
+from ..grids import grid_latex, grid_markdown
+from ..latex import as_formula
+from ..paired import Estimate
+from ..plain import note
 from ..summary import Summary, reference_of
 from .efficiency import efficiencies
 from .marginal import doublings, steps
-from .paired import Estimate
-from .report import CostReport, Grid
-
-ROWS_A_PAGE = 32
+from .report import CostReport
 
 
 def cost_markdown(summary: Summary, report: CostReport) -> str:
     """Sentences, then the grids."""
     lines = [f"# {summary['title']}: what each knob gives and takes", "", *(f"- {each}" for each in report.sentences)]
     for grid in report.grids:
-        lines += ["", f"## {grid.title}", "", grid.note, "", row_of(grid.heads), row_of(["---"] * len(grid.heads))]
-        lines += [row_of([item.text for item in row]) for row in grid.rows]
+        lines += ["", *grid_markdown(grid)]
     return "\n".join([*lines, "", note(summary), ""])
 
 
@@ -32,36 +30,7 @@ def cost_latex(summary: Summary, report: CostReport) -> str:
         *(rf"\item {as_formula(each)}" for each in report.sentences),
         r"\end{itemize}",
     ]
-    return "\n".join([*lines, *(table for grid in report.grids for table in _tables(grid)), ""])
-
-
-def _tables(grid: Grid) -> list[str]:
-    """The grid, on as many pages as it needs."""
-    pages = [grid.rows[start : start + ROWS_A_PAGE] for start in range(0, len(grid.rows), ROWS_A_PAGE)]
-    first, *others = (grid._replace(rows=rows) for rows in pages)
-    return [
-        _table(first, f"{grid.title}. {grid.note}", f"\\label{{cost:{grid.name}}}"),
-        *(_table(page, f"{grid.title}, continued.", "") for page in others),
-    ]
-
-
-def _table(grid: Grid, caption: str, label: str) -> str:
-    lines = [
-        r"\begin{table}[p]",
-        r"\centering",
-        f"\\caption{{{as_formula(caption)}}}{label}",
-        BOX_BEGIN,
-        f"\\begin{{tabular}}{{{'l' * len(grid.heads)}}}",
-        r"\toprule",
-        f"{' & '.join(map(as_formula, grid.heads))} \\\\",
-        r"\midrule",
-        *(f"{' & '.join(as_formula(item.text) for item in row)} \\\\" for row in grid.rows),
-        r"\bottomrule",
-        r"\end{tabular}}",
-        BOX_END,
-        r"\end{table}",
-    ]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(table for grid in report.grids for table in grid_latex(grid)), ""])
 
 
 def cost_csv(summary: Summary, report: CostReport) -> str:

@@ -17,7 +17,7 @@ from ..plain import note
 from ..summary import Summary
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
-from .tables import cells_table, cost_table, paper_table, suite_table
+from .tables import cells_table, grid_table, paper_table, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
 """In the order in which they run; each is a closed block that needs none of the others."""
@@ -53,7 +53,7 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         tables=[suite_table(summary), cells_table(summary)],
         paper=[paper_table(table) for table in summary["paper"]],
         sentences=[] if cost is None else cost.sentences,
-        grids=[] if cost is None else [cost_table(grid) for grid in cost.grids],
+        grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
         figures=figures,
         note=note(summary),
         lacking=lacking(summary),

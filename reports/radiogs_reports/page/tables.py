@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..cost import Grid
 from ..front import cost_of
+from ..grids import Grid
 from ..paper.layout import as_printed
 from ..paper.reading import change, measured
 from ..paper.reading import ranks as paper_ranks
@@ -158,12 +158,12 @@ def paper_table(table: PaperTable) -> Table:
     )
 
 
-def cost_table(grid: Grid) -> Table:
-    """A grid of the report of cost; a column sorts by number if all that is known of it are numbers."""
-    rows = [[Entry(item.text, item.value, reason="not known") for item in row] for row in grid.rows]
+def grid_table(grid: Grid) -> Table:
+    """A grid of derived figures; a column sorts by number if all that is known of it are numbers."""
+    rows = [[Entry(item.text, item.value, reason=item.reason) for item in row] for row in grid.rows]
     kinds = [{type(row[place].value) for row in rows} - {type(None)} for place in range(len(grid.heads))]
     heads = [Head(text, numeric=str not in kind) for text, kind in zip(grid.heads, kinds, strict=True)]
-    return Table(f"cost-{grid.name}", grid.note, heads, rows, grid.title)
+    return Table(f"grid-{grid.name}", grid.note, heads, rows, grid.title)
 
 
 def cells_table(summary: Summary) -> Table:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from scipy.special import stdtrit
 
-from ..front import cost_of
-from ..summary import RunSummary, Summary
+from .front import cost_of
+from .summary import RunSummary, Summary
 
 CONFIDENCE = 0.95
 
