@@ -67,6 +67,11 @@ def accounts(model: Model, ledgers: Mapping[str, Ledger], views: int) -> tuple[d
     return metrics, timings
 
 
+def probing(ledger: Ledger) -> dict[str, float]:
+    """What the probes of stage 2 took of its seconds and rays; nothing where effects were not decided by probes."""
+    return {"seconds": ledger["parts"].get("probe", 0.0), "rays": ledger["work"].get("probe_rays", 0)}
+
+
 def run_cell(
     bench: Bench,
     cell: Cell,
@@ -114,7 +119,11 @@ def run_cell(
         },
         work={name: ledger["work"] for name, ledger in ledgers.items()} | {"evaluate": dict(work)},
         guards={name: ledger["guards"] for name, ledger in ledgers.items()} | {"evaluate": dict(fired)},
-        effects={"plan": model.plan.plain(), "evidence": [dict(each) for each in model.evidence]},
+        effects={
+            "plan": model.plan.plain(),
+            "evidence": [dict(each) for each in model.evidence],
+            "probing": probing(ledgers["invert"]),
+        },
         sessions={name: ledger["sessions"] for name, ledger in ledgers.items()} | {"evaluate": [session(bench.device)]},
     )
     bench.store.put_result(result, evaluation.arrays)

@@ -11,6 +11,7 @@ from radiogs.effects.plan import EffectPlan
 from radiogs.errors import NumericalFailure
 from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
+from radiogs.parts import spent
 from radiogs.scene import Scene
 from radiogs.surfels import Surfels
 
@@ -51,6 +52,8 @@ class Ledger(TypedDict):
     """What a stage cost and how it ended; kept beside its outcome, and in every checkpoint so far."""
 
     seconds: float
+    parts: dict[str, float]
+    """Those of the seconds that named parts of the stage took (see ``radiogs.parts``)."""
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]
@@ -123,6 +126,7 @@ def completed(
         started = time.perf_counter()
         work.clear()
         fired.clear()
+        spent.clear()
         forget_peaks(bench.device)
         stage = begin()
         ledger = _run(bench, name, title, stage, started, score)
@@ -150,7 +154,7 @@ def _run(
     score: Callable[[SomeStage], dict[str, float]] | None,
 ) -> Ledger:
     """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
-    ledger = Ledger(seconds=0.0, work={}, guards={}, losses={}, trail=[], since={}, sessions=[])
+    ledger = Ledger(seconds=0.0, parts={}, work={}, guards={}, losses={}, trail=[], since={}, sessions=[])
     stored = bench.store.tensors(_checkpoint(name), bench.device)
     if stored is not None:
         ledger = stored["ledger"]
@@ -160,6 +164,8 @@ def _run(
         for counter, counted in ((work, ledger["work"]), (fired, ledger["guards"])):
             counter.clear()
             counter.update(counted)
+        spent.clear()
+        spent.update(ledger["parts"])
     earlier = ledger["sessions"]
     losses = ledger["losses"]
     trail = Trail(stage.iterations, ledger["trail"], ledger["since"], scored=score is not None)
@@ -168,8 +174,8 @@ def _run(
         seconds = time.perf_counter() - started
         sessions = [*earlier, session(bench.device)]
         return Ledger(
-            seconds=seconds, work=dict(work), guards=dict(fired), losses=losses, trail=trail.points, since=trail.since,
-            sessions=sessions,
+            seconds=seconds, parts=dict(spent), work=dict(work), guards=dict(fired), losses=losses,
+            trail=trail.points, since=trail.since, sessions=sessions,
         )  # fmt: skip
 
     due = time.perf_counter() + bench.checkpoint_seconds

@@ -87,8 +87,9 @@ class Result(TypedDict):
     """How often each guard of ``radiogs.guards`` acted, by stage; absent in results from before it was counted."""
     effects: NotRequired[dict[str, Any]]
     """``plan``: what was simulated when training ended (see ``radiogs.effects.plan``; of masks the share of surfels
-    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.evidence``). Absent in
-    results of experiments that train nothing."""
+    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.evidence``).
+    ``probing``: what the probes took of stage 2, ``seconds`` and ``rays``; absent in results from before it was kept.
+    Absent in results of experiments that train nothing."""
     sessions: dict[str, list[Session]]
     """By stage, oldest first."""
 

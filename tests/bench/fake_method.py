@@ -12,6 +12,7 @@ from radiogs.budget import Budget, budget
 from radiogs.errors import ExplainedError
 from radiogs.kernels.counters import count, fire
 from radiogs.model import Model
+from radiogs.parts import spent
 from radiogs.scene import Scene
 from radiogs.surfels import Surfels
 from radiogs.variant import Variant
@@ -51,6 +52,7 @@ class FakeStage:
         self.iteration += 1
         count(steps=self.iteration)
         fire(faint_surfels=self.iteration)
+        spent["probe"] += self.iteration
         return {"distance": float(self.place.norm())}
 
     def state(self) -> dict[str, Any]:

@@ -92,6 +92,7 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
     assert resumed is not None
     assert resumed["metrics"] == whole["metrics"]
     assert resumed["work"] == whole["work"]
+    assert resumed["effects"]["probing"] == whole["effects"]["probing"] == {"seconds": 1 + 2 + 3, "rays": 0}
     assert len(resumed["sessions"]["initialise"]) == 3
     assert not list(tmp_path.rglob("*.checkpoint.pt"))
 

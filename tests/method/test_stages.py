@@ -10,6 +10,7 @@ import torch
 from radiogs.budget import INVERSE_ONLY, Budget, budget
 from radiogs.errors import NumericalFailure
 from radiogs.kernels.counters import work
+from radiogs.parts import spent
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from scenes import sphere_scene
@@ -105,6 +106,21 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
     assert whole.planner.evidence == resumed.planner.evidence
     assert {record.iteration for record in whole.planner.evidence} == {0, 5, 10, 15}
     assert whole.plan == resumed.plan
+
+
+def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
+    """The first probe traces its directions once from every surfel; steps without a probe add nothing to it."""
+    stage = inverse(initialised, Variant(effects="auto"))
+    work.clear()
+    spent.clear()
+    stage.step()
+    once = len(stage.optimiser.surfels) * stage.planner.samples
+    taken = dict(spent)
+    assert work["probe_rays"] == once <= work["rays"]
+    assert taken["probe"] > 0
+    stage.step()
+    assert work["probe_rays"] == once
+    assert dict(spent) == taken
 
 
 def test_initialisation_learns_the_images() -> None:

@@ -5,9 +5,10 @@ from collections import Counter
 work: Counter[str] = Counter()
 """Work done by this process since it was last cleared.
 
-rays; node_visits and leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels.
-shaded_samples: surfels times views times directions; lobes: those of surfels that have a specular part. bytes_read: of
-nodes, leaves, surfels and samples, each time that one is used (caches may serve most of it).
+rays; probe_rays, those of them that probes of effects traced; node_visits and leaf_visits of their traversal; hits that
+were blended. blended_pairs: surfels times pixels. shaded_samples: surfels times views times directions; lobes: those of
+surfels that have a specular part. bytes_read: of nodes, leaves, surfels and samples, each time that one is used (caches
+may serve most of it).
 """
 
 

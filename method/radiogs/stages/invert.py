@@ -26,6 +26,7 @@ from ..losses import (
 )
 from ..model import Model, constant_light
 from ..optimiser import SurfelOptimiser
+from ..parts import part
 from ..profile import START_RADIANCE
 from ..radiometric import consistency_loss, split_sum_consistency_loss
 from ..rendering import own_radiance, shade_surfels, splat, towards
@@ -131,6 +132,15 @@ class InverseRendering:
 
     def _plan_anew(self) -> None:
         """Probe what the scene calls for now; another plan begins with incident light of its own."""
+        with part("probe"):
+            other_rays = self._probe()
+        if other_rays:
+            self.tracer.follow(self.model.surfels)
+            self.incident = self._gathered(self.model.surfels)
+            self.gathered_at = self.iteration
+
+    def _probe(self) -> bool:
+        """Let the planner decide anew; says whether other rays than before are to be traced."""
         # Materials and light as stage 1 left them, at first: what begins here afresh says little of what effects do.
         model, budget = self.model if self.iteration else self._initial_model(), self.budget
         step = Step(len(model.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
@@ -139,10 +149,7 @@ class InverseRendering:
             self.tracer.follow(model.surfels)
             drawn = torch.Generator(self.device).manual_seed(self.seed + self.iteration)
             stale = staleness(self.tracer, model.surfels, model.environment, self.incident, self.plan, drawn)
-        if self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale):
-            self.tracer.follow(self.model.surfels)
-            self.incident = self._gathered(self.model.surfels)
-            self.gathered_at = self.iteration
+        return self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale)
 
     def _initial_model(self) -> Model:
         light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
