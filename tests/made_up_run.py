@@ -115,6 +115,7 @@ def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | No
         "guards": {"invert": {"faint_surfels": 3}},
         "losses": {"invert": {"radiance": 0.125}},
         "trail": trail(),
+        "effects": None,
         "surfels": 600,
         "view": "test_004",
         "light": "sky",
@@ -126,7 +127,7 @@ def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | No
 
 def unfinished(row: str, scene: str, seed: int, key: str) -> RunSummary:
     """A cell that is still to be run."""
-    nothing: dict[str, Any] = {"surfels": None, "view": None, "light": None, "arrays": None}
+    nothing: dict[str, Any] = {"effects": None, "surfels": None, "view": None, "light": None, "arrays": None}
     empty: dict[str, Any] = {name: {} for name in EMPTY}
     place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do"}
     return {**place, **nothing, **empty}  # type: ignore[typeddict-item]

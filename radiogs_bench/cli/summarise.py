@@ -6,6 +6,7 @@ from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
     ColumnSummary,
+    PlanSummary,
     RowSummary,
     RunSummary,
     SheetSummary,
@@ -148,6 +149,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         guards={},
         losses={},
         trail={},
+        effects=None,
         surfels=None,
         view=None,
         light=None,
@@ -167,8 +169,23 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
                 for p in points]
         for stage, points in result["trail"].items()
     }  # fmt: skip
+    run["effects"] = plan_summary(result)
     run["view"], run["light"] = result["shown_view"], result["shown_light"]
     run["arrays"] = arrays.relative_to(store.folder).as_posix() if arrays.exists() else None
     run["made_from"] = result["cell"]
     run["sessions"] = {stage: [{**session} for session in sessions] for stage, sessions in result["sessions"].items()}
     return run
+
+
+def plan_summary(result: Result) -> PlanSummary | None:
+    """What was simulated, and on what evidence."""
+    effects = result.get("effects")
+    if effects is None:
+        return None
+    bound = result["metrics"].get("plan/bound")
+    return PlanSummary(
+        plan=effects["plan"],
+        bound=None if bound is None else bound["value"],
+        tolerance=max((each["tolerance"] for each in effects["evidence"]), default=None),
+        probing=effects.get("probing"),
+    )

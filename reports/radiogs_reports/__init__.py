@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from .audit import audit_csv, audit_latex, audit_markdown, audit_report
 from .contact_sheet import write_contact_sheet
 from .cost import cost_csv, cost_latex, cost_markdown, cost_report
 from .document import report_document
@@ -61,5 +62,13 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
             "tables/cost.csv": cost_csv(summary, cost),
         }
         inputs.append("tables/cost.tex")
+    audit = audit_report(summary)
+    if audit is not None:
+        made |= {
+            "tables/audit.tex": audit_latex(summary, audit),
+            "tables/audit.md": audit_markdown(summary, audit),
+            "tables/audit.csv": audit_csv(audit),
+        }
+        inputs.append("tables/audit.tex")
     shown = [(f"{FOLDER}/{drawn.pdf.name}", drawn.caption) for drawn in figures]
     return made | {"report.tex": report_document(summary, inputs, shown)}

@@ -75,6 +75,19 @@ class TrailPoint(TypedDict):
     metrics: dict[str, float]
 
 
+class PlanSummary(TypedDict):
+    """Which effects a cell simulated when its training ended, and what probes predicted and took."""
+
+    plan: dict[str, Any]
+    """By field; of masks the share of surfels that are on."""
+    bound: float | None
+    """dB that the plan costs at most, by the probe that says most; None where results do not hold it."""
+    tolerance: float | None
+    """dB that probes tolerated; None where nothing was probed."""
+    probing: dict[str, float] | None
+    """``seconds`` and ``rays`` of stage 2 that probes took; None in results from before it was kept."""
+
+
 class RunSummary(TypedDict):
     """One cell of the run: its place in the table, its figures, what it took, and where it comes from."""
 
@@ -96,6 +109,8 @@ class RunSummary(TypedDict):
     """The last step's weighted losses by stage."""
     trail: dict[str, list[TrailPoint]]
     """How the losses fell and, where the model was scored along the way, how the figures rose; by stage."""
+    effects: PlanSummary | None
+    """None where nothing was trained, and in results from before plans were kept."""
     surfels: int | None
     view: str | None
     light: str | None

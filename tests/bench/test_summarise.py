@@ -6,7 +6,7 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
-from radiogs_bench.cli.summarise import summarise
+from radiogs_bench.cli.summarise import plan_summary, summarise
 from radiogs_bench.engines.sweep import Request
 from radiogs_bench.suites.paper import ABLATIONS
 
@@ -41,6 +41,23 @@ def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) 
     assert summary["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx(sum(ours) / 3)
     assert summary["cells"]["ours"]["nvs/psnr"]["difference"] is None
     assert summary["published"] == PUBLISHED
+
+
+def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) -> None:
+    result = sweep.store.result(PLACES[0]["key"])
+    assert result is not None
+    plain = plan_summary(result)
+    assert plain is not None
+    assert plain["plan"]["visibility"]
+    assert (plain["bound"], plain["tolerance"], plain["probing"]) == (None, None, {"seconds": 6.0, "rays": 0})
+    result["effects"]["evidence"] = [{"tolerance": 0.0}, {"tolerance": 0.1}]  # a probe that failed tolerates nothing
+    result["metrics"]["plan/bound"] = {"value": 0.03, "reason": None, "views": []}
+    del result["effects"]["probing"]
+    probed = plan_summary(result)
+    assert probed is not None
+    assert (probed["bound"], probed["tolerance"], probed["probing"]) == (0.03, 0.1, None)
+    del result["effects"]
+    assert plan_summary(result) is None
 
 
 def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:

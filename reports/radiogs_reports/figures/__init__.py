@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from ..summary import Summary
+from .audit import audit_figure
 from .canvas import Drawn, save
 from .convergence import convergence_figures
 from .cost import cost_figure
@@ -21,6 +22,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     """Write every figure that the stored results give into ``out``/figures; the same results give the same bytes."""
     figures = [
         *(knob_figures(summary) or cost_figure(summary)),
+        *audit_figure(summary),
         *convergence_figures(summary),
         *finetuning_figures(summary, out),
         *qualitative_figures(summary, out),

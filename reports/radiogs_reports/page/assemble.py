@@ -11,6 +11,7 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import maps
+from ..audit import audit_report
 from ..cost import cost_report
 from ..front import COSTS, cost_of, points
 from ..plain import note
@@ -38,7 +39,7 @@ def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] 
 
 def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
     """The whole page; ``figures`` are data addresses and captions."""
-    cost = cost_report(summary)
+    cost, audit = cost_report(summary), audit_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
     templates = Environment(
@@ -54,6 +55,8 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         paper=[paper_table(table) for table in summary["paper"]],
         sentences=[] if cost is None else cost.sentences,
         grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
+        audit=audit,
+        audit_table=None if audit is None else grid_table(audit.grid),
         figures=figures,
         note=note(summary),
         lacking=lacking(summary),

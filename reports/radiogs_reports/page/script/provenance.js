@@ -53,7 +53,7 @@
       });
       body.append(button);
     }
-    const parts = { "What the key is made of": run.made_from, Figures: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses };
+    const parts = { "What the key is made of": run.made_from, Figures: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses, Effects: run.effects ?? {} };
     for (const [title, content] of Object.entries(parts)) {
       if (Object.keys(content).length) body.append(part(title, content));
     }

@@ -1,0 +1,120 @@
+"""What probes predicted beside what was observed: the bound on the loss and the loss, scene by scene."""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.scale import SymmetricalLogScale
+from matplotlib.ticker import FixedLocator, FuncFormatter
+
+from ..audit.lines import Line, audit_lines
+from ..summary import Summary
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, number, plain
+
+ACROSS = 2
+PANEL = (3.4, 3.2)
+LEGEND = 2.1
+"""Inches for the names of scenes."""
+
+LINEAR_UP_TO = 5.0
+"""Tolerances: axes that reach further are logarithmic beyond one tolerance."""
+
+DECADES = 4
+"""Beyond the tolerance that have ticks: images that differ by more are not images of one thing."""
+
+ROOM = 1.15
+"""By how much axes reach beyond what they show."""
+
+
+def audit_figure(summary: Summary) -> list[Sketch]:
+    """A panel for each row that was probed; none where no row was, or nothing of it is known."""
+    lines = [line for line in audit_lines(summary) if line.bound is not None and line.losses["nvs"] is not None]
+    rows = [row for row in summary["rows"] if any(line.row == row["key"] for line in lines)]
+    if not rows:
+        return []
+    bands, across = -(-len(rows) // ACROSS), min(ACROSS, len(rows))
+    with rc_context(STYLE):
+        figure = blank(PANEL[0] * across + LEGEND, PANEL[1] * bands)
+        grid = figure.subplots(bands, across, squeeze=False).ravel()
+        for axes, row in zip(grid, rows, strict=False):
+            _panel(axes, summary, [line for line in lines if line.row == row["key"]])
+            axes.set_title(plain(row["text"]))
+        for axes in grid[len(rows) :]:
+            axes.set_visible(False)
+        figure.legend(handles=_handles(summary, lines), loc="outside right center", frameon=False)
+    caption = (
+        "Predicted bound on the loss of NVS PSNR (the largest of all probes and seeds) and the observed loss against"
+        " everything on (mean over paired seeds; bars: 95 % t interval). Below the diagonal the loss is under its"
+        " bound. Dashed: the tolerance. Where nothing was left out, bound and loss are 0."
+    )
+    return [Sketch("audit", caption, figure, on_page=True)]
+
+
+def _panel(axes: Axes, summary: Summary, lines: Sequence[Line]) -> None:
+    tolerance = max((line.tolerance for line in lines if line.tolerance is not None), default=None)
+    bounds, ends = [0.0 if tolerance is None else tolerance], [0.0 if tolerance is None else tolerance]
+    for line in lines:
+        loss = line.losses["nvs"]
+        assert loss is not None  # only such lines are drawn
+        assert line.bound is not None
+        low, high = (loss.mean if end is None else end for end in (loss.low, loss.high))
+        colour, marker = _style(summary, line.scene)
+        axes.errorbar(
+            line.bound, loss.mean, [[loss.mean - low], [high - loss.mean]], fmt=marker, color=colour, markersize=5,
+            elinewidth=0.8, capsize=2,
+        )  # fmt: skip
+        bounds.append(line.bound)
+        ends += [low, high]
+    if tolerance is not None:
+        _scale(axes, "x", tolerance, max(bounds))
+        _scale(axes, "y", tolerance, max(map(abs, ends)))
+    right = ROOM * max(bounds) or 1.0
+    axes.set_xlim(-0.05 * right, right)
+    axes.set_ylim(min(-0.05 * right, ROOM * min(ends)), max(right, ROOM * max(ends)))
+    places = np.linspace(0, right, 200)
+    axes.plot(places, places, color="#888888", linewidth=0.8, zorder=1)
+    axes.axhline(0, color="#cccccc", linewidth=0.8, zorder=1)
+    if tolerance is not None:
+        axes.axhline(tolerance, color="#444444", linestyle="--", linewidth=0.8, zorder=1)
+        axes.axvline(tolerance, color="#444444", linestyle="--", linewidth=0.8, zorder=1)
+    axes.set_xlabel("predicted bound (dB)")
+    axes.set_ylabel("observed loss of NVS PSNR (dB)")
+    axes.grid(color="#e4e4e4", linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def _scale(axes: Axes, which: Literal["x", "y"], tolerance: float, reach: float) -> None:
+    """Logarithmic beyond the tolerance, to both sides, where the axis reaches far."""
+    if reach <= LINEAR_UP_TO * tolerance:
+        return
+    axes.set(**{f"{which}scale": SymmetricalLogScale(None, linthresh=tolerance)})
+    axis = {"x": axes.xaxis, "y": axes.yaxis}[which]
+    steps = [tolerance * step * 10.0**decade for decade in range(DECADES) for step in (1, 2, 5)]
+    axis.set_major_locator(FixedLocator([0.0, *(sign * each for sign in (-1, 1) for each in (tolerance / 2, *steps))]))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+
+
+def _style(summary: Summary, scene: str) -> tuple[str, str]:
+    """A scene's colour and mark: no two of 64 scenes have both in common."""
+    place = summary["scenes"].index(scene)
+    return COLOURS[place % 8], MARKERS[(place + place // 8) % 8]
+
+
+def _handles(summary: Summary, lines: Sequence[Line]) -> list[Line2D]:
+    scenes = [scene for scene in summary["scenes"] if any(line.scene == scene for line in lines)]
+    handles = []
+    for scene in scenes:
+        colour, marker = _style(summary, scene)
+        label = _named(scene, lines)
+        handles.append(Line2D([], [], linestyle="", marker=marker, color=colour, markersize=5, label=label))
+    diagonal = Line2D([], [], color="#888888", linewidth=0.8, label="loss = bound")
+    tolerance = Line2D([], [], color="#444444", linestyle="--", linewidth=0.8, label="tolerance")
+    return [*handles, diagonal, tolerance]
+
+
+def _named(scene: str, lines: Sequence[Line]) -> str:
+    left = [line.bound for line in lines if line.scene == scene]
+    return plain(scene) if any(left) else f"{plain(scene)}: nothing left out"
