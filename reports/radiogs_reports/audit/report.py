@@ -17,6 +17,7 @@ DECIMALS = 3
 """Of dB: bounds are a few hundredths."""
 
 BY_HAND = "no probe: the effects were chosen by hand"
+UNTIMED = "these results are from before probes were timed"
 
 
 class AuditReport(NamedTuple):
@@ -89,7 +90,7 @@ def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
             *_prediction(line),
             _share(line.rays, "everything on traces no rays either"),
             *(Item("n/a") if each is None else Item(factor(each), each.mean) for each in (line.stage2, line.training)),
-            _share(line.probe_seconds, "the results do not hold it") if line.probed else Item("none", None, BY_HAND),
+            _share(line.probe_seconds, UNTIMED) if line.probed else Item("none", None, BY_HAND),
             Item(line.left_out, line.left_out),
         ]
         for line in lines
