@@ -3,6 +3,7 @@
 import copy
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -13,6 +14,7 @@ from radiogs.budget import budget
 from radiogs.colour import srgb_encode
 from radiogs.effects.candidates import Candidates
 from radiogs.effects.gradient import pull_of_images
+from radiogs.effects.judge import Judge
 from radiogs.effects.lighting import concentration, own_error, plan_for_light, reference_colour, subject_under
 from radiogs.effects.plan import EffectPlan, everything
 from radiogs.effects.planner import Planner
@@ -272,7 +274,7 @@ def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> 
 
 def test_an_effect_that_appears_during_training_is_switched_on_again(initialised: dict[str, Any]) -> None:
     """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
-    planner = Planner("auto", 0, 40, SAMPLES)
+    planner = Planner("auto", 0, 30, SAMPLES)
     planner.plan = everything().without("indirect").without("visibility")
     wall = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
     surfels = surfels_over([FLOOR, wall], 0.12)
@@ -313,13 +315,14 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
         "samples": everything().without("samples"),
     }
 
-    class Judge:
-        step, seed, tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
+    class TogetherTooMuch(Judge):
+        def __init__(self) -> None:
+            self.step, self.seed, self.tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
 
-        def measure(self, asked: list[tuple[str, EffectPlan]]) -> list[None]:
-            return [None] * len(asked)
+        def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Any]:
+            return [None] * len(asked_of)
 
-        def decided(self, effect: str, plan: EffectPlan, measured: None, before: EffectPlan) -> tuple[str, str, None]:
+        def decided(self, effect: str, plan: EffectPlan, measured: Any, before: EffectPlan) -> tuple[Any, str, Any]:
             left_out = {
                 name
                 for name, out in (
@@ -331,7 +334,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
             }
             return ("on" if refused <= left_out else "off", "", None)
 
-    plan, record, left = _accepted(Judge(), chosen, everything(), 7)  # type: ignore[arg-type]
+    plan, record, left = _accepted(TogetherTooMuch(), chosen, everything(), 7)
     assert set(left) == {"visibility", "samples"}
     assert plan.indirect
     assert plan.traced is local.traced
