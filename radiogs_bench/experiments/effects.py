@@ -14,9 +14,9 @@ from radiogs.effects.lighting import IN_RELIGHTING, own_error, plan_for_light, s
 from radiogs.effects.planner import SIGHTS
 from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, probe
-from radiogs.effects.subject import OVERLAP, Sight, Subject, subject_of
+from radiogs.effects.subject import Sight, Subject, subject_of
 from radiogs.errors import DataError
-from radiogs.incident import Incident, SurfelTracer, visibility_of
+from radiogs.incident import SELF_OFFSET, Incident, SurfelTracer, visibility_of
 from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.rendering import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
@@ -150,7 +150,7 @@ def plan_under(
     budget: Budget,
     seed: int,
     device: torch.device,
-    offset: float = OVERLAP,
+    offset: float = SELF_OFFSET,
 ) -> tuple[Subject, Findings]:
     """What relighting a model by ``light`` may leave out, and what was looked at."""
     surfels, sights = model.surfels, sights_of(scene, device)

@@ -10,7 +10,7 @@ from torch import Tensor
 from ..colour import srgb_encode
 from .candidates import Candidates
 from .images import same_light, splatted
-from .judge import NO_GAUGE
+from .judge import factor_is_free
 from .plan import HIGHEST_DEGREE, everything
 from .subject import Subject
 from .ways import altogether
@@ -34,7 +34,8 @@ def difference_maps(
     maps = {}
     for effect, plan in plans.items():
         full = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"]
-        factor = torch.ones(3) if effect in NO_GAUGE else same_light(images[effect], full, covered)
+        free = factor_is_free(effect, subject)
+        factor = same_light(images[effect], full, covered) if free else torch.ones(3)
         change = srgb_encode(images[effect][0] * factor.to(full[0])) - srgb_encode(full[0])
         maps[effect] = change.abs().mean(-1)
     return srgb_encode(images["shaded"][0]), maps

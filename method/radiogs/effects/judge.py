@@ -24,6 +24,11 @@ NO_GAUGE = ("view-dependence", "samples")
 """Effects whose absence no factor on the light takes back."""
 
 
+def factor_is_free(effect: str, subject: Subject) -> bool:
+    """Whether a factor on the light may take back what leaving an effect out does to all pixels alike."""
+    return effect not in NO_GAUGE and not subject.given_light
+
+
 class Judge:
     """Measures plans against the full images of a subject."""
 
@@ -96,7 +101,7 @@ class Judge:
         errors = {
             key: tile_errors(
                 images[names[key]], self.full[key[1]], self.subject.sights, self.covered,
-                scaled=asked_of[key[0]][0] not in NO_GAUGE,
+                scaled=factor_is_free(asked_of[key[0]][0], self.subject),
             )
             for key in asked
         }  # fmt: skip

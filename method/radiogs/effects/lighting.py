@@ -13,7 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..colour import srgb_encode
-from ..incident import unoccluded
+from ..incident import SELF_OFFSET, unoccluded
 from ..light import EnvironmentMap, texel_solid_angles
 from ..rendering import own_radiance, shade_surfels, splat
 from ..sampling import LightSampler, hemisphere_directions, relighting_directions
@@ -25,7 +25,7 @@ from .images import mean_error
 from .plan import EffectPlan
 from .prices import Step
 from .probe import LEVEL, PROBES, Findings, probe
-from .subject import OVERLAP, Sight, Subject, subject_of
+from .subject import Sight, Subject, subject_of
 from .tolerance import TOLERANCE_DB, Tolerance
 
 CHECKED = 128
@@ -155,17 +155,19 @@ def subject_under(
     light: EnvironmentMap,
     sights: Sequence[Sight],
     seed: int,
-    offset: float = OVERLAP,
+    offset: float = SELF_OFFSET,
 ) -> Subject:
     """A model as it is relit, seen from ``sights``, whose images are another light's and left out.
 
-    ``albedo``: linear, as it will be relit. ``offset``: where rays start (see ``OVERLAP``). L_ind is that of light that
-    has met one surface, as in relighting: the surfels' own is another light's.
+    ``albedo``: linear, as it will be relit. ``offset``: where rays start, by default as they do in relighting: what
+    they meet close by belongs to the images, too, and nothing is learnt that could take its absence back. L_ind is
+    that of light that has met one surface, as in relighting: the surfels' own is another light's.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     blind = tuple(Sight(sight.camera, None) for sight in sights)
     subject = subject_of(painted, light.radiance, blind, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
+    subject = replace(subject, given_light=True)
     if subject.first is None:
         return subject
     return replace(subject, incident=replace(subject.incident, radiance=subject.first))

@@ -40,7 +40,7 @@ class Subject:
     surfels, environment (linear radiance, lat-long): as they are. sights: from where. incident: V and L_ind of all
     surfels along the probe's directions. first: L_ind of light that has met one surface alone, along the same; None
     where it was not asked for. sharpest: the roughness that any surface may yet be learnt to have, at which its lobe is
-    judged besides; None: materials are final.
+    judged besides; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
     """
 
     surfels: Surfels
@@ -49,6 +49,7 @@ class Subject:
     incident: Incident
     first: Float[Tensor, "surfels samples 3"] | None = None
     sharpest: float | None = None
+    given_light: bool = False
 
     @property
     def occlusion(self) -> Float[Tensor, " surfels"]:
