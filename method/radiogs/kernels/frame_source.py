@@ -7,7 +7,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from .runtime import NATIVE, scalar_type, start_warp
+from .runtime import ITEMWISE, scalar_type, start_warp
 
 # The largest entry is divided out first: in float32 the squares of entries below 1e-19 lose their digits. A zero
 # quaternion has inverse = 0: its frame is zero, and so is its gradient.
@@ -75,11 +75,11 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     @wp.func_native(backward_text)
     def pull_of(surfel: wp.int32, rotation: flat, pull: flat, out: flat): ...
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def forward(begin: wp.int32, rotation: flat, out: flat):
         frame_of(begin + wp.tid(), rotation, out)
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def backward(begin: wp.int32, rotation: flat, pull: flat, out: flat):
         pull_of(begin + wp.tid(), rotation, pull, out)
 

@@ -11,7 +11,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from .runtime import NATIVE, scalar_type, start_warp
+from .runtime import ITEMWISE, scalar_type, start_warp
 
 HARMONICS = """
     const SCALAR xx = x * x, yy = y * y, zz = z * z;
@@ -112,11 +112,11 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
         grad_direction: flat,
     ): ...
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def forward(begin: wp.int32, coefficients: wp.int32, views: wp.int32, sh: flat, direction: flat, out: flat):
         send(begin + wp.tid(), coefficients, views, sh, direction, out)
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def backward(
         begin: wp.int32,
         coefficients: wp.int32,

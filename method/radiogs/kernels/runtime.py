@@ -52,6 +52,11 @@ NATIVE = {"cpu_compiler_flags": "-march=native -ffp-contract=fast"}
 rule NaN and infinity out."""
 
 
+ITEMWISE = {"cpu_compiler_flags": "-march=native -ffp-contract=on"}
+"""Module options of kernels without loops of their own, which the compiler may run several items of at once: what is
+contracted must not depend on whether an item falls into such a group, or results would depend on the chunks' sizes."""
+
+
 MOST_ENTRIES = 2**31 - 1
 """Entries of one list: kernels count them in 32 bits."""
 

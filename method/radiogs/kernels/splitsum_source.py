@@ -13,7 +13,7 @@ import torch
 import warp as wp
 
 from ..brdf import FRESNEL_NORMAL
-from .runtime import NATIVE, scalar_type, start_warp
+from .runtime import ITEMWISE, scalar_type, start_warp
 
 _POINT = """
 #if defined(__CUDA_ARCH__)
@@ -252,11 +252,11 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float) -> Any
         grad_sharp: flat,
     ): ...
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def forward(begin: wp.int32, given: Inputs, out: flat):
         shade_point(begin + wp.tid(), given, out)
 
-    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
     def backward(
         begin: wp.int32,
         given: Inputs,
