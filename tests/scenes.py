@@ -7,6 +7,7 @@ import torch
 from radiogs.camera import Camera
 from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs.scene import Scene, View
+from radiogs.surfels import Surfels, surfels_at
 
 
 def look_at(position: torch.Tensor, target: torch.Tensor, size: int, focal: float) -> Camera:
@@ -30,6 +31,17 @@ def sun_and_sky(height: int) -> tuple[torch.Tensor, torch.Tensor]:
     disc = ((direction @ sun) > math.cos(math.radians(0.53 / 2))).double()
     radiance = 2 / float((disc * texel_solid_angles(height, 2 * height)).sum())
     return (0.1 + radiance * disc)[..., None].repeat(1, 1, 3).float(), sun.float()
+
+
+def surfels_facing(centre: torch.Tensor, normal: torch.Tensor) -> Surfels:
+    """Grey opaque surfels, 0.1 wide, at ``centre`` with those unit normals. Not for a normal of -Z."""
+    count = len(centre)
+    surfels = surfels_at(centre, torch.full((count,), 0.1), centre + normal, torch.Generator().manual_seed(0))
+    # The shortest rotation from +Z to n is the quaternion (1 + n_z, -n_y, n_x, 0).
+    rotation = torch.stack([1 + normal[:, 2], -normal[:, 1], normal[:, 0], torch.zeros(count)], -1)
+    surfels.rotation = torch.nn.functional.normalize(rotation, dim=-1)
+    surfels.opacity_logit = torch.full((count,), 3.0)
+    return surfels
 
 
 def sphere_scene(views: int = 6, size: int = 16, scale: float = 1.0) -> Scene:

@@ -7,8 +7,9 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from .effects.plan import EffectPlan, everything
+from .horizon import above, nearest, patch_normal
 from .kernels.bvh import SurfelBVH
-from .kernels.geometry import TRACE_TRANSMITTANCE_STOP
+from .kernels.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .kernels.trace import Hits, trace
 from .profile import FIXED_OFFSET
 from .sampling import hemisphere_directions
@@ -54,7 +55,10 @@ def tracer_of(surfels: Surfels, variant: Variant) -> "SurfelTracer":
 
 
 class SurfelTracer:
-    """Traces rays from surfels to surfels; holds the bounding volumes, which are made when the first ray asks for them.
+    """Traces rays from surfels to surfels, or says what stands for them.
+
+    Holds the bounding volumes, which are made when the first ray asks for them, and who is whose neighbour, found when
+    the first surfel goes without rays.
 
     ``offset``: how far from their own surfel rays start, in its standard deviations; with ``world_offset``, that many
     world units instead.
@@ -63,15 +67,23 @@ class SurfelTracer:
     def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET, world_offset: float | None = None) -> None:
         self.offset, self.world_offset = offset, world_offset
         self._bvh: SurfelBVH | None = None
+        self._neighbours: Int[Tensor, "surfels neighbours"] | None = None
         self.follow(surfels)
-        # The tree begins as that of these surfels whenever it is built: a run that is resumed has the same one.
+        # Tree and neighbours are those of these surfels whenever they are asked for, as in a run that is resumed.
         self._first = self.geometry
 
     def follow(self, surfels: Surfels) -> None:
         """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
         self.surfels = surfels
-        self.geometry = surfels.geometry()
+        self._geometry: SplatGeometry | None = None
         self._fitted = False
+
+    @property
+    def geometry(self) -> SplatGeometry:
+        """The surfels that are followed, as rays meet them."""
+        if self._geometry is None:
+            self._geometry = self.surfels.geometry()
+        return self._geometry
 
     @property
     def bvh(self) -> SurfelBVH:
@@ -110,26 +122,37 @@ class SurfelTracer:
     ) -> Incident:
         """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels.
 
-        What ``plan`` leaves out is not traced: V = 1 and L_ind = 0 there.
+        What ``plan`` leaves out is not traced: see ``untraced``.
         """
-        alone = unoccluded(direction, weight)
         places = plan.traced_among(index)
         if not len(places):
-            return alone
+            return self.untraced(index, direction, weight)
         none = self.geometry.centre.new_zeros(len(self.geometry), 0)
         hits = self.trace(index[places], direction[places], none)
         visibility, whole = visibility_of(hits)
         shape = (len(places), direction.shape[1])
         visibility, radiance = visibility.view(shape), (hits.radiance * whole[:, None]).view(*shape, 3)
-        if len(places) < len(index):
-            visibility = alone.visibility.index_copy(0, places, visibility)
-            radiance = alone.radiance.index_copy(0, places, radiance)
+        if plan.traces_all:
+            return Incident(direction, weight, visibility, radiance)
+        free = self.untraced(index, direction, weight)
         return Incident(
             direction,
             weight,
-            visibility if plan.visibility else alone.visibility,
-            radiance if plan.indirect else alone.radiance,
+            free.visibility.index_copy(0, places, visibility) if plan.visibility else free.visibility,
+            free.radiance.index_copy(0, places, radiance) if plan.indirect else free.radiance,
         )
+
+    def untraced(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+    ) -> Incident:
+        """What stands for rays: V = 1 above the horizon and 0 below (see ``horizon``), L_ind = 0. No gradient."""
+        if self._neighbours is None:
+            self._neighbours = nearest(self._first)
+        normal = patch_normal(self.surfels, index, self._neighbours)
+        return Incident(direction, weight, above(direction, normal), torch.zeros_like(direction))
 
 
 def unoccluded(direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]) -> Incident:

@@ -115,8 +115,9 @@ def split_sum_incident(
     The surfels' own radiance belongs to another light; the met surface is lit by the new one, unoccluded (one bounce).
     What ``plan`` leaves out is not traced.
     """
-    incident = unoccluded(direction, weight)
-    chosen = plan.traced_among(torch.arange(len(surfels), device=direction.device))
+    every = torch.arange(len(surfels), device=direction.device)
+    incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
+    chosen = plan.traced_among(every)
     prefiltered = PrefilteredLight(light.radiance)
     features = torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None]], -1)
     together = max(1, RAYS_AT_ONCE // direction.shape[1])

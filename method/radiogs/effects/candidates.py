@@ -20,7 +20,7 @@ from ..shading import lambert_albedo
 from ..spherical_harmonics import surfel_radiance
 from ..surfels import Surfels, roughness_to_logit
 from .plan import EffectPlan
-from .subject import Subject, alone, halved
+from .subject import Subject, halved
 
 
 class Candidates:
@@ -70,22 +70,22 @@ class Candidates:
         return mask[:, None, None]
 
     def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
-        """The four parts with what is in the way, and without."""
+        """The four parts by rays, and by what stands for them."""
         if sharp:
             return self._sharp
         return self._whole if samples == 1 else self._half
 
     @cached_property
     def _whole(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(self.subject.incident)
+        return self._shaded(self.subject.incident, self.subject.untraced)
 
     @cached_property
     def _half(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(halved(self.subject.incident))
+        return self._shaded(halved(self.subject.incident), halved(self.subject.untraced))
 
     @cached_property
     def _sharp(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(self.subject.incident, sharp=True)
+        return self._shaded(self.subject.incident, self.subject.untraced, sharp=True)
 
     @cached_property
     def _first(self) -> Tensor:
@@ -95,8 +95,8 @@ class Candidates:
         once = Incident(incident.direction, incident.weight, incident.visibility, first)
         return self._lit(once)
 
-    def _shaded(self, incident: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
-        return self._lit(incident, sharp), self._lit(alone(incident), sharp)
+    def _shaded(self, incident: Incident, untraced: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
+        return self._lit(incident, sharp), self._lit(untraced, sharp)
 
     def _lit(self, incident: Incident, sharp: bool = False) -> Float[Tensor, "surfels views 4 3"]:
         white = torch.ones_like(self.albedo)

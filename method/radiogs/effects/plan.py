@@ -11,7 +11,7 @@ from torch import Tensor
 from ..errors import UsageError
 
 EFFECTS = {
-    "visibility": "V is 1 everywhere; without indirect light no ray is traced",
+    "visibility": "V is 1 above the horizon that neighbours make; without indirect light no ray is traced",
     "indirect": "L_ind is 0",
     "bounces": "light that has met more than one surface is left out: L_ind is the split sum at what a ray meets",
     "specular": "no lobe: its energy is scattered by Lambert's law",
@@ -34,10 +34,9 @@ Effects = str | tuple[str, ...]
 class EffectPlan:
     """What is simulated; the default is everything.
 
-    traced: surfels whose V and L_ind are traced where either is on; the others are lit as if nothing else were there.
-    None: all. specular_at: surfels that have a specular lobe where it is on. None: all.
-    sh_degree: of the surfels' own radiance. samples: divisor of the number of directions. refresh: factor of the
-    interval at which all surfels are traced anew.
+    traced: surfels whose V and L_ind are traced where either is on; the others have the substitutes of both. None: all.
+    specular_at: surfels that have a specular lobe where it is on. None: all. sh_degree: of the surfels' own radiance.
+    samples: divisor of the number of directions. refresh: factor of the interval at which all surfels are traced anew.
     """
 
     visibility: bool = True
@@ -55,6 +54,11 @@ class EffectPlan:
     def traces(self) -> bool:
         """Whether any ray is needed."""
         return self.visibility or self.indirect
+
+    @property
+    def traces_all(self) -> bool:
+        """Whether every surfel has V and L_ind from rays."""
+        return self.visibility and self.indirect and self.traced is None
 
     @property
     def off(self) -> tuple[str, ...]:

@@ -97,7 +97,9 @@ class Planner:
             view = views[int(torch.randint(low, high, (), generator=chosen))]
             sights.append(Sight(view.camera, view.over(0.0)))
         seen = subject_of(surfels, environment, tuple(sights), self.samples, generator)
-        return replace(seen, sharpest=SHARP_ROUGHNESS)
+        # What is below the horizon is the surface itself, for rays that start beyond it too.
+        clear = seen.incident.visibility * seen.untraced.visibility
+        return replace(seen, incident=replace(seen.incident, visibility=clear), sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..camera import Camera
-from ..incident import Incident, SurfelTracer, unoccluded, visibility_of
+from ..incident import Incident, SurfelTracer, visibility_of
 from ..light import EnvironmentMap
 from ..rendering import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from ..sampling import LightSampler, hemisphere_directions, relighting_directions
@@ -38,15 +38,17 @@ class Subject:
     """A model ready to be probed.
 
     surfels, environment (linear radiance, lat-long): as they are. sights: from where. incident: V and L_ind of all
-    surfels along the probe's directions. first: L_ind of light that has met one surface alone, along the same; None
-    where it was not asked for. sharpest: the roughness that any surface may yet be learnt to have, at which its lobe is
-    judged besides; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
+    surfels along the probe's directions. untraced: what stands for them without rays. first: L_ind of light that has
+    met one surface alone, along the same; None where it was not asked for. sharpest: the roughness that any surface may
+    yet be learnt to have, at which its lobe is judged besides; None: materials are final. given_light: the light is not
+    learnt, so that no factor on it is free.
     """
 
     surfels: Surfels
     environment: Float[Tensor, "rows columns 3"]
     sights: tuple[Sight, ...]
     incident: Incident
+    untraced: Incident
     first: Float[Tensor, "surfels samples 3"] | None = None
     sharpest: float | None = None
     given_light: bool = False
@@ -87,13 +89,14 @@ def subject_of(
     tracer = SurfelTracer(surfels, offset)
     seen, radiance, _ = _traced(tracer, direction, torch.zeros_like(surfels.albedo))
     incident = Incident(direction, weight, seen, radiance)
+    untraced = tracer.untraced(torch.arange(len(surfels), device=normal.device), direction, weight)
     if not bounces:
-        return Subject(surfels, environment, sights, incident)
+        return Subject(surfels, environment, sights, incident, untraced)
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
     once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     first = _traced(tracer, direction, once)[2]
-    return Subject(surfels, environment, sights, incident, first)
+    return Subject(surfels, environment, sights, incident, untraced, first)
 
 
 def _traced(
@@ -122,8 +125,3 @@ def halved(incident: Incident) -> Incident:
     return Incident(
         incident.direction[:, ::2], 2 * incident.weight[:, ::2], incident.visibility[:, ::2], incident.radiance[:, ::2]
     )
-
-
-def alone(incident: Incident) -> Incident:
-    """The same directions, with nothing in their way."""
-    return unoccluded(incident.direction, incident.weight)

@@ -182,8 +182,7 @@ class InverseRendering:
         """The light on some surfels; unless it is frozen, traced now, and kept in the cache too."""
         if self.variant.incident == "precomputed":
             return self.incident.of(index)
-        if self.plan.traces:
-            self.tracer.follow(model.surfels)
+        self.tracer.follow(model.surfels)
         due = self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0
         if due and self.iteration != self.gathered_at:
             self.incident = self._gathered(model.surfels)
