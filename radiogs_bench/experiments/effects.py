@@ -14,6 +14,7 @@ from radiogs.effects.lighting import IN_RELIGHTING, own_error, plan_for_light, s
 from radiogs.effects.planner import SIGHTS
 from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, probe
+from radiogs.effects.share import image_share
 from radiogs.effects.subject import Sight, Subject, subject_of
 from radiogs.errors import DataError
 from radiogs.incident import SELF_OFFSET, Incident, SurfelTracer, visibility_of
@@ -127,7 +128,8 @@ def subject_of_scene(scene: Scene, samples: int, seed: int) -> tuple[Subject, De
     surfels, decay = solved(surfels, light, samples, seed)
     sights = sights_of(scene, torch.device("cpu"))
     generator = torch.Generator().manual_seed(seed)
-    return subject_of(surfels, light.radiance, sights, samples, generator, bounces=True, offset=OFFSET), decay
+    share = share_of(scene, surfels)
+    return subject_of(surfels, light.radiance, sights, share, samples, generator, bounces=True, offset=OFFSET), decay
 
 
 def findings_of(subject: Subject, budget: Budget, seed: int, effects: tuple[str, ...] = EFFECTS) -> Findings:
@@ -140,6 +142,11 @@ def sights_of(scene: Scene, device: torch.device, count: int = SIGHTS) -> tuple[
     """Training views, evenly spread over their list, with their images on black."""
     chosen = scene.train[:: max(1, len(scene.train) // count)][:count]
     return tuple(Sight(view.camera, view.over(0.0)) for view in load(chosen, device))
+
+
+def share_of(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
+    """The part of the training pictures that each surfel is."""
+    return image_share((view.camera for view in scene.train), surfels)
 
 
 def plan_under(
@@ -156,7 +163,7 @@ def plan_under(
     surfels, sights = model.surfels, sights_of(scene, device)
     subject = subject_under(
         surfels, surfels.albedo.detach() * albedo_scale.to(device), EnvironmentMap(light.radiance.to(device)),
-        sights, seed, offset,
+        sights, share_of(scene, surfels), seed, offset,
     )  # fmt: skip
     directions = budget.relight_hemisphere_samples, budget.relight_light_samples
     return subject, plan_for_light(subject, own_error(surfels, sights), *directions, seed)
@@ -167,7 +174,8 @@ def subject_of_model(model: Model, scene: Scene, budget: Budget, seed: int) -> S
     surfels = model.surfels
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     sights = sights_of(scene, surfels.centre.device)
-    return subject_of(surfels, model.environment, sights, budget.incident_samples, generator, bounces=True)
+    share = share_of(scene, surfels)
+    return subject_of(surfels, model.environment, sights, share, budget.incident_samples, generator, bounces=True)
 
 
 def sampling_of(scene: Scene, subject: Subject, found: Findings, budget: Budget, seed: int) -> Evidence:

@@ -20,6 +20,7 @@ from radiogs.effects.plan import EffectPlan, everything
 from radiogs.effects.planner import Planner
 from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, _accepted, probe
+from radiogs.effects.share import image_share
 from radiogs.effects.staleness import Staleness, settle_refresh
 from radiogs.effects.subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 from radiogs.effects.tolerance import Tolerance
@@ -54,7 +55,10 @@ def cameras(height: float = 2.5) -> list[Any]:
 def subject(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> Subject:
     """Seen under that light with everything on, as a method sees it whose images are off by ``noise``."""
     blind = tuple(Sight(camera, None) for camera in cameras())
-    made = subject_of(surfels, light, blind, SAMPLES, torch.Generator().manual_seed(seed), bounces=True, offset=0.1)
+    share = image_share(cameras(), surfels)
+    made = subject_of(
+        surfels, light, blind, share, SAMPLES, torch.Generator().manual_seed(seed), bounces=True, offset=0.1
+    )
     drawn = torch.Generator().manual_seed(99)
     sights = tuple(
         Sight(sight.camera, image + noise * torch.randn(image.shape, generator=drawn))
@@ -149,7 +153,7 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         {
             record.effect: record
             for record in plan_for_light(
-                subject_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, 0),
+                subject_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, made.share, 0),
                 own_error(surfels, made.sights),
                 32,
                 32,

@@ -10,6 +10,7 @@ import torch
 from radiogs.brdf import specular
 from radiogs.effects.candidates import Candidates
 from radiogs.effects.plan import EffectPlan, everything
+from radiogs.effects.share import image_share
 from radiogs.effects.subject import Sight, subject_of
 from radiogs.incident import unoccluded
 from radiogs.kernels.counters import work
@@ -152,7 +153,8 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
     )
     if plan.specular_at is not None:
         plan = dataclasses.replace(plan, specular_at=plan.specular_at[: len(surfels)])
-    made = subject_of(surfels, light, (Sight(CAMERA, None),), 16, torch.Generator().manual_seed(0))
+    share = image_share([CAMERA], surfels)
+    made = subject_of(surfels, light, (Sight(CAMERA, None),), share, 16, torch.Generator().manual_seed(0))
     judged = Candidates(made).radiance(plan).detach()
     incident = (
         made.incident if plan.indirect else dataclasses.replace(made.incident, radiance=0 * made.incident.radiance)

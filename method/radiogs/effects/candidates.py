@@ -8,6 +8,7 @@ from torch import Tensor
 
 from ..errors import UsageError
 from ..incident import Incident
+from ..kernels.rasterize import Projection, project
 from ..rendering import (
     DIFFUSE_DIRECT,
     DIFFUSE_INDIRECT,
@@ -39,6 +40,12 @@ class Candidates:
         self.environment = subject.environment.clone().requires_grad_()
         self.outgoing = torch.stack([towards(sight.camera, surfels) for sight in subject.sights], 1)
 
+    @cached_property
+    def views(self) -> list[Projection]:
+        """The surfels as the sights see them."""
+        surfels = self.subject.surfels
+        return [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in self.subject.sights]
+
     @property
     def leaves(self) -> dict[str, Tensor]:
         """What gradients are compared of."""
@@ -46,28 +53,23 @@ class Candidates:
 
     def radiance(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
         """L_PBR under a plan; ``sharp``: as if every surface had the roughness of the subject's ``sharpest``."""
-        traced = self._where(plan.traced) if plan.traces else self._where(False)
+        traced = plan.traced if plan.traces else False
+        shiny = plan.specular_at if plan.specular else False
         parts, free = self._parts(plan.samples, sharp)
         diffuse, specular = (
-            torch.where(traced, parts[:, :, place], free[:, :, place]) if plan.visibility else free[:, :, place]
+            _where(traced if plan.visibility else False, parts[:, :, place], free[:, :, place])
             for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT)
         )
         if plan.indirect:
             met = parts if plan.bounces else self._first
-            diffuse = diffuse + torch.where(traced, met[:, :, DIFFUSE_INDIRECT], 0.0)
-            specular = specular + torch.where(traced, met[:, :, SPECULAR_INDIRECT], 0.0)
-        shiny = plan.specular_among(self.albedo)
-        scattered = lambert_albedo(self.albedo, self._materials(sharp).roughness, shiny)
-        return scattered[:, None] * diffuse + torch.where(self._where(shiny), specular, 0.0)
+            diffuse = diffuse + _where(traced, met[:, :, DIFFUSE_INDIRECT], 0.0)
+            specular = specular + _where(traced, met[:, :, SPECULAR_INDIRECT], 0.0)
+        scattered = lambert_albedo(self.albedo, self._materials(sharp).roughness, plan.specular_among(self.albedo))
+        return scattered[:, None] * diffuse + _where(shiny, specular, 0.0)
 
     def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
         """L_G with harmonics up to ``degree``."""
         return surfel_radiance(self.subject.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
-
-    def _where(self, mask: Bool[Tensor, " surfels"] | bool | None) -> Tensor:
-        if mask is None or isinstance(mask, bool):
-            return torch.tensor(mask is not False, device=self.albedo.device)
-        return mask[:, None, None]
 
     def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
         """The four parts by rays, and by what stands for them."""
@@ -109,3 +111,12 @@ class Candidates:
                 raise UsageError("another roughness of a subject whose materials are final")
             logit = torch.full_like(logit, roughness_to_logit(self.subject.sharpest))
         return Surfels.of(self.subject.surfels.parameters() | {"roughness_logit": logit})
+
+
+def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
+    """``one`` for the chosen surfels, ``other`` for the rest; None: all are chosen, False: none."""
+    if chosen is None:
+        return one
+    if isinstance(chosen, bool):
+        return other if isinstance(other, Tensor) else torch.zeros_like(one)
+    return torch.where(chosen[:, None, None], one, other)

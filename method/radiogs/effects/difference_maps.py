@@ -23,14 +23,13 @@ def difference_maps(
 
     Both in display sRGB.
     """
-    candidates, first = Candidates(subject), replace(subject, sights=subject.sights[:1])
+    candidates = Candidates(replace(subject, sights=subject.sights[:1]))
     plans = {effect: altogether(effect) for effect in effects}
     radiance = {"shaded": candidates.radiance(everything()), "own": candidates.own(HIGHEST_DEGREE)}
     for effect, plan in plans.items():
         own = plan.sh_degree < HIGHEST_DEGREE
         radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
-    seen = {name: value[:, :1].detach() for name, value in radiance.items()}
-    images, covered = splatted(first.sights, subject.surfels, seen)
+    images, covered = splatted(candidates.views, {name: value.detach() for name, value in radiance.items()})
     maps = {}
     for effect, plan in plans.items():
         full = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"]

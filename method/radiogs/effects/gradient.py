@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..colour import srgb_encode
-from ..rendering import splat
+from ..kernels.rasterize import blend
 from .candidates import Candidates
 from .plan import EffectPlan, everything
 
@@ -17,12 +17,11 @@ def pull_of_images(candidates: Candidates) -> Float[Tensor, "surfels views 3"]:
 
     Zero where there is no target.
     """
-    sights, surfels = candidates.subject.sights, candidates.subject.surfels
     radiance = candidates.radiance(everything()).detach().requires_grad_()
     total = radiance.new_zeros(())
-    for place, sight in enumerate(sights):
+    for place, (sight, view) in enumerate(zip(candidates.subject.sights, candidates.views, strict=True)):
         if sight.target is not None:
-            image = splat(sight.camera, surfels, {"shaded": radiance[:, place]}, 1.0).images["shaded"]
+            image = blend(view, radiance[:, place], 1.0).features
             total = total + (srgb_encode(image) - sight.target).square().mean()
     return torch.autograd.grad(total, radiance)[0] if total.requires_grad else torch.zeros_like(radiance)
 

@@ -8,12 +8,16 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ..colour import srgb_encode
-from ..rendering import SOLID_ALPHA, splat
-from ..surfels import Surfels
+from ..kernels.rasterize import Projection, blend
+from ..rendering import SOLID_ALPHA
 from .subject import Sight
 
 TILE = 8
 """Pixels a side of what counts as one observation: errors of neighbouring pixels are one surface's, not independent."""
+
+TOGETHER = 24
+"""Channels that are blended in one pass. Kernels are compiled for their number of channels: here it is always the same,
+however many plans are compared."""
 
 Images = Mapping[str, Sequence[Float[Tensor, "height width 3"]]]
 """Linear radiance by name, then by sight, on black."""
@@ -44,25 +48,20 @@ class TileErrors:
 
 
 def splatted(
-    sights: Sequence[Sight], surfels: Surfels, radiance: Mapping[str, Float[Tensor, "surfels views 3"]]
+    views: Sequence[Projection], radiance: Mapping[str, Float[Tensor, "surfels views 3"]]
 ) -> tuple[Images, list[Bool[Tensor, "height width"]]]:
-    """All of ``radiance`` in one pass a sight, and where each sight sees a surface."""
-    seen = [
-        splat(sight.camera, surfels, {name: value[:, place] for name, value in radiance.items()}, 1.0)
-        for place, sight in enumerate(sights)
-    ]
-    return {name: [each.images[name] for each in seen] for name in radiance}, [
-        each.alpha > SOLID_ALPHA for each in seen
-    ]
-
-
-def blending_weights(sights: Sequence[Sight], surfels: Surfels) -> Float[Tensor, "surfels views"]:
-    """How much of each sight's image every surfel is, in pixels."""
-    with torch.enable_grad():
-        each = [surfels.opacity_logit.new_ones(len(surfels), 1).requires_grad_() for _ in sights]
-        seen = [splat(sight.camera, surfels, {"one": one}, 1.0) for sight, one in zip(sights, each, strict=True)]
-        total = torch.stack([image.images["one"].sum() for image in seen]).sum()
-    return torch.cat(torch.autograd.grad(total, each), 1)
+    """All of ``radiance`` as each view sees it, and where each view has a surface."""
+    images: dict[str, list[Tensor]] = {name: [] for name in radiance}
+    covered = []
+    for place, view in enumerate(views):
+        channels = torch.cat([value[:, place] for value in radiance.values()], -1)
+        padded = torch.nn.functional.pad(channels, (0, -channels.shape[1] % TOGETHER))
+        rasters = [blend(view, some, 1.0) for some in padded.split(TOGETHER, -1)]
+        blended = torch.cat([raster.features for raster in rasters], -1)
+        for name, image in zip(radiance, blended.split(3, -1), strict=False):
+            images[name].append(image)
+        covered.append(rasters[0].alpha > SOLID_ALPHA)
+    return images, covered
 
 
 def same_light(reduced: Sequence[Tensor], full: Sequence[Tensor], covered: Sequence[Tensor]) -> Float[Tensor, "3"]:

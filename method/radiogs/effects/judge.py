@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import torch
 from jaxtyping import Float
@@ -13,7 +12,7 @@ from .candidates import Candidates
 from .decision import decide
 from .evidence import Measured, Verdict
 from .gradient import Gradients
-from .images import TileErrors, blending_weights, mean_error, splatted, tile_errors
+from .images import TileErrors, mean_error, splatted, tile_errors
 from .plan import HIGHEST_DEGREE, EffectPlan, everything
 from .prices import Step, cost
 from .subject import Subject
@@ -46,15 +45,10 @@ class Judge:
         }
         if subject.sharpest is not None:
             full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
-        self.full, self.covered = splatted(subject.sights, subject.surfels, full)
+        self.full, self.covered = splatted(self.candidates.views, full)
         if mse is None:
             mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
-
-    @cached_property
-    def weight(self) -> Float[Tensor, "surfels views"]:
-        """How much of each sight's image every surfel is, in pixels."""
-        return blending_weights(self.subject.sights, self.subject.surfels)
 
     def looking_at(self, subject: Subject, level: float) -> "Judge":
         """The same, of another subject with another level of error."""
@@ -95,9 +89,7 @@ class Judge:
             if "sharp" in self.full and "specular" in plan.off:
                 asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
         names = {key: f"{key[0]} {key[1]}" for key in asked}
-        images, _ = splatted(
-            self.subject.sights, self.subject.surfels, {names[key]: value for key, value in asked.items()}
-        )
+        images, _ = splatted(self.candidates.views, {names[key]: value for key, value in asked.items()})
         errors = {
             key: tile_errors(
                 images[names[key]], self.full[key[1]], self.subject.sights, self.covered,

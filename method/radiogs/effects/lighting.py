@@ -154,19 +154,21 @@ def subject_under(
     albedo: Float[Tensor, "surfels 3"],
     light: EnvironmentMap,
     sights: Sequence[Sight],
+    share: Float[Tensor, " surfels"],
     seed: int,
     offset: float = SELF_OFFSET,
 ) -> Subject:
     """A model as it is relit, seen from ``sights``, whose images are another light's and left out.
 
-    ``albedo``: linear, as it will be relit. ``offset``: where rays start, by default as they do in relighting: what
-    they meet close by belongs to the images, too, and nothing is learnt that could take its absence back. L_ind is
-    that of light that has met one surface, as in relighting: the surfels' own is another light's.
+    ``albedo``: linear, as it will be relit. ``share``: ``image_share`` of the cameras there are. ``offset``: where rays
+    start, by default as they do in relighting: what they meet close by belongs to the images, too, and nothing is
+    learnt that could take its absence back. L_ind is that of light that has met one surface, as in relighting: the
+    surfels' own is another light's.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     blind = tuple(Sight(sight.camera, None) for sight in sights)
-    subject = subject_of(painted, light.radiance, blind, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
+    subject = subject_of(painted, light.radiance, blind, share, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
     subject = replace(subject, given_light=True)
     if subject.first is None:
         return subject

@@ -15,6 +15,7 @@ from .evidence import Evidence
 from .plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 from .prices import Step
 from .probe import PROBES, Findings, probe
+from .share import image_share
 from .staleness import Staleness, settle_refresh
 from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
 
@@ -50,6 +51,7 @@ class Planner:
         self.seed, self.samples = seed, max(2, min(DIRECTIONS, samples // 2))
         self.plan = plan_of(effects)
         self.evidence: tuple[Evidence, ...] = ()
+        self.share: Float[Tensor, " surfels"] | None = None
         self.at = frozenset(iterations * place // PROBES for place in range(PROBES)) if self.auto else frozenset()
 
     def due(self, iteration: int) -> bool:
@@ -96,19 +98,27 @@ class Planner:
             low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
             view = views[int(torch.randint(low, high, (), generator=chosen))]
             sights.append(Sight(view.camera, view.over(0.0)))
-        seen = subject_of(surfels, environment, tuple(sights), self.samples, generator)
+        if self.share is None:
+            # Once: surfels hardly move any more.
+            self.share = image_share([view.camera for view in views], surfels)
+        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator)
         # What is below the horizon is the surface itself, for rays that start beyond it too.
         clear = seen.incident.visibility * seen.untraced.visibility
         return replace(seen, incident=replace(seen.incident, visibility=clear), sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
-        return {"plan": self.plan.state(), "evidence": [each.plain() for each in self.evidence]}
+        return {
+            "plan": self.plan.state(),
+            "evidence": [each.plain() for each in self.evidence],
+            "share": self.share,
+        }
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.plan = EffectPlan(**state["plan"])
         self.evidence = tuple(Evidence.of(each) for each in state["evidence"])
+        self.share = state["share"]
 
 
 def with_refresh(

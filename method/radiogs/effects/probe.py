@@ -93,30 +93,27 @@ class _Settled:
 def _measured_where_promising(
     at_a_glance: Judge, subject: Subject, level: float, effects: Sequence[str]
 ) -> tuple[Judge, list[_Way]]:
-    """All ways at a glance; from all sights, with bounds of ``level``, those that may pass, if there are any.
+    """The most careful and the boldest way at a glance; from all sights, with bounds of ``level``, all that may pass.
 
     What is refused at a glance needs no bound: to keep an effect is never wrong. Rays are not asked for at a glance:
     whom they may be taken from depends on what all sights see. Returns who is to decide, too.
     """
-    judge, tolerance = at_a_glance, at_a_glance.tolerance
-    ways = [
-        (effect, plan)
-        for effect in effects
-        if effect != "visibility"
-        for plan in (*in_part(effect, subject.surfels), altogether(effect))
-    ]
-    found = judge.measure(ways)
-    promising = [place for place, each in enumerate(found) if each.contribution < tolerance.decibel]
-    rays: list[tuple[str, EffectPlan]] = []
+    judge = at_a_glance
+    ways = {
+        effect: [*in_part(effect, subject.surfels), altogether(effect)] for effect in effects if effect != "visibility"
+    }
+    ends = [(effect, plan) for effect, plans in ways.items() for plan in (*plans[:-1][:1], plans[-1])]
+    measured = [_Way(*end, found) for end, found in zip(ends, judge.measure(ends), strict=True)]
+    promising = {way.effect for way in measured if way.measured.contribution < judge.tolerance.decibel}
+    asked: list[tuple[str, EffectPlan]] = []
     if promising or "visibility" in effects:
         judge = at_a_glance.looking_at(subject, level)
     if "visibility" in effects:
-        less = rays_in_part(judge.candidates, judge.weight, OFF_BELOW * judge.tolerance.error)
-        rays = [("visibility", plan) for plan in (*less, altogether("visibility"))]
-    again = judge.measure([*rays, *(ways[place] for place in promising)])
-    for place, each in zip(promising, again[len(rays) :], strict=True):
-        found[place] = each
-    return judge, [_Way(*way, each) for way, each in zip([*rays, *ways], [*again[: len(rays)], *found], strict=True)]
+        less = rays_in_part(judge.candidates, OFF_BELOW * judge.tolerance.error)
+        asked = [("visibility", plan) for plan in (*less, altogether("visibility"))]
+    asked += [(effect, plan) for effect, plans in ways.items() if effect in promising for plan in plans]
+    refused = [way for way in measured if way.effect not in promising]
+    return judge, [*(_Way(*way, found) for way, found in zip(asked, judge.measure(asked), strict=True)), *refused]
 
 
 def _settle(judge: Judge, before: EffectPlan, ways: Sequence[_Way]) -> _Settled:

@@ -1,6 +1,6 @@
 """How stale the cache of incident light becomes between two refreshes, and whether they may come less often."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -41,8 +41,9 @@ def staleness(
     plan: EffectPlan,
     generator: torch.Generator,
 ) -> Staleness:
-    """Trace the cached directions of CHECKED surfels again: the same directions, so that only time differs."""
-    index = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
+    """Trace the cached directions of CHECKED surfels that have rays again: the same ones, so that only time differs."""
+    drawn = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)
+    index = drawn[plan.traced_among(drawn)[:CHECKED]]
     old = cached.of(index)
     fresh = tracer.incident(index, old.direction, old.weight, plan)
     some = surfels.take(index)
@@ -60,8 +61,8 @@ def settle_refresh(
     """The factor of the refresh interval from now on, with its evidence; one step up or down at a time."""
     grown = LATER**2 * stale.error
     below, above = bootstrap_t(grown[None], sidak(0.01, 24), torch.Generator().manual_seed(seed))
-    later = EffectPlan(refresh=before.refresh * LATER)
-    now = EffectPlan(refresh=before.refresh)
+    now = EffectPlan(traced=before.traced, refresh=before.refresh)
+    later = replace(now, refresh=before.refresh * LATER)
     measured = Measured(
         contribution=tolerance.loss(float(grown.mean())),
         lowest=tolerance.loss(float(below)),

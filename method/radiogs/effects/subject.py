@@ -37,7 +37,8 @@ class Sight:
 class Subject:
     """A model ready to be probed.
 
-    surfels, environment (linear radiance, lat-long): as they are. sights: from where. incident: V and L_ind of all
+    surfels, environment (linear radiance, lat-long): as they are. sights: from where. share: of the pictures that there
+    are, what part each surfel is (``image_share``). incident: V and L_ind of all
     surfels along the probe's directions. untraced: what stands for them without rays. first: L_ind of light that has
     met one surface alone, along the same; None where it was not asked for. sharpest: the roughness that any surface may
     yet be learnt to have, at which its lobe is judged besides; None: materials are final. given_light: the light is not
@@ -47,6 +48,7 @@ class Subject:
     surfels: Surfels
     environment: Float[Tensor, "rows columns 3"]
     sights: tuple[Sight, ...]
+    share: Float[Tensor, " surfels"]
     incident: Incident
     untraced: Incident
     first: Float[Tensor, "surfels samples 3"] | None = None
@@ -69,6 +71,7 @@ def subject_of(
     surfels: Surfels,
     environment: Float[Tensor, "rows columns 3"],
     sights: tuple[Sight, ...],
+    share: Float[Tensor, " surfels"],
     samples: int,
     generator: torch.Generator,
     bounces: bool = False,
@@ -91,12 +94,12 @@ def subject_of(
     incident = Incident(direction, weight, seen, radiance)
     untraced = tracer.untraced(torch.arange(len(surfels), device=normal.device), direction, weight)
     if not bounces:
-        return Subject(surfels, environment, sights, incident, untraced)
+        return Subject(surfels, environment, sights, share, incident, untraced)
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
     once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     first = _traced(tracer, direction, once)[2]
-    return Subject(surfels, environment, sights, incident, untraced, first)
+    return Subject(surfels, environment, sights, share, incident, untraced, first)
 
 
 def _traced(

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from ..colour import srgb_encode
 from ..surfels import Surfels
@@ -13,11 +11,8 @@ from .candidates import Candidates
 from .plan import HIGHEST_DEGREE, EffectPlan, everything
 
 RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
-"""Rays may be taken from the surfels that together change the images by no more than one of these shares of what is
+"""Rays may be taken from the surfels that together change the pictures by no more than one of these shares of what is
 tolerated, as far as ``rays_in_part`` can tell, which overrates it."""
-
-HIDDEN = 0.05
-"""Share of their sky that has to be hidden from surfels that no sight sees for them to keep their rays."""
 
 ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
 """Specular parts may be left to the surfels that are smoother than one of these."""
@@ -42,26 +37,22 @@ def in_part(effect: str, surfels: Surfels) -> list[EffectPlan]:
     return []
 
 
-def rays_in_part(candidates: Candidates, weight: Float[Tensor, "surfels views"], tolerated: float) -> list[EffectPlan]:
-    """The same of rays: for each of RAY_SHARES, without those of the surfels whose rays matter least to the images.
+def rays_in_part(candidates: Candidates, tolerated: float) -> list[EffectPlan]:
+    """The same of rays: for each of RAY_SHARES, without those of the surfels whose rays matter least to the pictures.
 
-    ``weight``: how much of each sight's image a surfel is. ``tolerated``: mean squared error, display sRGB.
-
-    A pixel is a blend of its surfels with weights of at most one in sum, so that its squared change is at most the
-    blend of theirs (Jensen). Many surfels of a trained model lie unseen below its surface, where most of the sky is
-    hidden: half of them in ``convex`` with preset small, 1 % of its pixels. Surfels that no sight sees at all keep
-    their rays.
+    ``tolerated``: mean squared error, display sRGB. What a surfel does to the pictures is at most its share of them
+    times the square of its largest change towards any sight (``image_share``). Many surfels of a trained model lie
+    unseen below its surface, where most of the sky is hidden: 59 % of those of ``convex`` with preset small, 1 % of its
+    pictures.
     """
     without = candidates.radiance(altogether("visibility")).detach()
     change = srgb_encode(without) - srgb_encode(candidates.radiance(everything()).detach())
-    error = (weight * change.square().mean(-1)).sum(1) / weight.sum()
-    hidden = candidates.subject.occlusion > HIDDEN
-    error = torch.where((weight.sum(1) == 0) & hidden, torch.inf, error)
+    error = candidates.subject.share * change.square().mean(-1).amax(1)
     ordered, place = error.sort()
     together = ordered.cumsum(0)
     plans = []
     for share in RAY_SHARES:
-        traced = torch.ones_like(hidden)
+        traced = torch.ones_like(error, dtype=torch.bool)
         traced[place[together <= share * tolerated]] = False
         plans.append(EffectPlan(traced=traced))
     return plans

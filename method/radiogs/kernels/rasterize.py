@@ -31,26 +31,48 @@ class Raster:
     touched: Bool[Tensor, " surfels"]
 
 
-def rasterize(
-    camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"], depth_unit: float
-) -> Raster:
-    """Blend surfels front to back, ordered by the depth of their centres (2DGS; ties by index).
+@dataclass(frozen=True)
+class Projection:
+    """Surfels as one camera meets them, ready to be blended any number of times; see ``project``."""
 
-    Gradients flow from all images to ``geometry`` and ``features``. ``depth_unit`` (world units) makes the
-    distortion independent of the scene's scale. Surfels that are degenerate (non-finite or without extent),
-    fainter than ALPHA_THRESHOLD, facing away or behind the camera take no part. Raises NumericalFailure if a surfel
-    in view has a feature that is not finite.
+    camera: Camera
+    lists: TileLists
+    records: Float[Tensor, "surfels numbers"]
+
+
+def project(camera: Camera, geometry: SplatGeometry) -> Projection:
+    """Sort surfels into the tiles of an image, by the depth of their centres (2DGS; ties by index).
+
+    Surfels that are degenerate (non-finite or without extent), fainter than ALPHA_THRESHOLD, facing away or behind the
+    camera take no part.
     """
     camera = camera.to(geometry.centre.device, geometry.centre.dtype)
-    lists = tile_lists(camera, geometry)
     homography = _homography(camera, geometry)
     reach = support_radius(geometry.opacity.detach()).square()
     records = torch.cat([*homography, geometry.opacity[:, None], reach[:, None]], -1)
-    images, sums = _Blend.apply(camera, lists, depth_unit, records, features)
+    return Projection(camera, tile_lists(camera, geometry), records)
+
+
+def blend(seen: Projection, features: Float[Tensor, "surfels channels"], depth_unit: float) -> Raster:
+    """Blend surfels front to back.
+
+    Gradients flow from all images to what was projected and to ``features``. ``depth_unit`` (world units) makes the
+    distortion independent of the scene's scale. Raises NumericalFailure if a surfel in view has a feature that is not
+    finite.
+    """
+    camera = seen.camera
+    images, sums = _Blend.apply(camera, seen.lists, depth_unit, seen.records, features)
     require_finite_blend("blended features", images, {"features": features})
     shape = (camera.height, camera.width)
     alpha, depth, distortion = (sums[:, column].view(shape) for column in range(3))
-    return Raster(images.view(*shape, -1), alpha, depth, distortion, lists.touched)
+    return Raster(images.view(*shape, -1), alpha, depth, distortion, seen.lists.touched)
+
+
+def rasterize(
+    camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"], depth_unit: float
+) -> Raster:
+    """``blend`` what ``project`` makes of the surfels."""
+    return blend(project(camera, geometry), features, depth_unit)
 
 
 def _homography(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Tensor, Tensor]:

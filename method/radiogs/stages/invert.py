@@ -66,6 +66,8 @@ RATES_OF_THIS_STAGE = {"albedo_logit": 0.03, "roughness_logit": 0.01, "log_envir
 stays at its start: on ``corner`` after 300 to 400 iterations, rates of albedo and light of 0.005 and 0.01 (paper) give
 17.7 dB of albedo, 0.0075 and 0.03 17.6, 0.015 and 0.03 19.2, 0.03 and 0.005 22.6."""
 
+NO_RAYS = EffectPlan(visibility=False, indirect=False)
+
 
 class InverseRendering:
     """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh."""
@@ -100,7 +102,8 @@ class InverseRendering:
         self.initialised = initialised
         if variant.shading == "monte-carlo":
             self.tracer = tracer_of(surfels, variant)
-            self.incident = self._gathered(surfels)
+            # Before the first step it may be decided that few rays are needed: none are traced for nothing.
+            self.incident = self._gathered(surfels, NO_RAYS if self.planner.due(0) else self.plan)
         self.gathered_at = 0
 
     def _start_light(self) -> float:
@@ -134,9 +137,9 @@ class InverseRendering:
         """Probe what the scene calls for now; another plan begins with incident light of its own."""
         with part("probe"):
             other_rays = self._probe()
-        if other_rays:
+        if other_rays or not self.iteration:
             self.tracer.follow(self.model.surfels)
-            self.incident = self._gathered(self.model.surfels)
+            self.incident = self._gathered(self.model.surfels, self.plan)
             self.gathered_at = self.iteration
 
     def _probe(self) -> bool:
@@ -185,7 +188,7 @@ class InverseRendering:
         self.tracer.follow(model.surfels)
         due = self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0
         if due and self.iteration != self.gathered_at:
-            self.incident = self._gathered(model.surfels)
+            self.incident = self._gathered(model.surfels, self.plan)
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
             normal = model.surfels.take(index).frame[..., 2]
             direction, weight = hemisphere_directions(normal, self._samples, self.generator, self._floor)
@@ -197,8 +200,8 @@ class InverseRendering:
     def _image_weight(self) -> float:
         return 1.0 if "image-weight" in self.variant.deviations else ABSOLUTE_WEIGHT
 
-    def _gathered(self, surfels: Surfels) -> Incident:
-        return gather_incident(self.tracer, surfels, self._samples, self.generator, self._floor, self.plan)
+    def _gathered(self, surfels: Surfels, plan: EffectPlan) -> Incident:
+        return gather_incident(self.tracer, surfels, self._samples, self.generator, self._floor, plan)
 
     @property
     def _samples(self) -> int:

@@ -1,0 +1,52 @@
+"""How much of the pictures each surfel is, against the images themselves."""
+
+import pytest
+import torch
+
+from radiogs.effects.share import image_share
+from radiogs.rendering import splat
+from radiogs.surfels import Surfels
+from scenes import look_at, surfels_facing
+
+CAMERAS = [
+    look_at(torch.tensor(place), torch.zeros(3), 24, 30.0)
+    for place in ([0.0, 0.5, 3.0], [1.0, -0.5, 2.5], [2.0, 0.0, 2.0])
+]
+
+
+def scattered(count: int = 60) -> Surfels:
+    drawn = torch.Generator().manual_seed(0)
+    normal = torch.nn.functional.normalize(torch.randn(count, 3, generator=drawn) + torch.tensor([0, 0, 2.0]), dim=-1)
+    surfels = surfels_facing(0.6 * torch.randn(count, 3, generator=drawn), normal)
+    surfels.opacity_logit = torch.randn(count, generator=drawn)
+    return surfels
+
+
+def test_any_channel_means_over_the_pictures_what_it_means_over_shares() -> None:
+    surfels = scattered()
+    share = image_share(CAMERAS, surfels)
+    channel = torch.rand(len(surfels), 1, generator=torch.Generator().manual_seed(1))
+    seen = [splat(camera, surfels, {"any": channel}, 1.0) for camera in CAMERAS]
+    blended, covered = (sum(float(part.double().sum()) for part in parts) for parts in (
+        [each.images["any"] for each in seen], [each.alpha for each in seen],
+    ))  # fmt: skip
+    assert float(share.sum()) == pytest.approx(1, rel=1e-5)
+    assert float((share * channel[:, 0]).sum()) == pytest.approx(blended / covered, rel=1e-5)
+
+
+def test_what_is_hidden_or_out_of_view_is_no_part_of_any_picture() -> None:
+    down = torch.linspace(0, -0.5, 6)
+    stack = torch.stack([torch.zeros(6), torch.zeros(6), down], -1)
+    centre = torch.cat([stack, torch.tensor([[0.0, 0.0, 9.0]])])
+    surfels = surfels_facing(centre, torch.tensor([0.0, 0.0, 1.0]).expand(7, 3))
+    surfels.opacity_logit[:] = 6.0
+    surfels.log_scale[:] = 1.5  # as good as a plane
+    share = image_share([look_at(torch.tensor([0.0, 0.01, 3.0]), torch.zeros(3), 24, 60.0)], surfels)
+    assert float(share[0]) > 0.9
+    assert float(share[:2].sum()) == pytest.approx(1, abs=1e-3)
+    assert float(share[6]) == 0
+
+
+def test_where_nothing_is_seen_no_surfel_has_a_share() -> None:
+    away = look_at(torch.tensor([0.0, 0.5, 3.0]), torch.tensor([0.0, 0.5, 9.0]) + 0.1, 24, 30.0)
+    assert not image_share([away], scattered()).any()
