@@ -3,15 +3,16 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from ..colour import srgb_encode
+from ..rendering import SOLID_ALPHA
 from .candidates import Candidates
-from .images import same_light, splatted
+from .images import same_light
 from .judge import factor_is_free
 from .plan import HIGHEST_DEGREE, everything
+from .screen import splatted
 from .subject import Subject
 from .ways import altogether
 
@@ -29,12 +30,13 @@ def difference_maps(
     for effect, plan in plans.items():
         own = plan.sh_degree < HIGHEST_DEGREE
         radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
-    images, covered = splatted(candidates.views, {name: value.detach() for name, value in radiance.items()})
+    (picture,) = splatted(candidates.views, {name: value.detach() for name, value in radiance.items()})
+    images = dict(zip(radiance, picture.channels.split(3, -1), strict=True))
+    covered = picture.alpha > SOLID_ALPHA
     maps = {}
     for effect, plan in plans.items():
-        full = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"]
-        free = factor_is_free(effect, subject)
-        factor = same_light(images[effect], full, covered) if free else torch.ones(3)
-        change = srgb_encode(images[effect][0] * factor.to(full[0])) - srgb_encode(full[0])
-        maps[effect] = change.abs().mean(-1)
-    return srgb_encode(images["shaded"][0]), maps
+        full, less = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"], images[effect]
+        if factor_is_free(effect, subject):
+            less = less * same_light(less[covered], full[covered])
+        maps[effect] = (srgb_encode(less) - srgb_encode(full)).abs().mean(-1)
+    return srgb_encode(images["shaded"]), maps

@@ -12,9 +12,10 @@ from .candidates import Candidates
 from .decision import decide
 from .evidence import Measured, Verdict
 from .gradient import Gradients
-from .images import TileErrors, mean_error, splatted, tile_errors
+from .images import Reference, TileErrors, mean_error, tile_errors
 from .plan import HIGHEST_DEGREE, EffectPlan, everything
 from .prices import Step, cost
+from .screen import Screen, splatted
 from .subject import Subject
 from .tolerance import Tolerance
 from .ways import only
@@ -45,9 +46,12 @@ class Judge:
         }
         if subject.sharpest is not None:
             full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
-        self.full, self.covered = splatted(self.candidates.views, full)
+        pictures = splatted(self.candidates.views, full)
+        self.screen = Screen.of(subject.sights, pictures)
+        shown = self.screen.pixels(pictures, list(full))
+        self.full = {name: Reference.of(image, self.screen) for name, image in shown.items()}
         if mse is None:
-            mse = min(mean_error(self.full[name], subject.sights, self.covered) for name in ("shaded", "own"))
+            mse = min(mean_error(self.full[name], self.screen) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
 
     def looking_at(self, subject: Subject, level: float) -> "Judge":
@@ -89,14 +93,14 @@ class Judge:
             if "sharp" in self.full and "specular" in plan.off:
                 asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
         names = {key: f"{key[0]} {key[1]}" for key in asked}
-        images, _ = splatted(self.candidates.views, {names[key]: value for key, value in asked.items()})
+        pictures = splatted(self.candidates.views, {names[key]: value for key, value in asked.items()})
+        images = self.screen.pixels(pictures, list(names.values()))
         errors = {
             key: tile_errors(
-                images[names[key]], self.full[key[1]], self.subject.sights, self.covered,
-                scaled=factor_is_free(asked_of[key[0]][0], self.subject),
+                images[names[key]], self.full[key[1]], self.screen, factor_is_free(asked_of[key[0]][0], self.subject)
             )
             for key in asked
-        }  # fmt: skip
+        }
         bounds = self._bounds(errors)
         return [
             self._measured(

@@ -14,17 +14,19 @@ from torch import Tensor
 
 from ..colour import srgb_encode
 from ..incident import SELF_OFFSET, unoccluded
+from ..kernels.rasterize import project
 from ..light import EnvironmentMap, texel_solid_angles
-from ..rendering import own_radiance, shade_surfels, splat
+from ..rendering import own_radiance, shade_surfels
 from ..sampling import LightSampler, hemisphere_directions, relighting_directions
 from ..surfels import Surfels
 from .bounds import bootstrap_t, sidak
 from .decision import decide
 from .evidence import Evidence, Measured
-from .images import mean_error
+from .images import Reference, mean_error
 from .plan import EffectPlan
 from .prices import Step
 from .probe import LEVEL, PROBES, Findings, probe
+from .screen import Screen, splatted
 from .subject import Sight, Subject, subject_of
 from .tolerance import TOLERANCE_DB, Tolerance
 
@@ -144,9 +146,11 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
 @torch.no_grad()
 def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
     """Mean squared error of the surfels' own radiance against the sights' targets: what the method misses anyway."""
-    seen = [splat(sight.camera, surfels, {"own": own_radiance(sight.camera, surfels)}, 1.0) for sight in sights]
-    covered = [each.alpha > 0.5 for each in seen]
-    return mean_error([each.images["own"] for each in seen], sights, covered)
+    views = [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in sights]
+    own = {"own": torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)}
+    pictures = splatted(views, own)
+    screen = Screen.of(sights, pictures)
+    return mean_error(Reference.of(screen.pixels(pictures, list(own))["own"], screen), screen)
 
 
 def subject_under(
