@@ -17,7 +17,7 @@ OVERLAP = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
 densest surfel has fallen to 1/255. Surfels whose footprints overlap are one surface seen again, and trained ones lie
 askew: started at one standard deviation, as in training, rays of the trained ``convex`` sphere find 13 % of the sky
-hidden at the median surfel, and leaving that out costs 0.3 dB; from the rim of the footprint 0.017, from here 0.002. On
+hidden at the median surfel, and leaving that out costs 0.3 dB; from the rim of the footprint 0.17, from here 0.02. On
 ``corner`` it costs more than 7 dB from wherever they start (docs/effects.md)."""
 
 
