@@ -187,7 +187,7 @@ def make_ready(request: Request, unfinished: Sequence[Cell], device: torch.devic
                     progress.say(complaint(rules.net))
         progress.say("compiling kernels (kept for the next run)")
         # Of a scene that holds images: some experiments are run on scenes without.
-        compile_kernels(RADIOGS, load_scene(COMPILED_ON), device)
+        compile_kernels(RADIOGS, load_scene(COMPILED_ON), device, (cell.variant for cell in unfinished))
 
 
 def worst_of(codes: Sequence[int]) -> int:

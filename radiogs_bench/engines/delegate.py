@@ -14,9 +14,11 @@ from tempfile import TemporaryDirectory
 
 import torch
 
+from radiogs.effects.plan import Effects
 from radiogs.errors import DataError, ExplainedError, UsageError
 from radiogs.kernels.runtime import use_threads
 from radiogs.scene import Scene
+from radiogs.variant import Variant
 
 from ..cell import Cell
 from ..code_version import evaluation_code, method_code
@@ -102,7 +104,8 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
     use_threads(order.threads)
     try:
         _check_sources(order.cell, node)
-        scene = _ready_scene(order.recipe, order.place, device)
+        _compile(order.recipe, device, order.cell.variant.effects)
+        scene = _scene(order.recipe, order.place)
         _check_scene(order, scene, node)
         with TemporaryDirectory(prefix="radiogs-bench-") as folder:
             store = Store(Path(folder))
@@ -118,9 +121,13 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
 
 
 @cache
-def _ready_scene(recipe: Recipe, place: str, device: torch.device) -> Scene:
-    """The scene, with the kernels compiled: no cell is charged for that."""
-    compile_kernels(recipe.method, recipe.load(recipe.compiled_on), device)
+def _compile(recipe: Recipe, device: torch.device, effects: Effects) -> None:
+    """The kernels: no cell is charged for that."""
+    compile_kernels(recipe.method, recipe.load(recipe.compiled_on), device, [Variant(effects=effects)])
+
+
+@cache
+def _scene(recipe: Recipe, place: str) -> Scene:
     return recipe.load(place)
 
 

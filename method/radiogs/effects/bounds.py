@@ -1,6 +1,7 @@
 """One-sided bounds on means and shares that are known from a sample."""
 
 import math
+from functools import lru_cache
 
 import torch
 from jaxtyping import Float
@@ -48,13 +49,12 @@ class Bootstrap:
 
     mean - q s / sqrt(n), q the quantile of the resampled (mean* - mean) / (s* / sqrt(n)): skewed samples, which squared
     errors are, get the longer tail that Student's t would deny them. Resamples are drawn once for each size of sample,
-    and serve all.
+    and serve all; ``generator`` shuffles values into batches.
     """
 
     def __init__(self, level: float, generator: torch.Generator) -> None:
         self.level, self.generator = level, generator
         self.resamples = math.ceil(RESAMPLES_PER_TAIL / level)
-        self._times: dict[int, Tensor] = {}
 
     def bounds(
         self, values: Float[Tensor, "statistics sample"]
@@ -68,7 +68,7 @@ class Bootstrap:
         mean, count = values.mean(1), values.shape[1]
         if count < 2:
             return torch.full_like(mean, -torch.inf), torch.full_like(mean, torch.inf)
-        times = self._drawn(count)
+        times = _drawn(count, self.resamples).double()
         centred = values - mean[:, None]
         moved = centred @ times.T / count
         spread = ((centred.square() @ times.T / count - moved.square()).clamp(min=0) / (count - 1)).sqrt()
@@ -82,13 +82,12 @@ class Bootstrap:
         known = error > 0
         return torch.where(known, mean - highest * error, mean), torch.where(known, mean - lowest * error, mean)
 
-    def _drawn(self, count: int) -> Float[Tensor, "resamples sample"]:
-        """How often each value is in each resample."""
-        if count not in self._times:
-            drawn = torch.randint(count, (self.resamples, count), generator=self.generator)
-            once = torch.ones(1, dtype=torch.float64).expand_as(drawn)
-            self._times[count] = torch.zeros(drawn.shape, dtype=torch.float64).scatter_add_(1, drawn, once)
-        return self._times[count]
+
+@lru_cache(maxsize=8)
+def _drawn(count: int, resamples: int) -> Float[Tensor, "resamples sample"]:
+    """How often each of ``count`` values is in each resample: the same for all samples of a size, as tables are."""
+    drawn = torch.randint(count, (resamples, count), generator=torch.Generator().manual_seed(count))
+    return torch.zeros(drawn.shape).scatter_add_(1, drawn, torch.ones(1).expand_as(drawn))
 
 
 def bootstrap_t(

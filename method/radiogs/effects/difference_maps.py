@@ -30,7 +30,7 @@ def difference_maps(
     for effect, plan in plans.items():
         own = plan.sh_degree < HIGHEST_DEGREE
         radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
-    (picture,) = splatted(candidates.views, {name: value.detach() for name, value in radiance.items()})
+    (picture,) = splatted(candidates.views, [value.detach() for value in radiance.values()])
     images = dict(zip(radiance, picture.channels.split(3, -1), strict=True))
     covered = picture.alpha > SOLID_ALPHA
     maps = {}

@@ -46,10 +46,10 @@ class Judge:
         }
         if subject.sharpest is not None:
             full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
-        pictures = splatted(self.candidates.views, full)
+        pictures = splatted(self.candidates.views, full.values())
         self.screen = Screen.of(subject.sights, pictures)
-        shown = self.screen.pixels(pictures, list(full))
-        self.full = {name: Reference.of(image, self.screen) for name, image in shown.items()}
+        shown = zip(full, self.screen.pixels(pictures), strict=True)
+        self.full = {name: Reference.of(image, self.screen) for name, image in shown}
         if mse is None:
             mse = min(mean_error(self.full[name], self.screen) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
@@ -92,14 +92,12 @@ class Judge:
                 asked[place, "shaded"] = self.candidates.radiance(plan).detach()
             if "sharp" in self.full and "specular" in plan.off:
                 asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
-        names = {key: f"{key[0]} {key[1]}" for key in asked}
-        pictures = splatted(self.candidates.views, {names[key]: value for key, value in asked.items()})
-        images = self.screen.pixels(pictures, list(names.values()))
+        images = self.screen.pixels(splatted(self.candidates.views, asked.values()))
         errors = {
-            key: tile_errors(
-                images[names[key]], self.full[key[1]], self.screen, factor_is_free(asked_of[key[0]][0], self.subject)
+            (place, kind): tile_errors(
+                image, self.full[kind], self.screen, factor_is_free(asked_of[place][0], self.subject)
             )
-            for key in asked
+            for (place, kind), image in zip(asked, images, strict=True)
         }
         bounds = self._bounds(errors)
         return [

@@ -147,10 +147,10 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
 def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
     """Mean squared error of the surfels' own radiance against the sights' targets: what the method misses anyway."""
     views = [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in sights]
-    own = {"own": torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)}
-    pictures = splatted(views, own)
+    pictures = splatted(views, [torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)])
     screen = Screen.of(sights, pictures)
-    return mean_error(Reference.of(screen.pixels(pictures, list(own))["own"], screen), screen)
+    (own,) = screen.pixels(pictures)
+    return mean_error(Reference.of(own, screen), screen)
 
 
 def subject_under(

@@ -1,6 +1,6 @@
 """The pixels in which a subject's surfels are compared: those of its sights that show a surface."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import torch
@@ -27,14 +27,14 @@ class Picture:
     alpha: Float[Tensor, "height width"]
 
 
-def splatted(views: Sequence[Projection], radiance: Mapping[str, Float[Tensor, "surfels views 3"]]) -> list[Picture]:
+def splatted(views: Sequence[Projection], radiance: Iterable[Float[Tensor, "surfels views 3"]]) -> list[Picture]:
     """All of ``radiance``, in its order, as each view sees it."""
+    every = torch.cat(list(radiance), -1)
     pictures = []
     for place, view in enumerate(views):
-        channels = torch.cat([value[:, place] for value in radiance.values()], -1)
-        padded = torch.nn.functional.pad(channels, (0, -channels.shape[1] % TOGETHER))
+        padded = torch.nn.functional.pad(every[:, place], (0, -every.shape[-1] % TOGETHER))
         rasters = [blend(view, some, 1.0) for some in padded.split(TOGETHER, -1)]
-        blended = torch.cat([raster.features for raster in rasters], -1)[..., : channels.shape[1]]
+        blended = torch.cat([raster.features for raster in rasters], -1)[..., : every.shape[-1]]
         pictures.append(Picture(blended, rasters[0].alpha))
     return pictures
 
@@ -70,10 +70,10 @@ class Screen:
         counts = torch.unique_consecutive(tile, return_counts=True)[1]
         return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order])
 
-    def pixels(self, pictures: Sequence[Picture], names: Sequence[str]) -> dict[str, Float[Tensor, "pixels 3"]]:
-        """What ``pictures`` of these sights show, by the names of what was splatted."""
+    def pixels(self, pictures: Sequence[Picture]) -> tuple[Float[Tensor, "pixels 3"], ...]:
+        """What ``pictures`` of these sights show, of each radiance that was splatted."""
         shown = torch.cat([picture.channels[mask] for picture, mask in zip(pictures, self.covered, strict=True)])
-        return dict(zip(names, shown[self.order].split(3, -1), strict=True))
+        return shown[self.order].split(3, -1)
 
     def tile_means(self, values: Float[Tensor, "pixels quantities"]) -> Float[Tensor, "quantities tiles"]:
         """Over all pixels of a tile; those without a surface count as zero."""
