@@ -302,10 +302,10 @@ def test_an_effect_that_appears_during_training_is_switched_on_again(initialised
 def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
     still = Staleness(1e-9 * torch.rand(200))
-    factor, record = settle_refresh(still, tolerance, budgeted, everything(), 10, 0)
+    factor, record = settle_refresh(still, tolerance, budgeted, everything(), 10, 0, 1e-3)
     assert (factor, record.verdict) == (2, "off")
     moving = Staleness(1e-2 * torch.rand(200))
-    factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0)
+    factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0, 1e-3)
     assert (factor, record.verdict) == (1, "on")
 
 

@@ -124,8 +124,9 @@ def test_the_table_says_what_was_worked_out_by_hand() -> None:
     assert said == {
         "scene": "ball", "row": "auto_row", "NVS loss, dB": "+0.020 ± 0.025", "albedo loss, dB": "+0.060 ± 0.075",
         "relighting loss, dB": "-0.020 ± 0.025", "predicted bound, dB": "0.050", "NVS loss under it": "yes",
-        # Saved: 90, 50 and 70 %; probes: 0.1 of 4 s, 0.2 of 8 s, 0.3 of 2 s.
+        # Saved: 90, 50 and 70 %; probes: 0.1 of 4 and 12 s, 0.2 of 8 and 16, 0.3 of 2 and 10.
         "rays saved": "70.0 ± 49.7 %", "probes, share of stage 2": "6.7 ± 17.9 %",
+        "probes, share of training": "1.7 ± 2.9 %",
         # Stage 2 is 2, 1 and 4 times as fast, all of it 16 s against 12, 16 and 10.
         "stage 2, times as fast": "2.00 (0.36 to 11.19)", "training, times as fast": "1.29 (0.71 to 2.32)",
         "left out at the end": "rays from 21 % of the surfels (seed 0); no rays (seeds 1, 2)",
@@ -152,7 +153,7 @@ def test_rows_by_hand_have_no_bound_and_say_so() -> None:
     assert item(made, "room", "no-rays", "predicted bound").text == "none"
     assert "by hand" in item(made, "room", "no-rays", "predicted bound").reason
     assert item(made, "room", "no-rays", "NVS loss under it").text == "by hand"
-    assert item(made, "room", "no-rays", "probes").text == "none"
+    assert item(made, "room", "no-rays", "probes, share of training").text == "none"
 
 
 @pytest.mark.parametrize(
@@ -201,7 +202,7 @@ def test_what_results_do_not_hold_is_not_made_up() -> None:
         each["figures"] = {"nvs/psnr": each["figures"]["nvs/psnr"]}
         assert each["effects"] is not None
         each["effects"]["probing"] = None
-    assert item(made, "ball", "auto", "probes") == Item("n/a", None, "these results are from before probes were timed")
+    assert item(made, "ball", "auto", "probes, share of training") == Item("n/a", None, "these results are from before probes were timed")
     assert item(made, "ball", "auto", "albedo loss").text == "n/a"
     assert item(made, "ball", "auto", "NVS loss, dB").text == "+0.020 ± 0.025"
 
@@ -262,7 +263,9 @@ def test_the_csv_has_a_line_for_each_scene_and_row() -> None:
     assert (line.bound, line.tolerance, line.under_bound, line.seeds) == (0.08, 0.1, "no", 3)
     assert line.rays_saved == pytest.approx(0.7)
     assert line.probe_rays_share == pytest.approx(0.04)
-    assert stored.loc["room", "no-rays"][["bound", "under_bound", "probe_seconds_share"]].isna().all()
+    assert (
+        stored.loc["room", "no-rays"][["bound", "under_bound", "probes_of_stage2", "probes_of_training"]].isna().all()
+    )
 
 
 def test_the_page_shows_the_audit_and_its_figure(tmp_path: Any) -> None:

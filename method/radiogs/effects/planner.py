@@ -14,7 +14,7 @@ from ..surfels import Surfels
 from .evidence import Evidence
 from .plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 from .prices import Step
-from .probe import PROBES, Findings, probe
+from .probe import IN_TRAINING, PROBES, Findings, level_of, probe
 from .share import image_share
 from .staleness import Staleness, settle_refresh
 from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
@@ -125,7 +125,7 @@ def with_refresh(
     found: Findings, stale: Staleness, step: Step, before: EffectPlan, iteration: int, seed: int
 ) -> Findings:
     """The findings with the interval of the refresh settled too."""
-    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed)
+    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed, level_of(len(IN_TRAINING)))
     plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
     return replace(found, plan=plan, evidence=(*found.evidence, record))
 

@@ -35,6 +35,14 @@ class Findings:
     tolerance: Tolerance
 
 
+def level_of(effects: int) -> float:
+    """Of each bound, for all of them to hold together with an error of LEVEL.
+
+    Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
+    """
+    return sidak(LEVEL, 2 * effects * PROBES)
+
+
 def probe(
     subject: Subject,
     step: Step,
@@ -50,8 +58,7 @@ def probe(
     ``mse``: the method's own error where the sights have no targets. Bounds hold with an error of LEVEL together over
     ``effects`` and PROBES.
     """
-    # Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
-    level = sidak(LEVEL, 2 * len(effects) * PROBES)
+    level = level_of(len(effects))
     before = before or everything()
     glance = Judge(replace(subject, sights=subject.sights[::GLANCE]), step, seed, LEVEL, decibel, mse)
     judge, measured = _measured_where_promising(glance, subject, level, effects)

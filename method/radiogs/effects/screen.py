@@ -14,7 +14,7 @@ from .subject import Sight
 TILE = 8
 """Pixels a side of what counts as one observation: errors of neighbouring pixels are one surface's, not independent."""
 
-TOGETHER = 24
+TOGETHER = 12
 """Channels that are blended in one pass. Kernels are compiled for their number of channels: here it is always the same,
 however many plans are compared."""
 

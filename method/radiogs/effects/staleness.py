@@ -10,7 +10,7 @@ from ..colour import srgb_encode
 from ..incident import Incident, SurfelTracer
 from ..rendering import shade_surfels
 from ..surfels import Surfels
-from .bounds import bootstrap_t, sidak
+from .bounds import bootstrap_t
 from .decision import decide
 from .evidence import Evidence, Measured
 from .plan import EffectPlan, everything
@@ -56,11 +56,14 @@ def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) ->
 
 
 def settle_refresh(
-    stale: Staleness, tolerance: Tolerance, step: Step, before: EffectPlan, iteration: int, seed: int
+    stale: Staleness, tolerance: Tolerance, step: Step, before: EffectPlan, iteration: int, seed: int, level: float
 ) -> tuple[int, Evidence]:
-    """The factor of the refresh interval from now on, with its evidence; one step up or down at a time."""
+    """The factor of the refresh interval from now on, with its evidence; one step up or down at a time.
+
+    ``level``: error of the bounds.
+    """
     grown = LATER**2 * stale.error
-    below, above = bootstrap_t(grown[None], sidak(0.01, 24), torch.Generator().manual_seed(seed))
+    below, above = bootstrap_t(grown[None], level, torch.Generator().manual_seed(seed))
     now = EffectPlan(traced=before.traced, refresh=before.refresh)
     later = replace(now, refresh=before.refresh * LATER)
     measured = Measured(

@@ -23,8 +23,8 @@ class Line(NamedTuple):
 
     ``losses`` in dB, positive where it is worse than with everything on, by name as in ``LOSSES``. ``bound``: dB, the
     largest of all probes and seeds; None where nothing was probed. ``rays``: the share of everything's rays that is
-    saved. ``stage2`` and ``training``: everything's seconds over the row's. ``probe_seconds``: share of the row's stage
-    2; ``probe_rays``: share of the rays of everything's.
+    saved. ``stage2`` and ``training``: everything's seconds over the row's. ``probes_of_stage2`` and
+    ``probes_of_training``: share of the row's seconds; ``probe_rays``: share of the rays of everything's.
     """
 
     scene: str
@@ -38,7 +38,8 @@ class Line(NamedTuple):
     rays: Estimate | None
     stage2: Estimate | None
     training: Estimate | None
-    probe_seconds: Estimate | None
+    probes_of_stage2: Estimate | None
+    probes_of_training: Estimate | None
     probe_rays: Estimate | None
     left_out: str
 
@@ -86,7 +87,8 @@ def _line(scene: str, row: str, mine: Mapping[Pair, RunSummary], full: Mapping[P
         rays=share(_known(mine, traced_rays), _known(full, traced_rays), saved=True),
         stage2=ratio(_known(full, stage_seconds), _known(mine, stage_seconds)),
         training=ratio(_known(full, _training), _known(mine, _training)),
-        probe_seconds=share(_known(mine, _probe_seconds), _known(mine, stage_seconds)) if probed else None,
+        probes_of_stage2=share(_known(mine, _probe_seconds), _known(mine, stage_seconds)) if probed else None,
+        probes_of_training=share(_known(mine, _probe_seconds), _known(mine, _training)) if probed else None,
         probe_rays=share(_known(mine, _probe_rays), _known(full, traced_rays)) if probed else None,
         left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed), plan in plans.items()}),
     )

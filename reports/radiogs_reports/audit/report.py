@@ -77,11 +77,11 @@ def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
         " where it is worse. The bound is the largest of all probes and seeds; rows whose effects were chosen by hand"
         " have none. Under it: yes, where the mean is; within noise, where the interval reaches under it. Rays saved:"
         " share of the reference's. Times as fast: geometric mean, with the ends of its interval. Probes: share of the"
-        " seconds of stage 2; n/a where the results do not hold it."
+        " seconds; n/a where the results do not hold it."
     )
     heads = ["scene", "row", *(f"{name} loss, dB" for name in ("NVS", "albedo", "relighting")), "predicted bound, dB",
              "NVS loss under it", "rays saved", "stage 2, times as fast", "training, times as fast",
-             "probes, share of stage 2", "left out at the end"]  # fmt: skip
+             "probes, share of stage 2", "probes, share of training", "left out at the end"]  # fmt: skip
     rows = [
         [
             Item(line.scene, line.scene),
@@ -90,7 +90,10 @@ def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
             *_prediction(line),
             _share(line.rays, "everything on traces no rays either"),
             *(Item("n/a") if each is None else Item(factor(each), each.mean) for each in (line.stage2, line.training)),
-            _share(line.probe_seconds, UNTIMED) if line.probed else Item("none", None, BY_HAND),
+            *(
+                _share(each, UNTIMED) if line.probed else Item("none", None, BY_HAND)
+                for each in (line.probes_of_stage2, line.probes_of_training)
+            ),
             Item(line.left_out, line.left_out),
         ]
         for line in lines

@@ -34,7 +34,8 @@ def audit_csv(report: AuditReport) -> str:
     for line in report.lines:
         estimates = {f"{name}_loss": loss for name, loss in line.losses.items()} | {
             "rays_saved": line.rays, "stage2_times_as_fast": line.stage2, "training_times_as_fast": line.training,
-            "probe_seconds_share": line.probe_seconds, "probe_rays_share": line.probe_rays,
+            "probes_of_stage2": line.probes_of_stage2, "probes_of_training": line.probes_of_training,
+            "probe_rays_share": line.probe_rays,
         }  # fmt: skip
         records.append(
             {"scene": line.scene, "row": line.row, "seeds": line.seeds, "bound": line.bound,
