@@ -202,7 +202,9 @@ def test_what_results_do_not_hold_is_not_made_up() -> None:
         each["figures"] = {"nvs/psnr": each["figures"]["nvs/psnr"]}
         assert each["effects"] is not None
         each["effects"]["probing"] = None
-    assert item(made, "ball", "auto", "probes, share of training") == Item("n/a", None, "these results are from before probes were timed")
+    assert item(made, "ball", "auto", "probes, share of training") == Item(
+        "n/a", None, "these results are from before probes were timed"
+    )
     assert item(made, "ball", "auto", "albedo loss").text == "n/a"
     assert item(made, "ball", "auto", "NVS loss, dB").text == "+0.020 ± 0.025"
 
