@@ -87,7 +87,7 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
     while resumed.iteration < 14:
         resumed.step()
     assert same(whole, resumed)
-    assert torch.equal(whole.incident.radiance, resumed.incident.radiance)
+    assert torch.equal(whole.cache.incident.radiance, resumed.cache.incident.radiance)
 
 
 def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
@@ -160,11 +160,11 @@ def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fr
     initialised: dict[str, Any],
 ) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
-    before = stage.incident.direction.clone()
+    before = stage.cache.incident.direction.clone()
     loss = stage._consistency(stage.model, stage.views[0])
     assert not loss.requires_grad
     assert float(loss) == 0
-    assert not torch.equal(before, stage.incident.direction)
+    assert not torch.equal(before, stage.cache.incident.direction)
 
 
 def test_novel_view_initialisation_knows_no_shading() -> None:

@@ -1,7 +1,6 @@
 """Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11)."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import torch
@@ -9,12 +8,12 @@ from torch import Tensor
 
 from ..budget import Budget
 from ..colour import LINEAR_KNEE, srgb_decode, srgb_encode
-from ..effects.plan import HIGHEST_DEGREE, EffectPlan, everything
+from ..effects.plan import HIGHEST_DEGREE, EffectPlan
 from ..effects.planner import Planner
 from ..effects.prices import Step
 from ..effects.staleness import staleness
 from ..finite import backward
-from ..incident import Incident, gather_incident, tracer_of
+from ..incident import Incident
 from ..losses import (
     ABSOLUTE_WEIGHT,
     edge_allowance,
@@ -31,11 +30,11 @@ from ..parts import part
 from ..profile import START_RADIANCE
 from ..radiometric import consistency_loss, split_sum_consistency_loss
 from ..rendering import own_radiance, shade_surfels, splat, towards
-from ..sampling import hemisphere_directions
 from ..scene import Scene
 from ..splitsum import PrefilteredLight, split_sum_radiance
 from ..surfels import Surfels, inverse_sigmoid, roughness_to_logit
 from ..variant import Variant
+from .incident_cache import IncidentCache
 from .initialise import POSITION_RATE, RATES, mean_distance
 from .views import TrainingView, chosen_views, load, view_at
 
@@ -100,9 +99,7 @@ class InverseRendering:
         self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
         self.initialised = initialised
         if variant.shading == "monte-carlo":
-            self.tracer = tracer_of(surfels, variant)
-            self.incident = self._traced_all(surfels, self.plan)
-        self.gathered_at = 0
+            self.cache = IncidentCache(surfels, variant, budget, self.generator, self.plan)
 
     def _start_light(self) -> float:
         return START_RADIANCE if "start-light" in self.variant.deviations else white_light(self.views)
@@ -136,9 +133,7 @@ class InverseRendering:
         with part("probe"):
             other_rays = self._probe()
         if other_rays:
-            self.tracer.follow(self.model.surfels)
-            self._refresh(self.model.surfels)
-            self.gathered_at = self.iteration
+            self.cache.refresh(self.model.surfels, self.plan, self.iteration)
 
     def _probe(self) -> bool:
         """Let the planner decide anew; says whether other rays than before are to be traced."""
@@ -147,9 +142,11 @@ class InverseRendering:
         step = Step(len(model.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
         stale = None
         if self.iteration and self.plan.traces and self.variant.incident != "precomputed":
-            self.tracer.follow(model.surfels)
+            self.cache.tracer.follow(model.surfels)
             drawn = torch.Generator(self.device).manual_seed(self.seed + self.iteration)
-            stale = staleness(self.tracer, model.surfels, model.environment, self.incident, self.plan, drawn)
+            stale = staleness(
+                self.cache.tracer, model.surfels, model.environment, self.cache.incident, self.plan, drawn
+            )
         return self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale)
 
     def _initial_model(self) -> Model:
@@ -173,72 +170,15 @@ class InverseRendering:
                 return weight * split_sum_consistency_loss(model.surfels, light, outgoing)[0]
             drawn = torch.randperm(len(model.surfels), generator=self.generator, device=self.device)
             index = drawn[: self.budget.consistency_surfels]
-            incident = self._incident_of(index, model)
+            incident = self.cache.light_on(index, model.surfels, self.plan, self.iteration)
             return weight * consistency_loss(
                 model.surfels, model.environment, view.camera, index, incident, self.variant, self.generator,
                 self.plan.specular_among(model.surfels.albedo_logit),
             )  # fmt: skip
 
-    def _incident_of(self, index: Tensor, model: Model) -> Incident:
-        """The light on some surfels; unless it is frozen, traced now, and kept in the cache too."""
-        if self.variant.incident == "precomputed":
-            return self.incident.of(index)
-        self.tracer.follow(model.surfels)
-        due = self.iteration % (self.budget.refresh_interval * self.plan.refresh) == 0
-        if due and self.iteration != self.gathered_at:
-            self._refresh(model.surfels)
-        if not self._keeps_light:
-            return self._traced(index, model, self.plan)
-        kept, places = self.incident.of(index), self.plan.traced_among(index)
-        return kept.replaced(places, self._traced(index[places], model, self._of_traced)) if len(places) else kept
-
-    def _traced(self, index: Tensor, model: Model, plan: EffectPlan) -> Incident:
-        """The light on some surfels from directions of their own, which the cache has from now on, too."""
-        with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
-            normal = model.surfels.take(index).frame[..., 2]
-            direction, weight = hemisphere_directions(normal, self._samples, self.generator, self._floor)
-            fresh = self.tracer.incident(index, direction, weight, plan)
-        self.incident.store(index, fresh)
-        return fresh
-
     @property
     def _image_weight(self) -> float:
         return 1.0 if "image-weight" in self.variant.deviations else ABSOLUTE_WEIGHT
-
-    @property
-    def _keeps_light(self) -> bool:
-        """Whether surfels that are not traced keep the light that was traced before: where a probe took their rays.
-
-        With preset small ``patchwork`` loses 0.00 dB of albedo so, and with what stands for no ray at all 0.48.
-        """
-        return self.planner.auto and not self.plan.traces_all
-
-    @property
-    def _of_traced(self) -> EffectPlan:
-        """The plan for those surfels alone that are traced."""
-        return replace(self.plan, traced=None)
-
-    def _refresh(self, surfels: Surfels) -> None:
-        """Trace all surfels that are traced at all, from new directions."""
-        if not self._keeps_light:
-            self.incident = self._traced_all(surfels, self.plan)
-            return
-        if self.incident.weight.shape[1] != self._samples:
-            self.incident = self._traced_all(surfels, everything())
-        elif self.plan.traces:
-            some = self.plan.traced_among(torch.arange(len(surfels), device=self.device))
-            self.incident.store(some, self._traced_all(surfels, self.plan).of(some))
-
-    def _traced_all(self, surfels: Surfels, plan: EffectPlan) -> Incident:
-        return gather_incident(self.tracer, surfels, self._samples, self.generator, self._floor, plan)
-
-    @property
-    def _samples(self) -> int:
-        return max(1, self.budget.incident_samples // self.plan.samples)
-
-    @property
-    def _floor(self) -> bool:
-        return "hemisphere-floor" in self.variant.deviations
 
     def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
         surfels, camera = model.surfels, view.camera
@@ -279,7 +219,9 @@ class InverseRendering:
                 start=torch.zeros_like(outgoing),
             )
         specular = self.plan.specular_among(surfels.albedo_logit)
-        parts = shade_surfels(surfels, surfels.albedo, self.incident, outgoing[:, None], model.environment, specular)
+        parts = shade_surfels(
+            surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular
+        )
         return parts[:, 0].sum(1)
 
     def state(self) -> dict[str, Any]:
@@ -288,7 +230,7 @@ class InverseRendering:
             "iteration": self.iteration,
             "optimiser": self.optimiser.state(),
             "generator": self.generator.get_state(),
-            "incident": vars(self.incident) if self.variant.shading == "monte-carlo" else {},
+            "incident": vars(self.cache.incident) if self.variant.shading == "monte-carlo" else {},
             "effects": self.planner.state(),
         }
 
@@ -299,7 +241,7 @@ class InverseRendering:
         self.generator.set_state(state["generator"])
         self.planner.restore(state["effects"])
         if state["incident"]:
-            self.incident = Incident(**state["incident"])
+            self.cache.incident = Incident(**state["incident"])
 
 
 def white_light(views: tuple[TrainingView, ...]) -> float:
