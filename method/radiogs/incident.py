@@ -43,11 +43,6 @@ class Incident:
         """The entries of some surfels."""
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
 
-    def replaced(self, places: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
-        """The same with the entries at ``places`` of another, whose gradient goes on."""
-        names = ("direction", "weight", "visibility", "radiance")
-        return Incident(*(getattr(self, name).index_copy(0, places, getattr(fresh, name)) for name in names))
-
     def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
         """Overwrite the entries of some surfels, without gradient."""
         for name in ("direction", "weight", "visibility", "radiance"):

@@ -9,7 +9,7 @@ import torch
 from radiogs.budget import budget
 from radiogs.effects.plan import EFFECTS, EffectPlan, everything, plan_of
 from radiogs.errors import UsageError
-from radiogs.incident import Incident, SurfelTracer, gather_incident
+from radiogs.incident import SurfelTracer, gather_incident
 from radiogs.kernels.counters import work
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
@@ -89,60 +89,6 @@ def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: 
     assert not part.radiance[~some].any()
 
 
-def decided(initialised: dict[str, Any], plan: EffectPlan) -> InverseRendering:
-    """Stage 2 as it is after a probe that has decided for ``plan``."""
-    stage = InverseRendering(SCENE, Variant(effects="auto"), BUDGET, 0, CPU, initialised)
-    stage.planner.at = frozenset()
-    stage.planner.plan = plan
-    return stage
-
-
-def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
-    """Work of twelve steps, with one refresh, and the cached light before and after."""
-    before = Incident(**{name: value.clone() for name, value in vars(stage.cache.incident).items()})
-    work.clear()
-    for _ in range(12):
-        stage.step()
-    return dict(work), before, stage.cache.incident
-
-
-def test_where_a_probe_took_all_rays_the_light_is_that_of_before_the_first_step(initialised: dict[str, Any]) -> None:
-    counted, before, after = stepped(decided(initialised, EffectPlan(visibility=False, indirect=False)))
-    assert not counted.get("rays")
-    assert all(torch.equal(value, getattr(after, name)) for name, value in vars(before).items())
-
-
-def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised: dict[str, Any]) -> None:
-    some = torch.arange(len(initialised["optimiser"]["tensors"]["centre"])) % 3 == 0
-    stage = decided(initialised, EffectPlan(traced=some))
-    whole = stepped(InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised))[0]
-    counted, before, after = stepped(stage)
-    assert 0 < counted["rays"] < 0.5 * whole["rays"]
-    for name, value in vars(before).items():
-        assert torch.equal(value[~some], getattr(after, name)[~some])
-    assert bool((before.direction[some] != after.direction[some]).any(-1).any(-1).all())
-
-
-def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(initialised: dict[str, Any]) -> None:
-    some = torch.arange(len(initialised["optimiser"]["tensors"]["centre"])) % 3 == 0
-    stage = decided(initialised, EffectPlan(traced=some))
-    kept = Incident(**{name: value.clone() for name, value in vars(stage.cache.incident).items()})
-    index = torch.tensor([5, 3, 9, 1])
-    found = stage.cache.light_on(index, stage.model.surfels, stage.plan, 1)
-    assert found.visibility.requires_grad or found.radiance.requires_grad
-    for place, surfel in enumerate(index.tolist()):
-        assert torch.equal(found.direction[place], stage.cache.incident.direction[surfel])
-        assert torch.equal(found.direction[place], kept.direction[surfel]) != bool(some[surfel])
-
-
-def test_fewer_directions_are_traced_anew_once(initialised: dict[str, Any]) -> None:
-    stage = decided(initialised, EffectPlan(visibility=False, indirect=False, samples=2))
-    work.clear()
-    stage.cache.refresh(stage.model.surfels, stage.plan, 1)
-    assert work["rays"] == len(stage.model.surfels) * BUDGET.incident_samples // 2
-    assert not stepped(stage)[0].get("rays")
-
-
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
     stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
@@ -169,3 +115,13 @@ def test_variants_know_the_effects() -> None:
             Variant(effects=wrong)
     with pytest.raises(UsageError, match="split-sum"):
         Variant(shading="split-sum", effects="auto")
+
+
+@pytest.mark.parametrize("iteration", [1, BUDGET.refresh_interval])
+def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[str, Any], iteration: int) -> None:
+    stage = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    stage.iteration = iteration
+    stage._consistency(stage._seen_model(), stage.views[0]).backward()
+    gradient = stage.optimiser.tensors["centre"].grad
+    assert gradient is not None
+    assert gradient.any()

@@ -66,6 +66,8 @@ RATES_OF_THIS_STAGE = {"albedo_logit": 0.03, "roughness_logit": 0.01, "log_envir
 stays at its start: on ``corner`` after 300 to 400 iterations, rates of albedo and light of 0.005 and 0.01 (paper) give
 17.7 dB of albedo, 0.0075 and 0.03 17.6, 0.015 and 0.03 19.2, 0.03 and 0.005 22.6."""
 
+NO_RAYS = EffectPlan(visibility=False, indirect=False)
+
 
 class InverseRendering:
     """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh."""
@@ -99,7 +101,9 @@ class InverseRendering:
         self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
         self.initialised = initialised
         if variant.shading == "monte-carlo":
-            self.cache = IncidentCache(surfels, variant, budget, self.generator, self.plan)
+            # Before the first step it may be decided that few rays are needed: none are traced for nothing.
+            plan = NO_RAYS if self.planner.due(0) else self.plan
+            self.cache = IncidentCache(surfels, variant, budget, self.generator, plan)
 
     def _start_light(self) -> float:
         return START_RADIANCE if "start-light" in self.variant.deviations else white_light(self.views)
@@ -129,10 +133,10 @@ class InverseRendering:
         return {name: float(value.detach()) for name, value in losses.items()}
 
     def _plan_anew(self) -> None:
-        """Probe what the scene calls for now; what another plan traces is traced at once."""
+        """Probe what the scene calls for now; another plan begins with incident light of its own."""
         with part("probe"):
             other_rays = self._probe()
-        if other_rays:
+        if other_rays or not self.iteration:
             self.cache.refresh(self.model.surfels, self.plan, self.iteration)
 
     def _probe(self) -> bool:
@@ -218,10 +222,8 @@ class InverseRendering:
                 split_sum_radiance(surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light),
                 start=torch.zeros_like(outgoing),
             )
-        specular = self.plan.specular_among(surfels.albedo_logit)
-        parts = shade_surfels(
-            surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular
-        )
+        incident, specular = self.cache.incident, self.plan.specular_among(surfels.albedo_logit)
+        parts = shade_surfels(surfels, surfels.albedo, incident, outgoing[:, None], model.environment, specular)
         return parts[:, 0].sum(1)
 
     def state(self) -> dict[str, Any]:
