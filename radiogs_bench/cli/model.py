@@ -130,7 +130,7 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs.budget import budget
     from radiogs.effects.plan import plan_of
 
-    from ..experiments.effects import plan_under
+    from ..experiments.effects import plan_under, share_of
     from ..trained_folder import read_trained
     from .reporter import say
 
@@ -142,7 +142,7 @@ def relight(options: argparse.Namespace) -> int:
     scale, preset, seed = torch.tensor(options.albedo_scale), budget(about["preset"]), about["seed"]
     plan = plan_of(options.effects)
     if options.effects == "auto":
-        _, found = plan_under(model, light, scale, scene, preset, seed, device)
+        _, found = plan_under(model, light, scale, scene, share_of(scene, model.surfels), preset, seed, device)
         plan = found.plan
         for record in found.evidence:
             say(f"{record.effect}: {record.verdict} ({record.why})")

@@ -19,7 +19,7 @@ from radiogs.rendering import Renderer, splat
 from radiogs.scene import Scene
 
 from ..cell import Cell
-from ..experiments.effects import plan_under
+from ..experiments.effects import plan_under, share_of
 from ..experiments.run_cell import Evaluation
 from ..metrics import Value, protocol
 from .figures import Figures
@@ -138,12 +138,14 @@ def relit_models(
 ) -> Iterator[tuple[str, Relit, float]]:
     """The model under each light, in the mode of the cell's variant, and the seconds that it took to be made ready."""
     cameras = [view.camera.to(device, torch.float32) for view in scene.train]
+    share = None
     for light in lights:
         environment, mode = scene.lights[light], cell.variant.relighting
         started = time.perf_counter()
         plan = plan_of(cell.variant.effects)
         if cell.variant.effects == "auto":
-            plan = plan_under(model, environment, albedo_scale, scene, cell.budget, cell.seed, device)[1].plan
+            share = share_of(scene, model.surfels) if share is None else share
+            plan = plan_under(model, environment, albedo_scale, scene, share, cell.budget, cell.seed, device)[1].plan
         relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan)
         if device.type == "cuda":
             torch.cuda.synchronize(device)

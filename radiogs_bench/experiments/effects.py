@@ -154,16 +154,17 @@ def plan_under(
     light: EnvironmentMap,
     albedo_scale: Float[Tensor, "3"],
     scene: Scene,
+    share: Float[Tensor, " surfels"],
     budget: Budget,
     seed: int,
     device: torch.device,
     offset: float = SELF_OFFSET,
 ) -> tuple[Subject, Findings]:
-    """What relighting a model by ``light`` may leave out, and what was looked at."""
+    """What relighting a model by ``light`` may leave out, and what was looked at. ``share``: of ``share_of``."""
     surfels, sights = model.surfels, sights_of(scene, device)
     subject = subject_under(
         surfels, surfels.albedo.detach() * albedo_scale.to(device), EnvironmentMap(light.radiance.to(device)),
-        sights, share_of(scene, surfels), seed, offset,
+        sights, share, seed, offset,
     )  # fmt: skip
     directions = budget.relight_hemisphere_samples, budget.relight_light_samples
     return subject, plan_for_light(subject, own_error(surfels, sights), *directions, seed)
@@ -238,7 +239,8 @@ def probed_scene(scene: Scene, budget: Budget, seed: int, light: EnvironmentMap 
     subject, decay = subject_of_scene(scene, budget.incident_samples, seed)
     if light is not None:
         model = Model(subject.surfels, subject.environment.log())
-        relit, found = plan_under(model, light, torch.ones(3), scene, budget, seed, torch.device("cpu"), OFFSET)
+        share, device = share_of(scene, subject.surfels), torch.device("cpu")
+        relit, found = plan_under(model, light, torch.ones(3), scene, share, budget, seed, device, OFFSET)
         return Probed(relit, found, IN_RELIGHTING)
     found = findings_of(subject, budget, seed)
     found = with_record(found, sampling_of(scene, subject, found, budget, seed))
@@ -250,6 +252,7 @@ def probed_model(
 ) -> Probed:
     """A trained model under the light that it has recovered, or relit by ``light``."""
     if light is not None:
-        return Probed(*plan_under(model, light, torch.ones(3), scene, budget, seed, device), IN_RELIGHTING)
+        share = share_of(scene, model.surfels)
+        return Probed(*plan_under(model, light, torch.ones(3), scene, share, budget, seed, device), IN_RELIGHTING)
     subject = subject_of_model(model, scene, budget, seed)
     return Probed(subject, findings_of(subject, budget, seed, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)

@@ -23,6 +23,7 @@ def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " 
         for camera in cameras:
             # As many channels as a picture has: the kernel is there already.
             ones = torch.ones_like(weight)[:, None].repeat(1, 3).requires_grad_()
+            camera = camera.to(weight.device, weight.dtype)
             seen = rasterize(camera, fixed.geometry_for(camera), ones, 1.0).features.sum()
             weight += torch.autograd.grad(seen, ones)[0][:, 0]
     total = weight.sum()
