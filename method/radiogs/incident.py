@@ -1,6 +1,6 @@
 """Incident light at surfels: what arrives from a set of directions, traced through the surfels themselves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import torch
 from jaxtyping import Float, Int
@@ -43,10 +43,23 @@ class Incident:
         """The entries of some surfels."""
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
 
+    def thinned(self, count: int) -> "Incident":
+        """So many of the directions, evenly chosen, for as much of the sphere as all."""
+        samples = self.weight.shape[1]
+        some = torch.arange(count, device=self.weight.device) * samples // count
+        chosen = Incident(*(getattr(self, each.name)[:, some] for each in fields(self)))
+        return replace(chosen, weight=chosen.weight * (samples / count))
+
     def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
         """Overwrite the entries of some surfels, without gradient."""
-        for name in ("direction", "weight", "visibility", "radiance"):
-            getattr(self, name)[index] = getattr(fresh, name).detach()
+        for each in fields(self):
+            getattr(self, each.name)[index] = getattr(fresh, each.name).detach()
+
+    def replaced(self, places: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
+        """The same with the entries at ``places`` of another, whose gradient goes on."""
+        return Incident(
+            *(getattr(self, each.name).index_copy(0, places, getattr(fresh, each.name)) for each in fields(self))
+        )
 
 
 def tracer_of(surfels: Surfels, variant: Variant) -> "SurfelTracer":
@@ -179,25 +192,33 @@ def gather_incident(
     generator: torch.Generator | None,
     floor: bool = False,
     plan: EffectPlan = EVERYTHING,
+    index: Int[Tensor, " chosen"] | None = None,
 ) -> Incident:
-    """Trace ``samples`` directions of every surfel, without gradient; None turns the random rotation off.
+    """Trace ``samples`` directions of the surfels ``index`` (None: of all), without gradient.
 
-    ``floor``: see ``hemisphere_directions``.
+    ``generator`` None turns the random rotation off. ``floor``: see ``hemisphere_directions``.
     """
-    direction, weight = hemisphere_directions(surfels.frame[..., 2], samples, generator, floor)
-    return incident_along(tracer, direction, weight, plan)
+    normal = surfels.frame[..., 2] if index is None else surfels.take(index).frame[..., 2]
+    direction, weight = hemisphere_directions(normal, samples, generator, floor)
+    return incident_along(tracer, direction, weight, plan, index)
 
 
 @torch.no_grad()
 def incident_along(
     tracer: SurfelTracer,
-    direction: Float[Tensor, "surfels samples 3"],
-    weight: Float[Tensor, "surfels samples"],
+    direction: Float[Tensor, "chosen samples 3"],
+    weight: Float[Tensor, "chosen samples"],
     plan: EffectPlan = EVERYTHING,
+    index: Int[Tensor, " chosen"] | None = None,
 ) -> Incident:
-    """Trace the given directions of every surfel, without gradient, as many rays at a time as memory likes."""
+    """Trace the given directions of the surfels ``index`` (None: of all), as many rays at a time as memory likes.
+
+    Without gradient.
+    """
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
-    index = torch.arange(len(direction), device=direction.device)
-    parts = [tracer.incident(some, direction[some], weight[some], plan) for some in index.split(together)]
+    if index is None:
+        index = torch.arange(len(direction), device=direction.device)
+    pieces = zip(index.split(together), direction.split(together), weight.split(together), strict=True)
+    parts = [tracer.incident(some, along, solid_angle, plan) for some, along, solid_angle in pieces]
     visibility, radiance = (torch.cat([getattr(part, name) for part in parts]) for name in ("visibility", "radiance"))
     return Incident(direction, weight, visibility, radiance)

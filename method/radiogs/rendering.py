@@ -162,7 +162,7 @@ class Renderer:
         if variant.shading == "monte-carlo":
             with torch.no_grad():
                 tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
-                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan)
+                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.

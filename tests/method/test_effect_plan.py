@@ -9,7 +9,7 @@ import torch
 from radiogs.budget import budget
 from radiogs.effects.plan import EFFECTS, EffectPlan, everything, plan_of
 from radiogs.errors import UsageError
-from radiogs.incident import SurfelTracer, gather_incident
+from radiogs.incident import Incident, SurfelTracer, gather_incident
 from radiogs.kernels.counters import work
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
@@ -87,6 +87,110 @@ def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: 
     free = SurfelTracer(surfels).untraced(torch.nonzero(~some)[:, 0], whole.direction[~some], whole.weight[~some])
     assert torch.equal(part.visibility[~some], free.visibility)
     assert not part.radiance[~some].any()
+
+
+NO_RAYS = EffectPlan(visibility=False, indirect=False, kept=True)
+
+
+def local_rays(initialised: dict[str, Any]) -> EffectPlan:
+    some = torch.arange(len(initialised["optimiser"]["tensors"]["centre"])) % 3 == 0
+    return EffectPlan(traced=some, kept=True)
+
+
+def copy_of(incident: Incident) -> Incident:
+    return Incident(**{name: value.clone() for name, value in vars(incident).items()})
+
+
+def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> InverseRendering:
+    """Stage 2 as it is after a probe that has decided for ``plan``."""
+    stage = InverseRendering(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU, initialised)
+    stage.planner.at = frozenset()
+    stage.planner.plan = plan
+    stage.cache.renew(stage.model.surfels, plan, 0)
+    return stage
+
+
+def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
+    """Work of twelve steps, with one refresh, and the cached light before and after."""
+    before = copy_of(stage.cache.incident)
+    work.clear()
+    for _ in range(12):
+        stage.step()
+    return dict(work), before, stage.cache.incident
+
+
+def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
+    whole = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).cache.incident
+    for plan in (NO_RAYS, local_rays(initialised)):
+        work.clear()
+        stage = decided(initialised, plan)
+        assert work["rays"] == BUDGET.incident_samples * len(whole.weight)
+        stage.generator.manual_seed(0)
+        stage.cache.renew(stage.model.surfels, plan, 0)
+        for name, value in vars(whole).items():
+            assert torch.equal(value, getattr(stage.cache.incident, name))
+
+
+def test_where_a_probe_took_all_rays_light_is_kept(initialised: dict[str, Any]) -> None:
+    counted, before, after = stepped(decided(initialised, NO_RAYS))
+    assert not counted.get("rays")
+    assert all(torch.equal(value, getattr(after, name)) for name, value in vars(before).items())
+
+
+def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised: dict[str, Any]) -> None:
+    plan = local_rays(initialised)
+    whole = stepped(InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised))[0]
+    counted, before, after = stepped(decided(initialised, plan))
+    assert 0 < counted["rays"] < 0.5 * whole["rays"]
+    for name, value in vars(before).items():
+        assert torch.equal(value[~plan.traced], getattr(after, name)[~plan.traced])
+    assert bool((before.direction != after.direction)[plan.traced].any(-1).any(-1).all())
+
+
+def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(initialised: dict[str, Any]) -> None:
+    plan = local_rays(initialised)
+    stage = decided(initialised, plan)
+    before = copy_of(stage.cache.incident)
+    index = torch.tensor([5, 3, 9, 1])
+    found = stage.cache.light_on(index, stage.model.surfels, stage.plan, 1)
+    assert found.visibility.requires_grad or found.radiance.requires_grad
+    for place, surfel in enumerate(index.tolist()):
+        for name in vars(found):
+            value = getattr(found, name)[place]
+            assert torch.equal(value, getattr(stage.cache.incident, name)[surfel])
+        assert torch.equal(found.direction[place], before.direction[surfel]) != bool(plan.traced[surfel])
+
+
+@pytest.mark.parametrize(("incident", "renewed"), [("traced", True), ("precomputed", False)])
+def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_frozen(
+    initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool
+) -> None:
+    """Two probes that change the plan, the second after half of the steps."""
+    stage = InverseRendering(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU, initialised)
+
+    def without_rays(*seen: Any) -> bool:
+        stage.planner.plan = NO_RAYS
+        return True
+
+    monkeypatch.setattr(stage.planner, "observe", without_rays)
+    stage.step()
+    before = copy_of(stage.cache.incident)
+    assert before.radiance.any()
+    while stage.iteration < stage.iterations:
+        stage.step()
+    assert torch.equal(before.direction, stage.cache.incident.direction) != renewed
+
+
+def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
+    model = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).model
+    camera = SCENE.test[0].camera
+
+    def shown(plan: EffectPlan) -> torch.Tensor:
+        return Renderer(dataclasses.replace(model, plan=plan), 8, Variant()).render(camera)["image"]
+
+    for plan in (NO_RAYS, local_rays(initialised)):
+        assert torch.equal(shown(plan), shown(everything()))
+        assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(everything()))
 
 
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])

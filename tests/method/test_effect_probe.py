@@ -293,8 +293,8 @@ def test_an_effect_that_appears_during_training_is_switched_on_again(initialised
             return self.image
 
     views = [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
-    assert planner.due(10)
-    changed = planner.observe(surfels, sky(), views, step(surfels), 10)
+    assert planner.due(15)
+    changed = planner.observe(surfels, sky(), views, step(surfels), 15)
     assert changed
     assert planner.plan.visibility
 

@@ -21,7 +21,7 @@ from ..shading import lambert_albedo
 from ..spherical_harmonics import surfel_radiance
 from ..surfels import Surfels, roughness_to_logit
 from .plan import EffectPlan
-from .subject import Subject, halved
+from .subject import Subject
 
 
 class Candidates:
@@ -56,14 +56,13 @@ class Candidates:
         traced = plan.traced if plan.traces else False
         shiny = plan.specular_at if plan.specular else False
         parts, free = self._parts(plan.samples, sharp)
+        met = parts if plan.bounces else self._first
+        seen, lit = (traced if on else False for on in (plan.visibility, plan.indirect))
         diffuse, specular = (
-            _where(traced if plan.visibility else False, parts[:, :, place], free[:, :, place])
-            for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT)
+            _where(seen, parts[:, :, direct], free[:, :, direct])
+            + _where(lit, met[:, :, indirect], free[:, :, indirect])
+            for direct, indirect in ((DIFFUSE_DIRECT, DIFFUSE_INDIRECT), (SPECULAR_DIRECT, SPECULAR_INDIRECT))
         )
-        if plan.indirect:
-            met = parts if plan.bounces else self._first
-            diffuse = diffuse + _where(traced, met[:, :, DIFFUSE_INDIRECT], 0.0)
-            specular = specular + _where(traced, met[:, :, SPECULAR_INDIRECT], 0.0)
         scattered = lambert_albedo(self.albedo, self._materials(sharp).roughness, plan.specular_among(self.albedo))
         return scattered[:, None] * diffuse + _where(shiny, specular, 0.0)
 
@@ -83,7 +82,9 @@ class Candidates:
 
     @cached_property
     def _half(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(halved(self.subject.incident), halved(self.subject.untraced))
+        incident, untraced = self.subject.incident, self.subject.untraced
+        half = incident.weight.shape[1] // 2
+        return self._shaded(incident.thinned(half), untraced.thinned(half))
 
     @cached_property
     def _sharp(self) -> tuple[Tensor, Tensor]:

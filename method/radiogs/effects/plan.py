@@ -37,6 +37,8 @@ class EffectPlan:
     traced: surfels whose V and L_ind are traced where either is on; the others have the substitutes of both. None: all.
     specular_at: surfels that have a specular lobe where it is on. None: all. sh_degree: of the surfels' own radiance.
     samples: divisor of the number of directions. refresh: factor of the interval at which all surfels are traced anew.
+    kept: instead of substitutes, surfels that are not traced keep the light that was traced when the plan was made, and
+    where L_ind is left out alone, what hides the sky stays as bright as it was.
     """
 
     visibility: bool = True
@@ -49,6 +51,7 @@ class EffectPlan:
     refresh: int = 1
     traced: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
     specular_at: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
+    kept: bool = False
 
     @property
     def traces(self) -> bool:
@@ -59,6 +62,11 @@ class EffectPlan:
     def traces_all(self) -> bool:
         """Whether every surfel has V and L_ind from rays."""
         return self.visibility and self.indirect and self.traced is None
+
+    @property
+    def at_once(self) -> "EffectPlan":
+        """The plan of a tracing whose light is kept: since it is the only one, with rays of all surfels."""
+        return replace(self, visibility=True, indirect=True, traced=None) if self.kept else self
 
     @property
     def off(self) -> tuple[str, ...]:
@@ -96,6 +104,12 @@ class EffectPlan:
         if self.traced is None:
             return torch.arange(len(index), device=index.device)
         return torch.nonzero(self.traced[index])[:, 0]
+
+    def without_rays(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"]:
+        """Which of all surfels no ray is traced from. ``like`` says how many they are, and where."""
+        if self.traces and self.traced is not None:
+            return ~self.traced
+        return torch.full((len(like),), not self.traces, device=like.device)
 
     def specular_among(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"] | None:
         """Which of all surfels have a specular lobe; None: all. ``like`` says how many they are, and where."""

@@ -17,7 +17,7 @@ from .prices import Step
 from .probe import IN_TRAINING, PROBES, Findings, level_of, probe
 from .share import image_share
 from .staleness import Staleness, settle_refresh
-from .subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
+from .subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
 
 DIRECTIONS = 16
 """That a probe traces from every surfel, or half of those of training if that is less: three probes are then 2 % of the
@@ -25,6 +25,11 @@ rays of a training with preset tiny. Halving samples that are fewer costs more: 
 
 SIGHTS = 8
 """Training views that a probe looks from, one of each eighth of their list."""
+
+
+STEPS_A_PROBE = 400
+"""So many steps there are at least for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13
+of them, and probes are to stay under 3 %."""
 
 
 @runtime_checkable
@@ -40,7 +45,9 @@ class Seen(Protocol):
 
 
 class Planner:
-    """Holds the plan; with ``effects`` "auto", probes at 0, 1/3 and 2/3 of ``iterations`` and decides anew.
+    """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
+
+    Its plans keep light: rays that a probe takes away are traced once more (``EffectPlan.kept``).
 
     Every probe has a seed of its own, made of the training's seed and the iteration, so that what one probe saw by
     chance the next one does not see again, and a training that is resumed decides as it would have.
@@ -52,7 +59,8 @@ class Planner:
         self.plan = plan_of(effects)
         self.evidence: tuple[Evidence, ...] = ()
         self.share: Float[Tensor, " surfels"] | None = None
-        self.at = frozenset(iterations * place // PROBES for place in range(PROBES)) if self.auto else frozenset()
+        probes = min(PROBES, max(2, iterations // STEPS_A_PROBE)) if self.auto else 0
+        self.at = frozenset(iterations * place // probes for place in range(probes))
 
     def due(self, iteration: int) -> bool:
         """Whether to probe before this iteration."""
@@ -66,16 +74,18 @@ class Planner:
         step: Step,
         iteration: int,
         stale: Staleness | None = None,
+        kept: Kept | None = None,
     ) -> bool:
         """Probe, and take the plan that follows; says whether it traces other rays than before.
 
-        ``stale``: how far the cache of incident light was off before its last refresh, where that is known. A probe
-        that meets a value that is not finite means everything on.
+        ``stale``: how far the cache of incident light was off before its last refresh, where that is known. ``kept``:
+        the light of the surfels that went without rays until now. A probe that meets a value that is not finite means
+        everything on.
         """
         seed = 1_000_003 * (self.seed + 1) + iteration
         before = self.plan
         try:
-            subject = self.subject(surfels, environment, views, seed)
+            subject = self.subject(surfels, environment, views, seed, kept)
             found = probe(subject, step, seed, iteration, before)
             if stale is not None:
                 found = with_refresh(found, stale, step, before, iteration, seed)
@@ -83,14 +93,23 @@ class Planner:
             self.plan = everything()
             self.evidence += (Evidence("plan", "on", f"the probe failed: {failure.what}", iteration, seed, 0.0, None),)
             return not same_rays(before, self.plan)
-        self.plan = found.plan
+        self.plan = replace(found.plan, kept=not found.plan.traces_all)
         self.evidence += found.evidence
-        return not same_rays(before, found.plan)
+        return not same_rays(before, self.plan)
 
     def subject(
-        self, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], views: Sequence[Seen], seed: int
+        self,
+        surfels: Surfels,
+        environment: Float[Tensor, "rows columns 3"],
+        views: Sequence[Seen],
+        seed: int,
+        kept: Kept | None = None,
     ) -> Subject:
-        """What a probe with this seed looks at: materials that are still being learnt."""
+        """What a probe with this seed looks at: materials that are still being learnt.
+
+        Whether light that was ``kept`` still holds is asked of the rays of training, and nothing else: the model has
+        been fitted to that light, and to what its rays met close by.
+        """
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
         chosen = torch.Generator().manual_seed(seed)
         sights = []
@@ -101,10 +120,15 @@ class Planner:
         if self.share is None:
             # Once: surfels hardly move any more.
             self.share = image_share([view.camera for view in views], surfels)
-        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator)
+        others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
+        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator, among=others)
         # What is below the horizon is the surface itself, for rays that start beyond it too.
         clear = seen.incident.visibility * seen.untraced.visibility
-        return replace(seen, incident=replace(seen.incident, visibility=clear), sharpest=SHARP_ROUGHNESS)
+        incident, untraced = replace(seen.incident, visibility=clear), seen.untraced
+        if kept is not None:
+            places = torch.nonzero(kept.mask)[:, 0]
+            incident, untraced = incident.replaced(places, kept.anew), untraced.replaced(places, kept.light)
+        return replace(seen, incident=incident, untraced=untraced, sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

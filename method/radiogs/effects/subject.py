@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ..camera import Camera
@@ -31,6 +31,18 @@ class Sight:
 
     camera: Camera
     target: Float[Tensor, "height width 3"] | None
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The light that some surfels have kept since rays were taken from them, and what rays find now.
+
+    mask: which surfels. light and anew: of those alone, along the same directions, so that only time differs.
+    """
+
+    mask: Bool[Tensor, " surfels"]
+    light: Incident
+    anew: Incident
 
 
 @dataclass(frozen=True)
@@ -77,10 +89,12 @@ def subject_of(
     bounces: bool = False,
     offset: float = OVERLAP,
     drawn: int = 0,
+    among: Int[Tensor, " chosen"] | None = None,
 ) -> Subject:
     """Trace ``samples`` directions of every surfel; with ``bounces`` once more, to surfaces lit by what was visible.
 
     ``drawn``: as many more from the light, by the balance heuristic: a sun is missed by those over the hemisphere.
+    ``among``: trace these surfels only, and leave the others dark.
     """
     surfels = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
     environment = environment.detach()
@@ -89,42 +103,33 @@ def subject_of(
     if drawn:
         sampler = LightSampler(EnvironmentMap(environment))
         direction, weight = relighting_directions(normal, sampler, samples, drawn, generator)
-    tracer = SurfelTracer(surfels, offset)
-    seen, radiance, _ = _traced(tracer, direction, torch.zeros_like(surfels.albedo))
+    tracer, every = SurfelTracer(surfels, offset), torch.arange(len(surfels), device=normal.device)
+    index = every if among is None else among
+    seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
     incident = Incident(direction, weight, seen, radiance)
-    untraced = tracer.untraced(torch.arange(len(surfels), device=normal.device), direction, weight)
+    untraced = tracer.untraced(every, direction, weight)
     if not bounces:
         return Subject(surfels, environment, sights, share, incident, untraced)
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
     once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    first = _traced(tracer, direction, once)[2]
+    first = _traced(tracer, index, direction, once)[2]
     return Subject(surfels, environment, sights, share, incident, untraced, first)
 
 
 def _traced(
-    tracer: SurfelTracer, direction: Float[Tensor, "surfels samples 3"], sent: Float[Tensor, "surfels 3"]
+    tracer: SurfelTracer,
+    index: Int[Tensor, " chosen"],
+    direction: Float[Tensor, "surfels samples 3"],
+    sent: Float[Tensor, "surfels 3"],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """V, L_ind of the surfels' own radiance, and L_ind if they ``sent`` that radiance to all sides."""
-    index = torch.arange(len(direction), device=direction.device)
-    parts = []
-    for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])):
+    """V, L_ind of the surfels' own radiance, and L_ind if they ``sent`` that radiance to all sides; of the rest 0."""
+    visibility = torch.zeros_like(direction[..., 0])
+    radiance, features = torch.zeros_like(direction), torch.zeros_like(direction)
+    for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ():
         hits = tracer.trace(some, direction[some], sent)
-        visibility, whole = visibility_of(hits)
-        shape = (len(some), direction.shape[1])
-        parts.append(
-            (
-                visibility.view(shape),
-                (hits.radiance * whole[:, None]).view(*shape, 3),
-                (hits.features * whole[:, None]).view(*shape, 3),
-            )
-        )
-    visibility, radiance, features = (torch.cat(each) for each in zip(*parts, strict=True))
+        seen, whole = visibility_of(hits)
+        visibility[some] = seen.view(len(some), -1)
+        radiance[some] = (hits.radiance * whole[:, None]).view(len(some), -1, 3)
+        features[some] = (hits.features * whole[:, None]).view(len(some), -1, 3)
     return visibility, radiance, features
-
-
-def halved(incident: Incident) -> Incident:
-    """Every second direction, for twice the solid angle."""
-    return Incident(
-        incident.direction[:, ::2], 2 * incident.weight[:, ::2], incident.visibility[:, ::2], incident.radiance[:, ::2]
-    )

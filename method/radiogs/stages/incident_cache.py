@@ -1,12 +1,15 @@
 """The light that arrives at the surfels during stage 2, kept between one tracing and the next."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Int
 from torch import Tensor
 
 from ..budget import Budget
 from ..effects.plan import EffectPlan
-from ..incident import Incident, gather_incident, tracer_of
+from ..effects.subject import Kept
+from ..incident import Incident, gather_incident, incident_along, tracer_of
 from ..sampling import hemisphere_directions
 from ..surfels import Surfels
 from ..variant import Variant
@@ -20,28 +23,68 @@ class IncidentCache:
     ) -> None:
         self.variant, self.budget, self.generator = variant, budget, generator
         self.tracer = tracer_of(surfels, variant)
-        self.refresh(surfels, plan, 0)
+        self.renew(surfels, plan, 0)
 
     def light_on(self, index: Int[Tensor, " chosen"], surfels: Surfels, plan: EffectPlan, iteration: int) -> Incident:
-        """The light on some surfels; unless it is frozen, traced now, and kept from now on."""
+        """The light on some surfels: traced now, and cached, but for what is frozen or kept."""
         if self.variant.incident == "precomputed":
             return self.incident.of(index)
         due = iteration % (self.budget.refresh_interval * plan.refresh) == 0
         if due and iteration != self.traced_at:
-            self.refresh(surfels, plan, iteration)
+            self._refresh(surfels, plan, iteration)
         self.tracer.follow(surfels)
+        if not plan.kept:
+            return self._traced(index, surfels, plan)
+        kept, places = self.incident.of(index), plan.traced_among(index)
+        return kept.replaced(places, self._traced(index[places], surfels, plan)) if len(places) else kept
+
+    def renew(self, surfels: Surfels, plan: EffectPlan, iteration: int) -> None:
+        """Trace all surfels anew, for a plan that begins."""
+        self.incident = self._gathered(surfels, plan.at_once)
+        self.traced_at = iteration
+
+    @torch.no_grad()
+    def kept(self, surfels: Surfels, plan: EffectPlan, directions: int) -> Kept | None:
+        """The light of the surfels that go without rays, along so many of its directions, and the same traced anew."""
+        mask = plan.without_rays(surfels.centre)
+        if not plan.kept or not mask.any():
+            return None
+        index = torch.nonzero(mask)[:, 0]
+        light = self.incident.of(index).thinned(directions)
+        self.tracer.follow(surfels)
+        return Kept(mask, light, incident_along(self.tracer, light.direction, light.weight, index=index))
+
+    def _refresh(self, surfels: Surfels, plan: EffectPlan, iteration: int) -> None:
+        """Trace anew all surfels that the plan traces."""
+        every = torch.arange(len(surfels), device=surfels.centre.device)
+        if not plan.kept:
+            self.incident = self._gathered(surfels, plan)
+        elif len(some := plan.traced_among(every)):
+            self.incident.store(some, self._as_bright(some, self._gathered(surfels, plan, some), plan))
+        self.traced_at = iteration
+
+    def _gathered(self, surfels: Surfels, plan: EffectPlan, index: Int[Tensor, " chosen"] | None = None) -> Incident:
+        self.tracer.follow(surfels)
+        return gather_incident(self.tracer, surfels, self._samples(plan), self.generator, self._floor, plan, index)
+
+    def _traced(self, index: Int[Tensor, " chosen"], surfels: Surfels, plan: EffectPlan) -> Incident:
+        """The light on some surfels along new directions, which are cached from now on."""
         with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
             normal = surfels.take(index).frame[..., 2]
             direction, weight = hemisphere_directions(normal, self._samples(plan), self.generator, self._floor)
-            fresh = self.tracer.incident(index, direction, weight, plan)
+            fresh = self._as_bright(index, self.tracer.incident(index, direction, weight, plan), plan)
         self.incident.store(index, fresh)
         return fresh
 
-    def refresh(self, surfels: Surfels, plan: EffectPlan, iteration: int) -> None:
-        """Trace all surfels anew."""
-        self.tracer.follow(surfels)
-        self.incident = gather_incident(self.tracer, surfels, self._samples(plan), self.generator, self._floor, plan)
-        self.traced_at = iteration
+    def _as_bright(self, index: Int[Tensor, " chosen"], fresh: Incident, plan: EffectPlan) -> Incident:
+        """Where a plan keeps light and leaves out L_ind alone: with the mean brightness of what hid the sky before."""
+        if not plan.kept or plan.indirect:
+            return fresh
+        before = self.incident.of(index)
+        hidden = ((1 - before.visibility) * before.weight).sum(1)[:, None]
+        arrived = (before.radiance * before.weight[..., None]).sum(1)
+        mean = torch.where(hidden > 0, arrived / torch.where(hidden > 0, hidden, 1.0), 0.0)
+        return replace(fresh, radiance=(1 - fresh.visibility)[..., None] * mean[:, None])
 
     def _samples(self, plan: EffectPlan) -> int:
         return max(1, self.budget.incident_samples // plan.samples)

@@ -136,8 +136,8 @@ class InverseRendering:
         """Probe what the scene calls for now; another plan begins with incident light of its own."""
         with part("probe"):
             other_rays = self._probe()
-        if other_rays or not self.iteration:
-            self.cache.refresh(self.model.surfels, self.plan, self.iteration)
+        if not self.iteration or (other_rays and self.variant.incident != "precomputed"):
+            self.cache.renew(self.model.surfels, self.plan, self.iteration)
 
     def _probe(self) -> bool:
         """Let the planner decide anew; says whether other rays than before are to be traced."""
@@ -151,7 +151,8 @@ class InverseRendering:
             stale = staleness(
                 self.cache.tracer, model.surfels, model.environment, self.cache.incident, self.plan, drawn
             )
-        return self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale)
+        kept = self.cache.kept(model.surfels, self.plan, self.planner.samples)
+        return self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale, kept)
 
     def _initial_model(self) -> Model:
         light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
