@@ -193,6 +193,37 @@ def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initiali
         assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(everything()))
 
 
+def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_was(
+    initialised: dict[str, Any],
+) -> None:
+    plan = EffectPlan(indirect=False, kept=True)
+    stage = decided(initialised, plan)
+    index = torch.tensor([7, 2, 11])
+    before = copy_of(stage.cache.incident.of(index))
+    found = stage.cache.light_on(index, stage.model.surfels, plan, 1)
+    assert found.visibility.requires_grad
+    for place in range(3):
+        hidden = (1 - before.visibility[place]).sum()
+        mean = before.radiance[place].sum(0) / hidden if hidden > 0 else torch.zeros(3)
+        expected = (1 - found.visibility[place])[:, None] * mean
+        torch.testing.assert_close(found.radiance[place], expected)
+    assert found.radiance.any()
+    bare = decided(initialised, dataclasses.replace(plan, kept=False))
+    assert not bare.cache.light_on(index, bare.model.surfels, bare.plan, 1).radiance.any()
+
+
+@pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
+def test_fewer_directions_stand_for_as_much_of_the_sphere(samples: int, count: int) -> None:
+    direction = torch.randn(3, samples, 3, generator=torch.Generator().manual_seed(0))
+    whole = Incident(direction, torch.full((3, samples), 2 * torch.pi / samples), direction[..., 0], direction)
+    some = whole.thinned(count)
+    assert some.weight.shape == (3, count)
+    torch.testing.assert_close(some.weight.sum(1), whole.weight.sum(1))
+    places = [place * samples // count for place in range(count)]
+    assert torch.equal(some.direction, direction[:, places])
+    assert torch.equal(some.visibility, direction[:, places, 0])
+
+
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
     stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)

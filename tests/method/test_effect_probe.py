@@ -22,11 +22,13 @@ from radiogs.effects.prices import Step
 from radiogs.effects.probe import Findings, _accepted, probe
 from radiogs.effects.share import image_share
 from radiogs.effects.staleness import Staleness, settle_refresh
-from radiogs.effects.subject import SHARP_ROUGHNESS, Sight, Subject, subject_of
+from radiogs.effects.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
 from radiogs.effects.tolerance import Tolerance
+from radiogs.incident import SurfelTracer, incident_along, unoccluded
+from radiogs.kernels.counters import work
 from radiogs.light import EnvironmentMap, texel_directions
 from radiogs.rendering import shaded_maps
-from radiogs.sampling import tangent_frame
+from radiogs.sampling import hemisphere_directions, tangent_frame
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.surfels import Surfels, radiance_to_sh
 from radiogs.variant import Variant
@@ -276,27 +278,71 @@ def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> 
     assert "failed" in stage.planner.evidence[-1].why
 
 
-def test_an_effect_that_appears_during_training_is_switched_on_again(initialised: dict[str, Any]) -> None:
-    """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A training view as a planner needs it."""
+
+    camera: Any
+    image: torch.Tensor
+
+    def over(self, background: float) -> torch.Tensor:
+        return self.image
+
+
+def views_of(made: Subject) -> list[View]:
+    return [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
+
+
+def without_rays() -> Planner:
+    """A planner that has left out all rays."""
     planner = Planner("auto", 0, 30, SAMPLES)
-    planner.plan = everything().without("indirect").without("visibility")
-    wall = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
-    surfels = surfels_over([FLOOR, wall], 0.12)
-    made = subject(surfels, sky())
+    planner.plan = dataclasses.replace(everything().without("indirect").without("visibility"), kept=True)
+    return planner
 
-    @dataclasses.dataclass(frozen=True)
-    class View:
-        camera: Any
-        image: torch.Tensor
 
-        def over(self, background: float) -> torch.Tensor:
-            return self.image
+WALL = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
 
-    views = [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
+
+def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
+    """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
+    planner = without_rays()
+    surfels = surfels_over([FLOOR, WALL], 0.12)
     assert planner.due(15)
-    changed = planner.observe(surfels, sky(), views, step(surfels), 15)
+    changed = planner.observe(surfels, sky(), views_of(subject(surfels, sky())), step(surfels), 15)
     assert changed
     assert planner.plan.visibility
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
+    """Light that was kept since before a wall came is given up; light that knows the wall is as good as rays."""
+    planner = without_rays()
+    surfels = surfels_over([FLOOR, WALL], 0.12)
+    made = subject(surfels, sky())
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], planner.samples, torch.Generator().manual_seed(3))
+    anew = incident_along(SurfelTracer(surfels), direction, weight)
+    light = unoccluded(direction, weight) if moved else anew
+    kept = Kept(torch.ones(len(surfels), dtype=torch.bool), light, anew)
+    changed = planner.observe(surfels, sky(), views_of(made), step(surfels), 15, kept=kept)
+    assert changed == moved
+    assert planner.plan.traces == moved
+    assert planner.plan.kept or moved
+
+
+def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew() -> None:
+    surfels = surfels_over([FLOOR, WALL], 0.12)
+    made = subject(surfels, sky())
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
+    mask = torch.arange(len(surfels)) % 3 == 0
+    lit = unoccluded(direction[mask], weight[mask])
+    kept = Kept(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
+    work.clear()
+    found = Planner("auto", 0, 30, SAMPLES).subject(surfels, sky(), views_of(made), 5, kept)
+    assert work["rays"] == int((~mask).sum()) * SAMPLES // 2
+    assert torch.equal(found.incident.direction[mask], direction[mask])
+    assert (found.incident.visibility[mask] == 0.5).all()
+    assert (found.untraced.visibility[mask] == 1).all()
+    assert found.incident.radiance[~mask].any()
 
 
 def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
