@@ -154,7 +154,7 @@ class Renderer:
     """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
 
     For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel; what the
-    model's plan left out stays out.
+    model's plan left out stays out. Surfels that kept their light in training are traced with all others.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:

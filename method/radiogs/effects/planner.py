@@ -26,7 +26,6 @@ rays of a training with preset tiny. Halving samples that are fewer costs more: 
 SIGHTS = 8
 """Training views that a probe looks from, one of each eighth of their list."""
 
-
 STEPS_A_PROBE = 400
 """So many steps there are at least for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13
 of them, and probes are to stay under 3 %."""
@@ -47,10 +46,9 @@ class Seen(Protocol):
 class Planner:
     """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
 
-    Its plans keep light: rays that a probe takes away are traced once more (``EffectPlan.kept``).
-
-    Every probe has a seed of its own, made of the training's seed and the iteration, so that what one probe saw by
-    chance the next one does not see again, and a training that is resumed decides as it would have.
+    Surfels whose rays a probe takes away keep the light of a last tracing (``EffectPlan.kept``). Every probe has a seed
+    of its own, made of the training's seed and the iteration, so that what one probe saw by chance the next one does
+    not see again, and a training that is resumed decides as it would have.
     """
 
     def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:

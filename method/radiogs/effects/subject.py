@@ -50,11 +50,11 @@ class Subject:
     """A model ready to be probed.
 
     surfels, environment (linear radiance, lat-long): as they are. sights: from where. share: of the pictures that there
-    are, what part each surfel is (``image_share``). incident: V and L_ind of all
-    surfels along the probe's directions. untraced: what stands for them without rays. first: L_ind of light that has
-    met one surface alone, along the same; None where it was not asked for. sharpest: the roughness that any surface may
-    yet be learnt to have, at which its lobe is judged besides; None: materials are final. given_light: the light is not
-    learnt, so that no factor on it is free.
+    are, what part each surfel is (``image_share``). incident: V and L_ind of all surfels along the probe's directions.
+    untraced: what stands for them without rays, along the same. first: L_ind of light that has met one surface alone;
+    None where it was not asked for. sharpest: the roughness that any surface may yet be learnt to have, at which its
+    lobe is judged besides; None: materials are final. given_light: the light is not learnt, so that no factor on it is
+    free.
     """
 
     surfels: Surfels
