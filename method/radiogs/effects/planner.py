@@ -20,7 +20,7 @@ from .staleness import Staleness, settle_refresh
 from .subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
 
 DIRECTIONS = 16
-"""That a probe traces from every surfel, or half of those of training if that is less: three probes are then 2 % of the
+"""That a probe traces from every surfel, or half of those of training if that is less: two probes are then 1 % of the
 rays of a training with preset tiny. Halving samples that are fewer costs more: what it finds is on the safe side."""
 
 SIGHTS = 8
