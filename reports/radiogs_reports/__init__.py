@@ -10,6 +10,7 @@ from .document import report_document
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .latex import document, table
+from .leftovers import drop_leftovers
 from .page import write_page
 from .paper import paper_csv, paper_latex, paper_markdown
 from .plain import csv, markdown
@@ -21,7 +22,7 @@ __all__ = ["write_reports"]
 def write_reports(out: Path) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
-    The same stored results give the same bytes.
+    The same stored results give the same bytes. Tables and figures that only an earlier run had are deleted.
     """
     summary = read_summary(out)
     figures = write_figures(summary, out)
@@ -34,7 +35,9 @@ def write_reports(out: Path) -> list[Path]:
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
     written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
-    return [*written, *(path for drawn in figures for path in (drawn.png, drawn.pdf))]
+    written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
+    drop_leftovers(out, written)
+    return written
 
 
 def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:

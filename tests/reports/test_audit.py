@@ -281,6 +281,17 @@ def test_the_page_shows_the_audit_and_its_figure(tmp_path: Any) -> None:
         assert (tmp_path / "figures" / f"audit.{ending}").stat().st_size > 1000
 
 
+def test_an_audit_does_not_stay_beside_a_later_run_that_has_none(tmp_path: Any) -> None:
+    written = write_reports(write_run(tmp_path, made_up(), size=8))
+    audits = [path for path in written if path.stem == "audit"]
+    assert len(audits) == 5
+    other = made_up()
+    for each in other["runs"]:
+        each["made_from"]["experiment"] = "training"
+    assert write_reports(write_run(tmp_path, other, size=8))
+    assert not any(path.exists() for path in audits)
+
+
 def test_the_figure_holds_bounds_losses_diagonal_and_tolerance() -> None:
     (sketch,) = audit_figure(made_up())
     axes = sketch.figure.axes[0]
