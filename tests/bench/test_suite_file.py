@@ -6,14 +6,17 @@ from pathlib import Path
 
 import pytest
 
+from radiogs.budget import budget, scaled
 from radiogs.errors import DataError, UsageError
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
+from radiogs_bench.suites.effects import EFFECTS_SUITE
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_bench.suites.toml_file import read_suite
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"
+GAIN = ROOT / "docs" / "examples" / "auto_beside_everything.toml"
 
 WHOLE = """
 name = "mine"
@@ -123,6 +126,16 @@ def test_the_documented_example_is_the_file_and_runs(fake_run: Callable[..., int
     table = (tmp_path / f"{read_suite(EXAMPLE).name}.csv").read_text()
     for row in read_suite(EXAMPLE).rows:
         assert f"{row.key}," in table
+
+
+def test_the_example_of_what_plans_gain_differs_in_effects_alone() -> None:
+    suite = read_suite(GAIN)
+    everything, auto = suite.rows
+    assert suite.experiment == EFFECTS_SUITE.experiment
+    assert (everything.variant, auto.variant) == (Variant(), Variant(effects="auto"))
+    for row in suite.rows:
+        assert scaled(budget("small"), row.budget).inverse_iterations == 900
+        assert scaled(budget("small"), row.budget).initialise_iterations == 1500
 
 
 def test_every_field_is_documented() -> None:
