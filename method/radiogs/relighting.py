@@ -1,6 +1,6 @@
 """Relighting (paper, section on relighting): by rays with split-sum or learnt indirect light, or by surfels alone."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -38,12 +38,14 @@ def relight(
     seed: int,
     mode: Relighting = "pbr",
     plan: EffectPlan = EVERYTHING,
+    after_step: Callable[[], None] = lambda: None,
 ) -> Relit:
     """The model under ``light``; ``mode`` is explained in ``variant``.
 
     ``plan`` is what the rays simulate (``effects.lighting`` makes one for a light); fine-tuning always has everything.
     ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). ``cameras`` are where
-    fine-tuning looks from; the training views do. Raises DataError for a light that is not finite.
+    fine-tuning looks from; the training views do. ``after_step`` is called after each of its steps, and may raise to
+    end it. Raises DataError for a light that is not finite.
     """
     surfels = model.surfels
     device = surfels.centre.device
@@ -53,6 +55,7 @@ def relight(
         stage = FineTuning(surfels, Lighting(light, albedo), cameras, budget, seed)
         while stage.iteration < stage.iterations:
             stage.step()
+            after_step()
         surfels = stage.surfels
     if mode == "surfels":
         return RelitBySurfels(surfels)

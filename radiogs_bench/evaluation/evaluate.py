@@ -56,7 +56,8 @@ def evaluate(
 ) -> Evaluation:
     """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
 
-    ``advance`` is told (done, total) images. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
+    ``advance`` is told (done, total) images, after every one and after every step of fine-tuning; it may raise to stop.
+    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
     view, on black, [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect
     (linear), and relit (under the first light, and ``relit/<light>`` under the first few); those that the scene has no
     truth for are left out under ``truth/``. ``render/incident`` is the indirect light that arrives (see
@@ -99,7 +100,11 @@ def evaluate(
     applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
     done = len(scene.test)
     prepared: list[float] = []
-    for light, relit, seconds in relit_models(model, scene, list(lit), applied, cell, device):
+
+    def still_there() -> None:
+        advance(done, total)
+
+    for light, relit, seconds in relit_models(model, scene, list(lit), applied, cell, device, still_there):
         prepared.append(1e3 * seconds)
         if timed:
             costs.measure("render", relit.render, lit[light])
@@ -135,8 +140,12 @@ def relit_models(
     albedo_scale: Float[Tensor, "3"],
     cell: Cell,
     device: torch.device,
+    after_step: Callable[[], None],
 ) -> Iterator[tuple[str, Relit, float]]:
-    """The model under each light, in the mode of the cell's variant, and the seconds that it took to be made ready."""
+    """The model under each light, in the mode of the cell's variant, and the seconds that it took to be made ready.
+
+    ``after_step`` is called after each step of fine-tuning.
+    """
     cameras = [view.camera.to(device, torch.float32) for view in scene.train]
     share = None
     for light in lights:
@@ -146,7 +155,7 @@ def relit_models(
         if cell.variant.effects == "auto":
             share = share_of(scene, model.surfels) if share is None else share
             plan = plan_under(model, environment, albedo_scale, scene, share, cell.budget, cell.seed, device)[1].plan
-        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan)
+        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan, after_step)
         if device.type == "cuda":
             torch.cuda.synchronize(device)
         yield light, relit, time.perf_counter() - started

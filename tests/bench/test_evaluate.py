@@ -114,6 +114,28 @@ def test_a_perfect_model_has_perfect_figures(monkeypatch: pytest.MonkeyPatch) ->
     assert all(time > 0 for task in ("nvs", "render") for time in found.timings[f"{task}/ms"]["views"])
 
 
+def test_evaluation_can_be_stopped_during_fine_tuning(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every step tells how many images are done, so that a request to stop is not left waiting for the last step."""
+    told: list[tuple[int, int]] = []
+
+    def relight(model: Model, light: EnvironmentMap, *further: Any) -> Perfect:
+        for _ in range(3):
+            further[-1]()
+        return Perfect(model, light, *further)
+
+    def advance(done: int, total: int) -> None:
+        told.append((done, total))
+        if told.count((done, total)) == 3:
+            raise InterruptedError
+
+    scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
+    values(scene, monkeypatch)
+    monkeypatch.setattr(module, "relight", relight)
+    with pytest.raises(InterruptedError):
+        evaluate(MODEL, scene, fake_cell(), CPU, advance)
+    assert told == [(1, 6), (2, 6), (2, 6), (2, 6)]
+
+
 def test_the_memory_of_frames_is_the_most_that_any_light_took(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = iter([{"host": 3_000_000}, {"host": 5_000_000}, {"host": 4_000_000}])
 

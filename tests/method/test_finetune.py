@@ -9,6 +9,8 @@ import torch
 from method.test_stages import through_a_file
 from radiogs.budget import Budget, budget
 from radiogs.light import EnvironmentMap
+from radiogs.model import Model
+from radiogs.relighting import relight
 from radiogs.spherical_harmonics import surfel_radiance
 from radiogs.stages.finetune import FineTuning, Lighting
 from radiogs.surfels import Surfels, inverse_sigmoid, radiance_to_sh
@@ -77,6 +79,27 @@ def test_only_radiance_learns() -> None:
     found = solved(stage).parameters()
     for name, value in ball.parameters().items():
         assert torch.equal(found[name], value) == (name != "sh"), name
+
+
+def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
+    ball = white_ball()
+    model = Model(ball, torch.zeros(4, 8, 3))
+    steps: list[None] = []
+
+    def count() -> None:
+        steps.append(None)
+
+    def stop() -> None:
+        count()
+        if len(steps) == 2:
+            raise InterruptedError
+
+    relight(model, DARK, torch.ones(3), CAMERAS, costing(5), 0, "surfels", after_step=count)
+    assert len(steps) == 5
+    steps.clear()
+    with pytest.raises(InterruptedError):
+        relight(model, DARK, torch.ones(3), CAMERAS, costing(5), 0, "surfels", after_step=stop)
+    assert len(steps) == 2
 
 
 def test_it_resumes_bit_for_bit() -> None:
