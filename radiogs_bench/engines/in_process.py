@@ -49,12 +49,12 @@ def run_cells(
         interruption.check()
         if store.result(task.cell.key) is not None:
             return True
-        if task.label not in announced:
-            progress.say(f"{task.label}: started")
-            announced.add(task.label)
         started = time.perf_counter()
         try:
             with store.claim(task.cell.key):
+                if task.label not in announced:
+                    progress.say(f"{task.label}: started")
+                    announced.add(task.label)
                 failure = _run(task, run, store)
         except Claimed as claimed:
             logger.info("%s: left to %s", task.label, claimed.holder)

@@ -130,7 +130,7 @@ def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[Explaine
 
 
 def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
-    sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch
+    sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     theirs = ROWS[0]
     claim = sweep.store.claim(theirs.key)
@@ -147,6 +147,7 @@ def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
     assert sweep.run(ROWS) == []
     assert len(waits) == 3
     assert len(list(sweep.store.results())) == 5
+    assert capsys.readouterr().err.count(": started") == 4  # theirs was never started here
 
 
 def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: Path) -> None:
