@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from radiogs.errors import DataError, ExplainedError, NumericalFailure, UsageError
+from radiogs_core.errors import DataError, ExplainedError, NumericalFailure, UsageError
 
 
 class CellFailed(ExplainedError):

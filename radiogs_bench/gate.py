@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .engines.sweep import Sweep, label
 from .store.folder import Store

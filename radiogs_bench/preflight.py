@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from radiogs.errors import DataError
-from radiogs.scene import Scene
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import torch
 
-from radiogs.kernels.runtime import workers
+from radiogs_core.kernels.runtime import workers
 
 from .store.schema import Session
 

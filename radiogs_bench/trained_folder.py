@@ -1,8 +1,8 @@
 """The folder that ``train`` makes: the store of a single cell, what it was trained on, and the model as files.
 
 ``trained.json`` (schema below) names the scene, the budget and the key of the model in the store; ``surfels.ply`` (see
-``radiogs.surfel_files``) and ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X) are for
-other programs.
+``radiogs_core.surfels.ply``) and ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X) are
+for other programs.
 """
 
 import json
@@ -12,10 +12,10 @@ from typing import Any, TypedDict, cast
 
 import torch
 
-from radiogs.errors import DataError
 from radiogs.model import Model
-from radiogs.surfel_files import write_ply
 from radiogs.variant import Variant
+from radiogs_core.errors import DataError
+from radiogs_core.surfels.ply import write_ply
 from radiogs_datasets.image_files import write_exr
 
 from .cell import Cell

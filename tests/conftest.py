@@ -7,7 +7,7 @@ import pytest
 import torch
 from jaxtyping import install_import_hook
 
-from radiogs.kernels.runtime import use_threads
+from radiogs_core.kernels.runtime import use_threads
 
 ROOT = Path(__file__).parents[1]
 SHARED_DATA = Path(os.environ.get("RADIOGS_SHARED_DATA", ROOT.parent / "shared" / "data"))
@@ -15,8 +15,8 @@ SHARED_DATA = Path(os.environ.get("RADIOGS_SHARED_DATA", ROOT.parent / "shared" 
 
 def _checked_modules() -> list[str]:
     """Every module but packages (a hook on one takes all it holds) and Warp sources, which Warp itself types."""
-    rooms = ("method", "datasets", ".")
-    packages = ("radiogs", "radiogs_datasets", "radiogs_bench")
+    rooms = ("method", "method", "datasets", ".")
+    packages = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_bench")
     return [
         ".".join(path.relative_to(ROOT / room).with_suffix("").parts)
         for room, package in zip(rooms, packages, strict=True)

@@ -10,8 +10,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from radiogs.colour import srgb_encode
-from radiogs.scene import Scene, View
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.image_files import write_exr, write_png
 
 Maps = dict[str, Tensor]

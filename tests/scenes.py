@@ -4,10 +4,10 @@ import math
 
 import torch
 
-from radiogs.camera import Camera
-from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
-from radiogs.scene import Scene, View
-from radiogs.surfels import Surfels, surfels_at
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
+from radiogs_core.scene.scene import Scene, View
+from radiogs_core.surfels.surfels import Surfels, surfels_at
 
 
 def look_at(position: torch.Tensor, target: torch.Tensor, size: int, focal: float) -> Camera:

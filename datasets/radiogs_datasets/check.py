@@ -9,8 +9,8 @@ from typing import Literal
 
 import torch
 
-from radiogs.errors import DataError, ExplainedError
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError, ExplainedError
+from radiogs_core.scene.scene import Scene, View
 
 from .image_files import read_bytes, read_image
 from .image_structure import png_layout

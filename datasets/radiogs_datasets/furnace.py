@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.light import EnvironmentMap
-from radiogs.scene import Scene, View
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
 
 EMISSION = 0.1
 """Radiance that the walls emit: with it the brightest room below is not yet clipped in display colour."""

@@ -2,9 +2,9 @@
 
 import torch
 
-from radiogs.camera import Camera
-from radiogs.light import EnvironmentMap, texel_directions
-from radiogs.scene import Scene, View
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.scene import Scene, View
 
 NAME = "hard-cases"
 WIDTH, HEIGHT, FOCAL = 16, 12, 16.0

@@ -12,7 +12,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .image_structure import check_png_pixels, damaged, exr_size, jpeg_size, png_layout, radiance_size
 

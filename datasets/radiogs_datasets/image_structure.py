@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 LARGEST_SIDE = 1 << 16
 LARGEST_IMAGE = 1 << 28

@@ -8,10 +8,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.errors import DataError, UsageError
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.scene import Scene, View
 
 MULTIPLIED = ("direct", "indirect")
 """Maps that are multiplied by coverage already; the others are averaged over what is covered."""

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs.errors import DataError, UsageError
-from radiogs.scene import Scene
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.scene import Scene
 
 from .furnace import ALBEDOS, furnace
 from .hard_cases import NAME as HARD_CASES

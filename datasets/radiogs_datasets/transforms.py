@@ -13,8 +13,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
 
 DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
 

@@ -1,4 +1,4 @@
-"""Reading the maps of a view as ``radiogs.scene.MapName`` defines them, from files as TensoIR writes them."""
+"""Reading the maps of a view (``radiogs_core.scene.scene.MapName``) from files as TensoIR writes them."""
 
 from pathlib import Path
 
@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_decode
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode
 
 from .image_files import read_image
 

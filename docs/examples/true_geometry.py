@@ -14,17 +14,17 @@ from typing import Any
 import torch
 
 from radiogs.budget import budget
-from radiogs.incident import SurfelTracer, gather_incident
-from radiogs.kernels.runtime import use_threads
 from radiogs.model import Model
-from radiogs.rendering import shade_surfels
-from radiogs.scene import Scene
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering
-from radiogs.surfels import Surfels, radiance_to_sh
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
 from radiogs_bench.evaluation.evaluate import evaluate
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.splatting import shade_surfels
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.catalogue import recipe
 from radiogs_datasets.generate.surfels import surfels_over

@@ -1,6 +1,5 @@
 """RadioGS: radiometrically consistent Gaussian surfels for inverse rendering (ICLR 2026).
 
-Conventions, everywhere in this package: the world is right-handed and Z is up; directions are unit vectors
-that point away from the surface (``wo`` to the viewer, ``wi`` to the light); radiance is linear RGB;
-visibility is 1 where the light is seen.
+The method alone: its variant and budget, radiometric consistency, its three stages, relighting, and the choice of
+effects. Surfels, kernels, light transport and losses are those of ``radiogs_core``, and so are the conventions.
 """

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
-from .errors import UsageError
+from radiogs_core.errors import UsageError
 
 
 @dataclass(frozen=True)

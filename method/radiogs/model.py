@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .effects.plan import EffectPlan, everything
-from .surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import EffectPlan, everything
 
 
 @dataclass(frozen=True)

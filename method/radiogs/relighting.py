@@ -7,17 +7,19 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.splatting import radiance_maps, shaded_maps
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along, visibility_of
+
 from .budget import Budget
-from .camera import Camera
-from .effects.plan import EffectPlan
-from .incident import EVERYTHING, RAYS_AT_ONCE, Incident, SurfelTracer, incident_along, unoccluded, visibility_of
-from .light import EnvironmentMap
 from .model import Model
-from .rendering import radiance_maps, shaded_maps
-from .sampling import LightSampler, relighting_directions
-from .splitsum import PrefilteredLight, split_sum_radiance
 from .stages.finetune import FineTuning, Lighting
-from .surfels import Surfels
 from .variant import Relighting
 
 

@@ -3,8 +3,9 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
-from .effects.plan import Effects, checked_effects
-from .errors import UsageError
+from radiogs_core.errors import UsageError
+from radiogs_core.transport.plan import Effects, checked_effects
+
 from .profile import FIRST_STAGE, RELEASED
 
 Relighting = Literal["pbr", "finetuned", "surfels"]

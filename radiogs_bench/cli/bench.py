@@ -41,7 +41,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
     import json
     import os
 
-    from radiogs.errors import UsageError
+    from radiogs_core.errors import UsageError
 
     from .. import kernel_bench
     from ..kernel_bench.embree import missing_embree
@@ -113,7 +113,7 @@ def bench_frames(options: argparse.Namespace) -> int:
 def _device(name: str) -> "torch.device":
     import torch
 
-    from radiogs.errors import UsageError
+    from radiogs_core.errors import UsageError
 
     if name == "cuda" and not torch.cuda.is_available():
         raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
@@ -123,7 +123,7 @@ def _device(name: str) -> "torch.device":
 def _spacing(text: str) -> float:
     import math
 
-    from radiogs.errors import UsageError
+    from radiogs_core.errors import UsageError
 
     try:
         value = float(text)

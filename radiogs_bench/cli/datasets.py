@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .options import add_verbose, names, positive
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, cast
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 Name = Literal["inprocess", "pool", "ray"]
 ENGINES: tuple[Name, ...] = ("inprocess", "pool", "ray")

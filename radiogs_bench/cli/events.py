@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
-from radiogs.errors import ExplainedError
+from radiogs_core.errors import ExplainedError
 
 from ..engines.sweep import Place, label
 from ..errors import exit_code

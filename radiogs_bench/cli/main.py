@@ -6,7 +6,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 
-from radiogs.errors import ExplainedError
+from radiogs_core.errors import ExplainedError
 
 from ..errors import Interrupted, exit_code, explain
 from .parser import build_parser

@@ -5,16 +5,16 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError
 
 from .options import add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
     import torch
 
-    from radiogs.camera import Camera
-    from radiogs.light import EnvironmentMap
-    from radiogs.scene import Scene
+    from radiogs_core.scene.camera import Camera
+    from radiogs_core.scene.light import EnvironmentMap
+    from radiogs_core.scene.scene import Scene
 
     from .options import Commands
 
@@ -128,7 +128,7 @@ def relight(options: argparse.Namespace) -> int:
 
     from radiogs import relighting
     from radiogs.budget import budget
-    from radiogs.effects.plan import plan_of
+    from radiogs_core.transport.plan import plan_of
 
     from ..experiments.effects import plan_under, share_of
     from ..trained_folder import read_trained
@@ -155,7 +155,7 @@ def light_of(path: Path) -> "EnvironmentMap":
     """The light in a file. Raises UsageError for one of a kind that holds no radiance."""
     import torch
 
-    from radiogs.light import EnvironmentMap
+    from radiogs_core.scene.light import EnvironmentMap
     from radiogs_datasets.image_files import read_exr, read_hdr
 
     readers = {".hdr": read_hdr, ".exr": read_exr}
@@ -170,7 +170,7 @@ def chosen_device(options: argparse.Namespace) -> "torch.device":
 
     import torch
 
-    from radiogs.kernels.runtime import use_threads
+    from radiogs_core.kernels.runtime import use_threads
 
     if options.device == "cuda" and not torch.cuda.is_available():
         raise UsageError(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from radiogs.errors import ExplainedError
+from radiogs_core.errors import ExplainedError
 from radiogs_datasets import scene_names
 
 from ..engines.cluster import Cluster, connected, run_on_cluster

@@ -3,10 +3,10 @@
 import argparse
 from typing import TYPE_CHECKING, NoReturn
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 if TYPE_CHECKING:
-    from radiogs.effects.plan import Effects
+    from radiogs_core.transport.plan import Effects
 
     Commands = argparse._SubParsersAction["ExplainingParser"]
 
@@ -26,7 +26,7 @@ def names(text: str) -> list[str]:
 
 def effects(text: str) -> "Effects":
     """all, auto, or a list of effects separated by commas; ``none`` is the empty list."""
-    from radiogs.effects.plan import checked_effects
+    from radiogs_core.transport.plan import checked_effects
 
     if text in ("all", "auto"):
         return text

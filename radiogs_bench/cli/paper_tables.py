@@ -9,9 +9,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 
 from radiogs.budget import budget, scaled
-from radiogs.errors import UsageError
 from radiogs.variant import Variant
 from radiogs_baselines.published import PublishedTable, published, published_tables
+from radiogs_core.errors import UsageError
 from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
 
 from ..cell import TRAINING, plain

@@ -10,8 +10,8 @@ from .options import add_verbose, positive
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from radiogs.effects.probe import Findings
-    from radiogs.effects.subject import Subject
+    from radiogs.effects.decide.probe import Findings
+    from radiogs.effects.measure.subject import Subject
 
     from .options import Commands
 
@@ -108,7 +108,7 @@ def _draw(subject: "Subject", path: Path, effects: "Sequence[str]") -> None:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    from radiogs.effects.difference_maps import difference_maps
+    from radiogs.effects.decide.difference_maps import difference_maps
 
     full, maps = difference_maps(subject, effects)
     taken = subject.sights[0].target

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import ExplainedError, UsageError
+from radiogs_core.errors import ExplainedError, UsageError
 
 from .engine_choice import ENGINES, choose
 from .options import add_effects, add_verbose, names, part_of, positive

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .options import add_verbose
 

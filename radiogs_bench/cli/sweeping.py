@@ -9,10 +9,10 @@ from pathlib import Path
 import torch
 
 from radiogs.budget import budget
-from radiogs.errors import DataError, ExplainedError, UsageError
-from radiogs.kernels.runtime import use_threads, workers
-from radiogs.scene import Scene
 from radiogs.stages import Initialisation, InverseRendering
+from radiogs_core.errors import DataError, ExplainedError, UsageError
+from radiogs_core.kernels.runtime import use_threads, workers
+from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.layouts.inspection import shown
 

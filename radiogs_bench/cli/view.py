@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError
 
 from .options import add_verbose, positive
 
@@ -81,8 +81,8 @@ def disks_of(model: "Model", colour: str) -> "Disks":
     """The model's surfels as plain arrays, coloured by their mean radiance (degree 0), albedo or normal."""
     import torch
 
-    from radiogs.colour import srgb_encode
-    from radiogs.spherical_harmonics import surfel_radiance
+    from radiogs_core.scene.colour import srgb_encode
+    from radiogs_core.surfels.harmonics import surfel_radiance
     from radiogs_reports.surfel_view import Disks
 
     with torch.no_grad():

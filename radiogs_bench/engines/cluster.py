@@ -17,7 +17,7 @@ from typing import Any
 
 import torch
 
-from radiogs.errors import ExplainedError, UsageError
+from radiogs_core.errors import ExplainedError, UsageError
 
 from ..cell import TRAINING, Cell
 from ..errors import CellFailed, Interrupted

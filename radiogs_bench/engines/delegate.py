@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 
 import torch
 
-from radiogs.effects.plan import Effects
-from radiogs.errors import DataError, ExplainedError, UsageError
-from radiogs.kernels.runtime import use_threads
-from radiogs.scene import Scene
 from radiogs.variant import Variant
+from radiogs_core.errors import DataError, ExplainedError, UsageError
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.scene import Scene
+from radiogs_core.transport.plan import Effects
 
 from ..cell import Cell
 from ..code_version import evaluation_code, method_code

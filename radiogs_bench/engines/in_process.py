@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from radiogs.errors import DataError, ExplainedError
+from radiogs_core.errors import DataError, ExplainedError
 
 from ..cell import Cell
 from ..errors import Interrupted, StoreError, exit_code

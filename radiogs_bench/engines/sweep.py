@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TypedDict, cast
 
 from radiogs.budget import Budget, scaled
-from radiogs.errors import DataError
-from radiogs.scene import Scene
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
 
 from ..cell import TRAINED, Cell
 from ..code_version import evaluation_code, method_code

@@ -9,14 +9,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.effects.plan import plan_of
-from radiogs.incident import Incident
-from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.relighting import Relit, relight
-from radiogs.rendering import Renderer, splat
-from radiogs.scene import Scene
+from radiogs.rendering import Renderer
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import plan_of
+from radiogs_core.transport.splatting import splat
 
 from ..cell import Cell
 from ..experiments.effects import plan_under, share_of

@@ -5,8 +5,8 @@ from collections.abc import Callable, Sequence
 
 import torch
 
-from radiogs.camera import Camera
-from radiogs.scene import View
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import View
 
 from ..metrics import Value
 from ..provenance import peaks_within

@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
 
 LARGEST_HEIGHT = 64
 """Rows that are kept: as many as the finest learnt map has (preset ``paper``); measured maps have up to 1024."""

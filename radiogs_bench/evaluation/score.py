@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from radiogs.scene import Scene, View
 from radiogs_baselines.outputs import Predictions
+from radiogs_core.scene.scene import Scene, View
 
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue

@@ -10,9 +10,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.errors import DataError
 from radiogs_baselines.outputs.stanford_orb import Pair
+from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_datasets.image_files import read_image
 
 from ..metrics import Protocol

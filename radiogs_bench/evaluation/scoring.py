@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_encode
-from radiogs.light import EnvironmentMap, texel_directions
-from radiogs.scene import Scene, View
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.scene import Scene, View
 
 from ..metrics import Protocol
 from .figures import Figures

@@ -9,22 +9,29 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.budget import Budget
-from radiogs.effects.evidence import Evidence
-from radiogs.effects.lighting import IN_RELIGHTING, own_error, plan_for_light, settle_light_sampling, subject_under
-from radiogs.effects.planner import SIGHTS
-from radiogs.effects.prices import Step
-from radiogs.effects.probe import Findings, probe
-from radiogs.effects.share import image_share
-from radiogs.effects.subject import Sight, Subject, subject_of
-from radiogs.errors import DataError
-from radiogs.incident import SELF_OFFSET, Incident, SurfelTracer, visibility_of
-from radiogs.light import EnvironmentMap
+from radiogs.effects.decide.evidence import Evidence
+from radiogs.effects.decide.planner import SIGHTS
+from radiogs.effects.decide.probe import Findings, probe
+from radiogs.effects.decide.relighting import (
+    IN_RELIGHTING,
+    own_error,
+    plan_for_light,
+    settle_light_sampling,
+    subject_under,
+)
+from radiogs.effects.measure.prices import Step
+from radiogs.effects.measure.share import image_share
+from radiogs.effects.measure.subject import Sight, Subject, subject_of
 from radiogs.model import Model
-from radiogs.rendering import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
-from radiogs.sampling import hemisphere_directions
-from radiogs.scene import Scene
-from radiogs.stages.views import load
-from radiogs.surfels import Surfels, radiance_to_sh
+from radiogs_core.errors import DataError
+from radiogs_core.learning.views import load
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
+from radiogs_core.transport.tracer import SELF_OFFSET, SurfelTracer, visibility_of
 from radiogs_datasets.generate.catalogue import RECIPES, recipe
 from radiogs_datasets.generate.surfels import surfels_over
 

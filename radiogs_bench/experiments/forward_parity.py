@@ -15,12 +15,17 @@ from jaxtyping import Bool
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
-from radiogs.camera import Camera
-from radiogs.errors import DataError
-from radiogs.incident import Incident, incident_along
-from radiogs.kernels.counters import fired, work
-from radiogs.light import EnvironmentMap
-from radiogs.rendering import (
+from radiogs.stages.finetune import FineTuning, Lighting
+from radiogs_core.errors import DataError
+from radiogs_core.instruments.counters import fired, work
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import relighting_directions
+from radiogs_core.transport.splatting import (
     DIFFUSE_DIRECT,
     DIFFUSE_INDIRECT,
     SOLID_ALPHA,
@@ -30,11 +35,7 @@ from radiogs.rendering import (
     splat,
     towards,
 )
-from radiogs.sampling import relighting_directions
-from radiogs.scene import Scene, View
-from radiogs.spherical_harmonics import surfel_radiance
-from radiogs.stages.finetune import FineTuning, Lighting
-from radiogs.surfels import Surfels
+from radiogs_core.transport.tracer import incident_along
 from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
 from radiogs_datasets.generate.catalogue import recipe
 from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over

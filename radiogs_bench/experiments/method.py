@@ -8,8 +8,8 @@ import torch
 
 from radiogs.budget import Budget
 from radiogs.model import Model
-from radiogs.scene import Scene
 from radiogs.variant import Variant
+from radiogs_core.scene.scene import Scene
 
 
 @runtime_checkable

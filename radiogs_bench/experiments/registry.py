@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from radiogs.model import Model
-from radiogs.scene import Scene
+from radiogs_core.scene.scene import Scene
 
 from ..cell import AUDIT, COST, TRAINING, Cell
 from ..evaluation.evaluate import evaluate

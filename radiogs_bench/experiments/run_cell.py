@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
-from radiogs.scene import Scene
+from radiogs_core.instruments.counters import fired, work
+from radiogs_core.scene.scene import Scene
 
 from ..cell import Cell
 from ..provenance import forget_peaks, session

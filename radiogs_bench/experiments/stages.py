@@ -7,13 +7,13 @@ from typing import Any, TypedDict, TypeVar
 
 import torch
 
-from radiogs.effects.plan import EffectPlan
-from radiogs.errors import NumericalFailure
-from radiogs.kernels.counters import fired, work
 from radiogs.model import Model
-from radiogs.parts import spent
-from radiogs.scene import Scene
-from radiogs.surfels import Surfels
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.instruments.counters import fired, work
+from radiogs_core.instruments.parts import spent
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import EffectPlan
 
 from ..cell import Cell
 from ..engines.interruption import Interruption
@@ -53,7 +53,7 @@ class Ledger(TypedDict):
 
     seconds: float
     parts: dict[str, float]
-    """Those of the seconds that named parts of the stage took (see ``radiogs.parts``)."""
+    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.parts``)."""
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]

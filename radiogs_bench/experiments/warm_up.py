@@ -6,8 +6,8 @@ from dataclasses import replace
 import torch
 
 from radiogs.budget import budget
-from radiogs.scene import Scene
 from radiogs.variant import Variant
+from radiogs_core.scene.scene import Scene
 
 from .method import Method
 

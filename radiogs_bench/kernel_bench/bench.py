@@ -7,8 +7,8 @@ from statistics import median
 
 import torch
 
-from radiogs.kernels.counters import work
-from radiogs.kernels.runtime import use_threads
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.runtime import use_threads
 
 from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, split_sum_case, trace_case
 from .clock import peak_bytes, seconds, wall_seconds

@@ -7,15 +7,15 @@ from dataclasses import dataclass, fields
 import torch
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.harmonics import harmonic_sum
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.shade import shade
-from radiogs.kernels.trace import trace
-from radiogs.sampling import hemisphere_directions
-from radiogs.splitsum import PrefilteredLight, split_sum_radiance
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.surfel.harmonics import harmonic_sum
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.scene.camera import Camera
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from . import plain_split_sum
 from .embree import closest_hits, missing_embree

@@ -8,14 +8,14 @@ from statistics import median
 
 import torch
 
-from radiogs.errors import DataError
-from radiogs.incident import SurfelTracer, incident_along
-from radiogs.kernels.runtime import use_threads
-from radiogs.light import EnvironmentMap
 from radiogs.relighting import RelitByRays, RelitBySurfels
-from radiogs.sampling import LightSampler, relighting_directions
-from radiogs.scene import Scene
-from radiogs.surfels import Surfels
+from radiogs_core.errors import DataError
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from radiogs_datasets.generate.catalogue import recipe
 from radiogs_datasets.generate.surfels import surfels_over
 

@@ -4,9 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.brdf import FRESNEL_NORMAL
-from radiogs.light import EnvironmentMap
-from radiogs.splitsum import LEVELS, PrefilteredLight, brdf_table
+from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.splitsum import LEVELS, PrefilteredLight, brdf_table
 
 
 def split_sum_radiance(

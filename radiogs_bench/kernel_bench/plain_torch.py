@@ -4,11 +4,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.brdf import diffuse, specular
-from radiogs.camera import Camera
-from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
-from radiogs.light import EnvironmentMap
-from radiogs.spherical_harmonics import CONSTANT_BASIS
+from radiogs_core.kernels.shade.brdf import diffuse, specular
+from radiogs_core.kernels.surfel.geometry import ALPHA_THRESHOLD, MAX_ALPHA, SplatGeometry
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 
 PIXELS_AT_ONCE = 1024
 """Rows of the pixel-by-surfel table that are held together."""

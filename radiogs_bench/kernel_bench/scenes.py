@@ -19,9 +19,9 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from radiogs.errors import DataError
-from radiogs.kernels.geometry import SplatGeometry, support_radius
-from radiogs.sampling import tangent_frame
+from radiogs_core.errors import DataError
+from radiogs_core.kernels.surfel.geometry import SplatGeometry, support_radius
+from radiogs_core.transport.sampling import tangent_frame
 
 OVERLAP = 0.93
 """Standard deviations over the spacing of M's surfels; with it the scenes have the hits that this module states."""

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from radiogs.colour import srgb_encode
+from radiogs_core.scene.colour import srgb_encode
 
 from .conventions import Albedo, Space
 

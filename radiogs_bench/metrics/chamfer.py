@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 SAMPLES = 30_000
 """Points that Stanford-ORB draws from the recovered surface."""

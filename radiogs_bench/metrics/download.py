@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError
 
 from ..store.atomic import explained
 from .conventions import Net

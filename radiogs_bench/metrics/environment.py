@@ -6,8 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.errors import UsageError
-from radiogs.light import texel_solid_angles
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.light import texel_solid_angles
 
 from .conventions import Environment
 

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import conv2d
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .backbones import BACKBONES
 from .conventions import Lpips, Net

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .conventions import Albedo, Bits, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
 from .protocol import Protocol

@@ -5,7 +5,7 @@ import math
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.errors import NumericalFailure
+from radiogs_core.errors import NumericalFailure
 
 from .conventions import Psnr
 from .values import PSNR_CAP

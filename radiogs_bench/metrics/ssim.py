@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import conv2d, pad
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .conventions import Ssim
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
-from radiogs.colour import srgb_encode
+from radiogs_core.scene.colour import srgb_encode
 
 from .albedo import least_squares
 from .conventions import Ssim

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
 
 from . import stanford_orb as orb
 from .conventions import Albedo, Depth, Lpips, Normal, Task

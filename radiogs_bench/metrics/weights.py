@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .conventions import Net
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .atomic import write_atomically
 from .folder import Store

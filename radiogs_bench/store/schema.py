@@ -84,10 +84,10 @@ class Result(TypedDict):
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
     guards: NotRequired[dict[str, dict[str, int]]]
-    """How often each guard of ``radiogs.guards`` acted, by stage; absent in results from before it was counted."""
+    """How often each guard of ``radiogs_core.guards`` acted, by stage; absent in results from before it was counted."""
     effects: NotRequired[dict[str, Any]]
-    """``plan``: what was simulated when training ended (see ``radiogs.effects.plan``; of masks the share of surfels
-    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.evidence``).
+    """``plan``: what was simulated when training ended (``radiogs_core.transport.plan``; of masks the share of surfels
+    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.decide.evidence``).
     ``probing``: what the probes took of stage 2, ``seconds`` and ``rays``; absent in results from before it was kept.
     Absent in results of experiments that train nothing."""
     sessions: dict[str, list[Session]]

@@ -1,7 +1,7 @@
 """The audit of plans: training by what a scene calls for, beside training with everything on, same seeds."""
 
-from radiogs.effects.plan import EFFECTS
 from radiogs.variant import Variant
+from radiogs_core.transport.plan import EFFECTS
 
 from ..cell import AUDIT
 from .suite import Metric, Row, Suite

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from difflib import get_close_matches
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .cost import COST_OF_ACCURACY, FINETUNE
 from .data_sets import DATA_SET_SUITES

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from radiogs.effects.plan import Effects
-from radiogs.errors import UsageError
 from radiogs.variant import Variant
+from radiogs_core.errors import UsageError
+from radiogs_core.transport.plan import Effects
 
 from ..cell import TRAINING
 

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 from radiogs.budget import Budget
-from radiogs.errors import DataError, UsageError
 from radiogs.variant import Variant
 from radiogs_baselines.published import published_tables
+from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import known_names
 
 from ..experiments.registry import EXPERIMENTS

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from radiogs.errors import UsageError
 from radiogs_baselines.published import published, published_tables
+from radiogs_core.errors import UsageError
 
 TABLES = published_tables()
 IN_TWO_DIRECTIONS = "views"

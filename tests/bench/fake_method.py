@@ -9,12 +9,7 @@ import numpy as np
 import torch
 
 from radiogs.budget import Budget, budget
-from radiogs.errors import ExplainedError
-from radiogs.kernels.counters import count, fire
 from radiogs.model import Model
-from radiogs.parts import spent
-from radiogs.scene import Scene
-from radiogs.surfels import Surfels
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
 from radiogs_bench.engines.in_process import Task, run_cells
@@ -25,6 +20,11 @@ from radiogs_bench.experiments.run_cell import Evaluation, run_cell
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
+from radiogs_core.errors import ExplainedError
+from radiogs_core.instruments.counters import count, fire
+from radiogs_core.instruments.parts import spent
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels
 
 STEPS = 3
 CPU = torch.device("cpu")

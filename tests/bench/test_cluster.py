@@ -15,8 +15,6 @@ from bench import fake_method
 from bench.fake_method import FAKE, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs.errors import NumericalFailure, UsageError
-from radiogs.scene import Scene
 from radiogs_bench.cell import Cell
 from radiogs_bench.cli import main
 from radiogs_bench.cli.engine_choice import Engine, choose
@@ -30,6 +28,8 @@ from radiogs_bench.errors import Interrupted
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import NumericalFailure, UsageError
+from radiogs_core.scene.scene import Scene
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu").cells()]
 PLACES = {"fake": "nowhere/fake"}

@@ -11,7 +11,6 @@ from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs.errors import DataError, NumericalFailure, UsageError
 from radiogs_bench.cell import Cell
 from radiogs_bench.engines.delegate import (
     Delivery,
@@ -27,6 +26,7 @@ from radiogs_bench.errors import Interrupted
 from radiogs_bench.experiments.stages import initialised
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError, NumericalFailure, UsageError
 
 RECIPE = Recipe(FAKE, fake_method.experiment, fake_method.load, "nowhere/fake")
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]

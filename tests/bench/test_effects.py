@@ -11,17 +11,10 @@ import pytest
 import torch
 
 from radiogs.budget import budget
-from radiogs.colour import srgb_encode
-from radiogs.effects.evidence import Evidence
-from radiogs.effects.lighting import reference_colour
-from radiogs.effects.plan import EFFECTS, everything
-from radiogs.effects.probe import Findings
-from radiogs.effects.subject import Subject
-from radiogs.errors import UsageError
-from radiogs.incident import unoccluded
-from radiogs.light import EnvironmentMap
-from radiogs.rendering import shade_surfels
-from radiogs.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs.effects.decide.evidence import Evidence
+from radiogs.effects.decide.probe import Findings
+from radiogs.effects.decide.relighting import reference_colour
+from radiogs.effects.measure.subject import Subject
 from radiogs.variant import Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
@@ -41,6 +34,13 @@ from radiogs_bench.suites.registry import suite
 from radiogs_bench.suites.suite import with_effects
 from radiogs_bench.suites.toml_file import read_suite
 from radiogs_bench.trained_folder import read_trained, variant_of
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.plan import EFFECTS, everything
+from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.splatting import shade_surfels
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.catalogue import RECIPES
 from radiogs_datasets.generate.surfels import surfels_of_room

@@ -12,7 +12,6 @@ import torch
 
 from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
-from radiogs.errors import DataError, ExplainedError, NumericalFailure
 from radiogs.variant import Variant
 from radiogs_bench.cell import Cell
 from radiogs_bench.engines import in_process as engine
@@ -24,6 +23,7 @@ from radiogs_bench.experiments.run_cell import run_cell
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 
 ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from radiogs.errors import DataError, ExplainedError, NumericalFailure, UsageError
 from radiogs_bench.errors import CellFailed, Interrupted, StoreError, exit_code, explain, worst_exit_code
+from radiogs_core.errors import DataError, ExplainedError, NumericalFailure, UsageError
 
 
 @pytest.mark.parametrize(

@@ -12,16 +12,16 @@ import pytest
 import torch
 
 from bench.fake_method import CPU, FakeStage, fake_cell
-from radiogs.incident import Incident
-from radiogs.light import EnvironmentMap
 from radiogs.model import Model
-from radiogs.rendering import splat
-from radiogs.scene import Scene, View
 from radiogs_bench.evaluation import evaluate as module
 from radiogs_bench.evaluation import frame_cost
 from radiogs_bench.evaluation.evaluate import evaluate, incident_map
 from radiogs_bench.evaluation.scoring import displayed, truth
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.splatting import splat
 from scenes import look_at, sphere_scene
 
 SIZE = 16

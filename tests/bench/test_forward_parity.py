@@ -9,13 +9,13 @@ import torch
 
 from bench.fake_method import CPU, FAKE, fake_cell
 from radiogs.budget import budget
-from radiogs.errors import DataError, UsageError
-from radiogs.rendering import SOLID_ALPHA
 from radiogs_bench.engines.interruption import Interruption
 from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.folder import Store
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.transport.splatting import SOLID_ALPHA
 from radiogs_datasets import load_scene
 from radiogs_datasets.registry import FORWARD, forward_names
 
@@ -55,7 +55,7 @@ def test_kept_pixels_are_solid_and_stay_away_from_steps_of_depth(name: str) -> N
 @pytest.mark.parametrize("name", SCENES)
 def test_the_larger_views_show_the_scene_that_the_recipe_describes(name: str) -> None:
     """Surfels over the recipe's solids, seen from the views' cameras, have the views' depth."""
-    from radiogs.rendering import splat
+    from radiogs_core.transport.splatting import splat
 
     scene = load_scene(name)
     surfels = setup(scene, 0.06).surfels

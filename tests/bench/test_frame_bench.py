@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.kernels.counters import work
 from radiogs_bench.cli import main
 from radiogs_bench.kernel_bench.frames import FRAMES, HEMISPHERE_SAMPLES, LIGHT_SAMPLES, by_rays
+from radiogs_core.instruments.counters import work
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.catalogue import recipe
 from radiogs_datasets.generate.surfels import surfels_over

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.errors import DataError
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.counters import work
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.shade import shade
-from radiogs.kernels.trace import Hits, trace
 from radiogs_bench.cli import main
 from radiogs_bench.kernel_bench.bench import measure
 from radiogs_bench.kernel_bench.cases import _camera, rasterize_case, shade_case, trace_case
 from radiogs_bench.kernel_bench.embree import missing_embree
 from radiogs_bench.kernel_bench.plain_torch import rasterize_densely, shade_plainly
 from radiogs_bench.kernel_bench.scenes import SCENES, KernelScene, cloud, support_quads
+from radiogs_core.errors import DataError
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import Hits, trace
 
 CPU = torch.device("cpu")
 

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from radiogs.light import EnvironmentMap
 from radiogs_bench.evaluation.light_maps import LARGEST_HEIGHT, light_maps
+from radiogs_core.scene.light import EnvironmentMap
 
 
 def ramp(height: int) -> torch.Tensor:

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.surfel_files import read_ply
 from radiogs_bench.cli.main import main
 from radiogs_bench.trained_folder import read_trained
+from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets.image_files import read_exr, read_png, write_hdr
 
 CPU = torch.device("cpu")

@@ -9,9 +9,9 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from radiogs.kernels.runtime import workers
 from radiogs_bench import provenance
 from radiogs_bench.provenance import forget_peaks, git_state, peak_memory, peaks_within, session
+from radiogs_core.kernels.runtime import workers
 
 
 @pytest.fixture(autouse=True)

@@ -9,13 +9,13 @@ import pytest
 import torch
 
 from public_outputs import WRITERS, noisy, png
-from radiogs.errors import DataError
-from radiogs.scene import Scene
 from radiogs_baselines.outputs import CODES, likely_codes, read_predictions
 from radiogs_bench.cli import main
 from radiogs_bench.evaluation.score import score_predictions
 from radiogs_bench.evaluation.scoring import coverage
 from radiogs_bench.metrics import PROTOCOLS, protocol
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 
 TOLERANCE = {"psnr": 0.02, "ssim": 1e-3, "mae": 0.02, "mse": 2e-5}

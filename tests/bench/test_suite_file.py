@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 from radiogs.budget import budget, scaled
-from radiogs.errors import DataError, UsageError
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
 from radiogs_bench.suites.effects import EFFECTS_SUITE
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_bench.suites.toml_file import read_suite
+from radiogs_core.errors import DataError, UsageError
 
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "rays_or_surfels.toml"

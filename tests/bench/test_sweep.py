@@ -8,10 +8,10 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep, fake_cell
 from radiogs.budget import budget
-from radiogs.errors import DataError
 from radiogs_bench.engines.sweep import Place, Request, read_sweep, state_of, steps_to_take, write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError
 
 
 def request() -> Request:

@@ -7,7 +7,6 @@ import pytest
 
 from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
-from radiogs.kernels.counters import count
 from radiogs.model import Model
 from radiogs_bench.cell import COST
 from radiogs_bench.engines.interruption import Interruption
@@ -17,6 +16,7 @@ from radiogs_bench.experiments.run_cell import run_cell
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.experiments.trail import Trail, milestones
 from radiogs_bench.store.schema import Result
+from radiogs_core.instruments.counters import count
 
 CELL = fake_cell(experiment=COST)
 

@@ -7,12 +7,12 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
-from radiogs.errors import DataError, UsageError
 from radiogs_bench.cli import main
 from radiogs_bench.cli.view import disks_of, model_in
 from radiogs_bench.engines.sweep import Request, write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_core.errors import DataError, UsageError
 from radiogs_reports import surfel_view
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")

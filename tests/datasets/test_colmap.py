@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 
 pytest.importorskip("pycolmap", reason="pycolmap is not installed")

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.camera import Camera
-from radiogs.errors import DataError, UsageError
-from radiogs.scene import Scene
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.writing import convert
 

@@ -11,7 +11,7 @@ import OpenEXR
 import pytest
 import torch
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_png
 from radiogs_datasets.registry import TINY

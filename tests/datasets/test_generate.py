@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.errors import UsageError
-from radiogs.light import EnvironmentMap
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate import RECIPES, generate_scene
 from radiogs_datasets.generate.probe import mitsuba_failure

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 from radiogs_datasets.image_files import (
     read_exr,
     read_hdr,

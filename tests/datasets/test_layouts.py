@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.colour import srgb_decode
-from radiogs.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr, write_png
 from radiogs_datasets.layouts.synthetic4relight import read_light

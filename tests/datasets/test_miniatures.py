@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.light import EnvironmentMap
-from radiogs.scene import Scene, View
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.generate import RECIPES
 from radiogs_datasets.generate.environments import LIGHTS

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 from radiogs_datasets.generate import RECIPES, generate_scene, probe
 from radiogs_datasets.generate.cameras import pinhole
 from radiogs_datasets.generate.catalogue import Box, Recipe, Sphere

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.colour import srgb_decode
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png, write_exr, write_png
 from radiogs_datasets.layouts.stanford_orb import reduced

@@ -6,16 +6,17 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs.camera import Camera
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.trace import trace
 from radiogs.model import Model
-from radiogs.rendering import Renderer, towards
-from radiogs.spherical_harmonics import COEFFICIENTS, surfel_radiance
-from radiogs.surfels import Surfels
+from radiogs.rendering import Renderer
 from radiogs.variant import Variant
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import COEFFICIENTS, surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import towards
 
 FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity")
 CHANNELS = 4

@@ -9,8 +9,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.surfels import Surfels
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
 from reference.rasterize import rasterize
 from reference.trace import harmonics, trace
 

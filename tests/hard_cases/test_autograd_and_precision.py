@@ -16,16 +16,16 @@ from hard_cases.constructions import (
     rendered,
     two_balls,
 )
-from radiogs.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
-from radiogs.incident import SurfelTracer
-from radiogs.kernels.counters import work
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.runtime import use_threads
-from radiogs.losses import depth_normals
-from radiogs.rendering import own_radiance, shade_surfels, splat, towards
-from radiogs.sampling import hemisphere_directions
-from radiogs.spherical_harmonics import surfel_radiance
-from radiogs.surfels import Surfels
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.depth_normals import depth_normals
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splatting import own_radiance, shade_surfels, splat, towards
+from radiogs_core.transport.tracer import SurfelTracer
 from reference.differences import slope
 
 with warnings.catch_warnings():

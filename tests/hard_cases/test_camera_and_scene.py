@@ -24,20 +24,21 @@ from hard_cases.constructions import (
     two_balls,
     with_radiance,
 )
-from radiogs.camera import Camera
-from radiogs.errors import UsageError
-from radiogs.incident import SurfelTracer, gather_incident
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.hits import _offsets
-from radiogs.kernels.rasterize_binning import tile_lists
-from radiogs.kernels.shade import shade
-from radiogs.kernels.trace import trace
 from radiogs.model import Model
-from radiogs.rendering import Renderer, towards
-from radiogs.spherical_harmonics import surfel_radiance
-from radiogs.surfels import Surfels
+from radiogs.rendering import Renderer
 from radiogs.variant import Variant
+from radiogs_core.errors import UsageError
+from radiogs_core.kernels.rasterize.binning import tile_lists
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.hits import _offsets
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import towards
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from reference.trace import harmonics
 from scenes import look_at
 

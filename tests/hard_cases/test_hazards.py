@@ -20,14 +20,14 @@ from hard_cases.constructions import (
 )
 from hard_cases.constructions import seen as seen_by
 from hard_cases.ref64 import EPS
-from radiogs.brdf import ggx_distribution, specular
-from radiogs.incident import visibility_of
-from radiogs.kernels.geometry import TRACE_TRANSMITTANCE_STOP, can_be_met, support_extent, support_radius
-from radiogs.kernels.trace import Hits
-from radiogs.rendering import splat
-from radiogs.sampling import hemisphere_directions, tangent_frame
-from radiogs.splitsum import PrefilteredLight, split_sum_radiance
 from radiogs_bench.metrics.values import Value, mean
+from radiogs_core.kernels.shade.brdf import ggx_distribution, specular
+from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP, can_be_met, support_extent, support_radius
+from radiogs_core.kernels.trace.trace import Hits
+from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
+from radiogs_core.transport.splatting import splat
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.tracer import visibility_of
 
 F64 = torch.float64
 UP = torch.tensor([0.0, 0.0, 1.0])

@@ -13,19 +13,19 @@ import torch
 from torch import Tensor
 
 from hard_cases.constructions import looking_along_z, raw_surfels, seen
-from radiogs.camera import Camera
-from radiogs.errors import ExplainedError
-from radiogs.kernels.bvh import EMPTY
-from radiogs.kernels.geometry import (
+from radiogs.model import Model
+from radiogs.rendering import Renderer
+from radiogs.variant import Variant
+from radiogs_core.errors import ExplainedError
+from radiogs_core.kernels.surfel.geometry import (
     ALPHA_THRESHOLD,
     MAX_ALPHA,
     RASTER_TRANSMITTANCE_STOP,
     TRACE_TRANSMITTANCE_STOP,
 )
-from radiogs.model import Model
-from radiogs.rendering import Renderer
-from radiogs.surfels import PIXEL_FILTER_VARIANCE, ROUGHNESS_FLOOR, Surfels
-from radiogs.variant import Variant
+from radiogs_core.kernels.trace.bvh import EMPTY
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import PIXEL_FILTER_VARIANCE, ROUGHNESS_FLOOR, Surfels
 
 LARGEST = torch.finfo(torch.float32).max
 POISONS = (

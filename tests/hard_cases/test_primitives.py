@@ -22,10 +22,10 @@ from hard_cases.constructions import (
     with_radiance,
 )
 from hard_cases.ref64 import EPS
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import ALPHA_THRESHOLD, MAX_ALPHA, can_be_met
-from radiogs.kernels.trace import trace
-from radiogs.surfels import Surfels
+from radiogs_core.kernels.surfel.geometry import ALPHA_THRESHOLD, MAX_ALPHA, can_be_met
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.surfels.surfels import Surfels
 
 
 def assert_same_bits(found: tuple[Tensor, ...], expected: tuple[Tensor, ...]) -> None:

@@ -10,8 +10,8 @@ from scipy.spatial.transform import Rotation
 from torch import Tensor
 
 from hard_cases.constructions import drawn, facing, joined, raw_surfels, seen
-from radiogs.camera import Camera
-from radiogs.surfels import Surfels
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
 
 REPEATABLE = settings(derandomize=True, deadline=None, max_examples=12, database=None)
 

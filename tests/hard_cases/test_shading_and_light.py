@@ -11,27 +11,28 @@ from torch.nn.functional import normalize
 from hard_cases import ref64
 from hard_cases.constructions import cast, facing, looking_along_z, raw_surfels, two_balls, with_radiance
 from hard_cases.ref64 import EPS
-from radiogs.brdf import diffuse, ggx_distribution, specular
-from radiogs.errors import DataError
-from radiogs.incident import Incident, SurfelTracer, gather_incident, visibility_of
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.shade import shade
-from radiogs.kernels.trace import Hits, trace
-from radiogs.light import EnvironmentMap, texel_solid_angles
-from radiogs.radiometric import consistency_loss
-from radiogs.rendering import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, shade_surfels, towards
-from radiogs.sampling import (
+from radiogs.consistency import consistency_loss
+from radiogs.variant import Variant
+from radiogs_bench.kernel_bench import plain_split_sum as dense
+from radiogs_core.errors import DataError
+from radiogs_core.kernels.shade.brdf import diffuse, ggx_distribution, specular
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import Hits, trace
+from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import (
     LightSampler,
     hemisphere_directions,
     random_hemisphere_direction,
     relighting_directions,
     tangent_frame,
 )
-from radiogs.splitsum import GRID_HEIGHT, LEVELS, PrefilteredLight, _filters, _grid_solid_angles
-from radiogs.surfels import Surfels
-from radiogs.variant import Variant
-from radiogs_bench.kernel_bench import plain_split_sum as dense
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, shade_surfels, towards
+from radiogs_core.transport.splitsum import GRID_HEIGHT, LEVELS, PrefilteredLight, _filters, _grid_solid_angles
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident, visibility_of
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 from reference.shade import shade as dense_shade
 from reference.trace import harmonics

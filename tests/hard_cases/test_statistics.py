@@ -16,10 +16,10 @@ from scipy.stats import chi2, norm
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs.brdf import ggx_distribution, specular
-from radiogs.kernels.shade import shade
-from radiogs.light import EnvironmentMap
-from radiogs.sampling import (
+from radiogs_core.kernels.shade.brdf import ggx_distribution, specular
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.sampling import (
     LightSampler,
     hemisphere_directions,
     random_hemisphere_direction,

@@ -5,7 +5,14 @@ import math
 import pytest
 import torch
 
-from radiogs.brdf import FRESNEL_NORMAL, diffuse, fresnel, ggx_distribution, smith_visibility, specular
+from radiogs_core.kernels.shade.brdf import (
+    FRESNEL_NORMAL,
+    diffuse,
+    fresnel,
+    ggx_distribution,
+    smith_visibility,
+    specular,
+)
 from reference.quadrature import lobe_quadrature
 
 ROUGHNESSES = [0.02, 0.1, 0.3, 0.6, 1.0]

@@ -1,7 +1,7 @@
 import torch
 
-from radiogs.camera import Camera
-from radiogs.points import project
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.starting_points import project
 
 
 def _camera() -> Camera:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
+from radiogs_core.scene.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # it warns of optional packages that it would also like

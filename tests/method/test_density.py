@@ -1,9 +1,9 @@
 import pytest
 import torch
 
-from radiogs.camera import Camera
-from radiogs.density import SPLIT_SHRINK, Pull, densify_and_prune
-from radiogs.surfels import Surfels, inverse_sigmoid, surfels_at
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.density import SPLIT_SHRINK, Pull, densify_and_prune
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, surfels_at
 
 
 def _surfels() -> Surfels:

@@ -5,10 +5,10 @@ import math
 import pytest
 import torch
 
-from radiogs.effects.bounds import bootstrap_t, empirical_bernstein_upper, sidak, zero_events_upper
-from radiogs.effects.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
-from radiogs.effects.evidence import Evidence, Measured
-from radiogs.effects.tolerance import Tolerance
+from radiogs.effects.decide.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
+from radiogs.effects.decide.evidence import Evidence, Measured
+from radiogs.effects.decide.tolerance import Tolerance
+from radiogs.effects.measure.bounds import bootstrap_t, empirical_bernstein_upper, sidak, zero_events_upper
 
 LEVEL = 0.05
 TRIALS = 300

@@ -7,13 +7,14 @@ import pytest
 import torch
 
 from radiogs.budget import budget
-from radiogs.effects.plan import EFFECTS, EffectPlan, everything, plan_of
-from radiogs.errors import UsageError
-from radiogs.incident import Incident, SurfelTracer, gather_incident
-from radiogs.kernels.counters import work
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
+from radiogs_core.errors import UsageError
+from radiogs_core.instruments.counters import work
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import EFFECTS, EffectPlan, everything, plan_of
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")

@@ -11,27 +11,28 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs.budget import budget
-from radiogs.colour import srgb_encode
-from radiogs.effects.candidates import Candidates
-from radiogs.effects.gradient import pull_of_images
-from radiogs.effects.judge import Judge
-from radiogs.effects.lighting import concentration, own_error, plan_for_light, reference_colour, subject_under
-from radiogs.effects.plan import EffectPlan, everything
-from radiogs.effects.planner import Planner
-from radiogs.effects.prices import Step
-from radiogs.effects.probe import Findings, _accepted, probe
-from radiogs.effects.share import image_share
-from radiogs.effects.staleness import Staleness, settle_refresh
-from radiogs.effects.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
-from radiogs.effects.tolerance import Tolerance
-from radiogs.incident import SurfelTracer, incident_along, unoccluded
-from radiogs.kernels.counters import work
-from radiogs.light import EnvironmentMap, texel_directions
-from radiogs.rendering import shaded_maps
-from radiogs.sampling import hemisphere_directions, tangent_frame
+from radiogs.effects.decide.judge import Judge
+from radiogs.effects.decide.planner import Planner
+from radiogs.effects.decide.probe import Findings, _accepted, probe
+from radiogs.effects.decide.relighting import concentration, own_error, plan_for_light, reference_colour, subject_under
+from radiogs.effects.decide.staleness import Staleness, settle_refresh
+from radiogs.effects.decide.tolerance import Tolerance
+from radiogs.effects.measure.candidates import Candidates
+from radiogs.effects.measure.gradient import pull_of_images
+from radiogs.effects.measure.prices import Step
+from radiogs.effects.measure.share import image_share
+from radiogs.effects.measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
 from radiogs.stages import Initialisation, InverseRendering
-from radiogs.surfels import Surfels, radiance_to_sh
 from radiogs.variant import Variant
+from radiogs_core.instruments.counters import work
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
+from radiogs_core.transport.splatting import shaded_maps
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from radiogs_datasets.generate.catalogue import Box, Material, Sphere
 from radiogs_datasets.generate.surfels import surfels_over
 from scenes import look_at, sphere_scene, sun_and_sky

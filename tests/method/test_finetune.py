@@ -8,12 +8,12 @@ import torch
 
 from method.test_stages import through_a_file
 from radiogs.budget import Budget, budget
-from radiogs.light import EnvironmentMap
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.spherical_harmonics import surfel_radiance
 from radiogs.stages.finetune import FineTuning, Lighting
-from radiogs.surfels import Surfels, inverse_sigmoid, radiance_to_sh
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
 from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over

@@ -10,14 +10,14 @@ import torch
 
 import radiogs
 from hard_cases.constructions import ball_of_surfels, cast, drawn, facing, looking_along_z, rays_along_z, with_radiance
-from radiogs.errors import ExplainedError
-from radiogs.finite import require_finite
-from radiogs.guards import GUARDS
-from radiogs.kernels import topology
-from radiogs.kernels.counters import fired
-from radiogs.kernels.runtime import MOST_ENTRIES, require_countable
-from radiogs.light import EnvironmentMap
-from radiogs.sampling import LightSampler
+from radiogs_core.errors import ExplainedError
+from radiogs_core.guards import GUARDS
+from radiogs_core.instruments.counters import fired
+from radiogs_core.instruments.finite import require_finite
+from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
+from radiogs_core.kernels.trace import topology
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.sampling import LightSampler
 from scenes import look_at
 
 CAMERA = looking_along_z()

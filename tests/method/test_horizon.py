@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch.nn.functional import normalize
 
-from radiogs.horizon import NEIGHBOURS, SAME_SURFACE, above, nearest, patch_normal
-from radiogs.incident import SurfelTracer
-from radiogs.sampling import hemisphere_directions
-from radiogs.surfels import Surfels, inverse_sigmoid
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
+from radiogs_core.transport.horizon import NEIGHBOURS, SAME_SURFACE, above, nearest, patch_normal
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import SurfelTracer
 from scenes import surfels_facing
 
 

@@ -3,9 +3,9 @@
 import pytest
 import torch
 
-from radiogs.effects.share import image_share
-from radiogs.rendering import splat
-from radiogs.surfels import Surfels
+from radiogs.effects.measure.share import image_share
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import splat
 from scenes import look_at, surfels_facing
 
 CAMERAS = [

@@ -1,7 +1,7 @@
 import pytest
 import torch
 
-from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 
 
 def test_every_texel_is_found_again_in_its_own_direction() -> None:

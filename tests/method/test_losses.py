@@ -2,9 +2,7 @@ import numpy as np
 import torch
 from skimage.metrics import structural_similarity as skimage_ssim
 
-from radiogs.camera import Camera
-from radiogs.losses import (
-    depth_normals,
+from radiogs_core.learning.losses import (
     edge_allowance,
     edge_aware_smoothness,
     light_prior,
@@ -14,6 +12,8 @@ from radiogs.losses import (
     sobel,
     structural_similarity,
 )
+from radiogs_core.scene.camera import Camera
+from radiogs_core.transport.depth_normals import depth_normals
 
 
 def test_ssim_equals_skimage_on_the_zero_padded_image() -> None:

@@ -1,7 +1,7 @@
 import torch
 
-from radiogs.optimiser import SurfelOptimiser
-from radiogs.surfels import Surfels, surfels_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, surfels_at
 
 RATES = dict.fromkeys(
     ("centre", "rotation", "log_scale", "opacity_logit", "sh", "sh_rest", "albedo_logit", "roughness_logit"), 0.01

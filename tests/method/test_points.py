@@ -3,9 +3,9 @@ import dataclasses
 import pytest
 import torch
 
-from radiogs.errors import DataError
-from radiogs.points import initial_points, neighbour_spacing, view_radius
-from radiogs.scene import View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import View
+from radiogs_core.surfels.starting_points import initial_points, neighbour_spacing, view_radius
 from scenes import sphere_scene
 
 

@@ -7,15 +7,15 @@ import pytest
 import torch
 
 from method.test_stages import BUDGET, CPU, SCENE, through_a_file
-from radiogs.errors import UsageError
-from radiogs.incident import tracer_of
-from radiogs.losses import reconstruction
 from radiogs.model import Model
 from radiogs.profile import PROFILES, RELEASED
-from radiogs.sampling import hemisphere_directions
 from radiogs.stages import Initialisation, InverseRendering
-from radiogs.stages.views import load
+from radiogs.tracing import tracer_of
 from radiogs.variant import Variant
+from radiogs_core.errors import UsageError
+from radiogs_core.learning.losses import reconstruction
+from radiogs_core.learning.views import load
+from radiogs_core.transport.sampling import hemisphere_directions
 
 
 @pytest.fixture(scope="module")

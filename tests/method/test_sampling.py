@@ -7,9 +7,9 @@ import pytest
 import torch
 from scipy.stats import chi2
 
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap, texel_solid_angles
-from radiogs.sampling import (
+from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.transport.sampling import (
     LightSampler,
     hemisphere_directions,
     random_hemisphere_direction,

@@ -7,23 +7,24 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.brdf import specular
-from radiogs.effects.candidates import Candidates
-from radiogs.effects.plan import EffectPlan, everything
-from radiogs.effects.share import image_share
-from radiogs.effects.subject import Sight, subject_of
-from radiogs.incident import unoccluded
-from radiogs.kernels.counters import work
-from radiogs.kernels.shade import shade
-from radiogs.light import EnvironmentMap
+from radiogs.consistency import consistency_loss
+from radiogs.effects.measure.candidates import Candidates
+from radiogs.effects.measure.share import image_share
+from radiogs.effects.measure.subject import Sight, subject_of
 from radiogs.model import Model
-from radiogs.radiometric import consistency_loss
 from radiogs.relighting import RelitByRays
-from radiogs.rendering import Renderer, shade_surfels, towards
-from radiogs.sampling import hemisphere_directions
-from radiogs.shading import lobe_albedo, shade_materials
-from radiogs.surfels import Surfels, radiance_to_sh
+from radiogs.rendering import Renderer
 from radiogs.variant import Variant
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.shade.brdf import specular
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.shading import lobe_albedo, shade_materials
+from radiogs_core.transport.splatting import shade_surfels, towards
 from radiogs_datasets.generate.catalogue import Material, Sphere
 from radiogs_datasets.generate.surfels import surfels_over
 from reference.quadrature import lobe_quadrature

@@ -4,7 +4,7 @@ import numpy as np
 import torch
 from scipy.special import sph_harm_y
 
-from radiogs.spherical_harmonics import surfel_radiance
+from radiogs_core.surfels.harmonics import surfel_radiance
 from reference.trace import harmonics
 
 

@@ -3,10 +3,10 @@
 import pytest
 import torch
 
-from radiogs.brdf import FRESNEL_NORMAL, specular
-from radiogs.light import EnvironmentMap, texel_directions, texel_solid_angles
-from radiogs.splitsum import LEVELS, PrefilteredLight, split_sum_radiance
 from radiogs_bench.kernel_bench import plain_split_sum as dense
+from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, specular
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
+from radiogs_core.transport.splitsum import LEVELS, PrefilteredLight, split_sum_radiance
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 
 F64 = torch.float64

@@ -8,11 +8,11 @@ import pytest
 import torch
 
 from radiogs.budget import INVERSE_ONLY, Budget, budget
-from radiogs.errors import NumericalFailure
-from radiogs.kernels.counters import work
-from radiogs.parts import spent
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.instruments.counters import work
+from radiogs_core.instruments.parts import spent
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")

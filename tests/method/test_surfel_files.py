@@ -6,9 +6,9 @@ import pytest
 import torch
 from plyfile import PlyData
 
-from radiogs.errors import DataError
-from radiogs.surfel_files import read_ply, write_ply
-from radiogs.surfels import Surfels
+from radiogs_core.errors import DataError
+from radiogs_core.surfels.ply import read_ply, write_ply
+from radiogs_core.surfels.surfels import Surfels
 
 
 def some_surfels() -> Surfels:

@@ -1,9 +1,9 @@
 import torch
 from scipy.spatial.transform import Rotation
 
-from radiogs.camera import Camera
-from radiogs.spherical_harmonics import surfel_radiance
-from radiogs.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
 
 
 def _surfels(count: int = 20) -> Surfels:

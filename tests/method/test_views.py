@@ -1,6 +1,6 @@
 import torch
 
-from radiogs.stages.views import chosen_views, load, view_at
+from radiogs_core.learning.views import chosen_views, load, view_at
 from scenes import sphere_scene
 
 

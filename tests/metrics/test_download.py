@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from radiogs.errors import DataError
 from radiogs_bench.cli import main
 from radiogs_bench.metrics import download
 from radiogs_bench.metrics.download import SOURCES, Source, fetch
 from radiogs_bench.metrics.weights import FILES
+from radiogs_core.errors import DataError
 
 CONTENT = bytes(range(256)) * 40
 DIGEST = hashlib.sha256(CONTENT).hexdigest()

@@ -9,12 +9,12 @@ import torch
 from torch import nn
 
 from metrics.images import example
-from radiogs.errors import DataError
 from radiogs_bench.metrics import protocol
 from radiogs_bench.metrics.backbones import BACKBONES
 from radiogs_bench.metrics.conventions import Lpips, Net
 from radiogs_bench.metrics.lpips import SMALLEST_SIDE, distance, lpips
 from radiogs_bench.metrics.weights import FILES, lacking, missing_weights
+from radiogs_core.errors import DataError
 
 PUBLISHED = {
     "alex": {"ex_p0": 0.721881, "ex_p1": 0.137566, "ex_ref": 0.0},

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.errors import UsageError
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP, Value, protocol
 from radiogs_bench.metrics.conventions import Psnr
 from radiogs_bench.metrics.psnr import psnr
+from radiogs_core.errors import UsageError
 
 ONES = torch.ones(3)
 DESCENDANTS = ("radiogs", "irgs", "r3dg", "gs-ir", "gi-gs", "svg-ir")

@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from radiogs.errors import NumericalFailure
 from radiogs_bench.metrics import Value, protocol
 from radiogs_bench.metrics.values import mean
+from radiogs_core.errors import NumericalFailure
 
 
 def test_a_mean_over_something_missing_is_missing_with_its_reason() -> None:

@@ -8,10 +8,10 @@ from jaxtyping import Float
 from numpy.typing import NDArray
 from torch import Tensor
 
-from radiogs.colour import srgb_decode
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap
-from radiogs.scene import View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import View
 from radiogs_datasets.image_files import read_image
 
 from .files import Found
@@ -29,7 +29,7 @@ def read_map(
     coverage: Float[Tensor, "height width 1"],
     alpha: Float[Tensor, "height width 1"] | None = None,
 ) -> Float[Tensor, "height width _"]:
-    """The map as it appears on black, in the units of ``radiogs.scene.MapName`` (normals in the world).
+    """The map as it appears on black, in the units of ``radiogs_core.scene.scene.MapName`` (normals in the world).
 
     ``coverage`` is the true one: it takes the white of the ground away, which leaves differences from a truth on white
     as they were. ``alpha`` is the predicted one, where there is a file of it: normals are zero outside. Raises

@@ -5,7 +5,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .rules import Rule
 

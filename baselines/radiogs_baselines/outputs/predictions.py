@@ -7,8 +7,8 @@ from pathlib import Path
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.light import EnvironmentMap
-from radiogs.scene import Scene, View
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
 
 from .decoding import read_environment, read_map
 from .files import Found

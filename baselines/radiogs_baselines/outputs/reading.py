@@ -5,8 +5,8 @@ from dataclasses import replace
 from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs.errors import DataError, UsageError
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.image_files import read_bytes
 from radiogs_datasets.image_structure import image_size
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from radiogs.errors import DataError
+from radiogs_core.errors import DataError
 
 from .unread import unread_files
 

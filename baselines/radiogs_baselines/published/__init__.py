@@ -6,7 +6,7 @@ from difflib import get_close_matches
 from importlib import resources
 from typing import Literal
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 
 @dataclass(frozen=True)

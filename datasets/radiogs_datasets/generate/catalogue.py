@@ -6,7 +6,7 @@ of 2 mm keeps faces from being coplanar); all are dielectric.
 
 from dataclasses import dataclass
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 Colour = tuple[float, float, float]
 Point = tuple[float, float, float]

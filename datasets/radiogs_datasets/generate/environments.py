@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from radiogs.light import texel_directions
+from radiogs_core.scene.light import texel_directions
 
 HEIGHT, WIDTH = 32, 64
 

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from radiogs.colour import srgb_encode
+from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr
 from . import render

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 VARIANT = "llvm_ad_rgb"
 

@@ -14,8 +14,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from radiogs.colour import srgb_encode
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT

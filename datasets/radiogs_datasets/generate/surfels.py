@@ -13,9 +13,9 @@ from jaxtyping import Bool, Float
 from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from radiogs.sampling import GOLDEN_ANGLE, tangent_frame
-from radiogs.spherical_harmonics import COEFFICIENTS
-from radiogs.surfels import Surfels, inverse_sigmoid, roughness_to_logit
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
+from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
 from .catalogue import GAP, Box, Material, Solid, Sphere
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from torch import Tensor
 
-from radiogs.errors import DataError
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
 
 from ..image_files import read_bytes
 from ..image_structure import png_layout

@@ -18,9 +18,9 @@ from typing import Any
 import numpy as np
 import torch
 
-from radiogs.camera import Camera
-from radiogs.errors import DataError, UsageError
-from radiogs.scene import Points, Scene, View
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import Points, Scene, View
 
 from ..view_maps import read_colour
 from .inspection import decode_if_small, inside, inspect, require_files

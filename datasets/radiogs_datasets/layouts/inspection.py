@@ -6,8 +6,8 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from radiogs.errors import DataError
-from radiogs.scene import View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import View
 
 from ..image_files import read_bytes
 from ..image_structure import image_size

@@ -21,11 +21,11 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap, texel_directions
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.scene import Scene, View
 
 from ..image_files import read_exr, read_image
 from ..transforms import Transforms, read_transforms

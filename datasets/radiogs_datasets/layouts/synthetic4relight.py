@@ -22,10 +22,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
 
 from ..image_files import read_exr
 from ..transforms import Transforms, read_transforms

@@ -18,8 +18,8 @@ from pathlib import Path
 
 from torch import Tensor
 
-from radiogs.errors import DataError
-from radiogs.scene import Scene, View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
 
 from ..transforms import Transforms, read_transforms
 from ..view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
@@ -125,7 +125,7 @@ def _views(
 
 
 def _sources(image: Path, maps: list[str]) -> dict[str, Callable[[], Tensor]]:
-    """How to read each map, by the name that ``radiogs.scene.MapName`` gives it."""
+    """How to read each map, by the name that ``radiogs_core.scene.scene.MapName`` gives it."""
     sources: dict[str, Callable[[], Tensor]] = {
         "image": partial(read_colour, image),
         "alpha": partial(read_alpha, image),

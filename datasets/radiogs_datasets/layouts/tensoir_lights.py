@@ -11,8 +11,8 @@ from pathlib import Path
 
 import torch
 
-from radiogs.errors import DataError
-from radiogs.light import EnvironmentMap
+from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap
 
 from ..image_files import read_hdr
 
@@ -54,7 +54,7 @@ def find_lights(folder: Path, relit: Set[str]) -> LightFiles:
 
 
 def read_light(path: Path) -> EnvironmentMap:
-    """A map in the Z-up convention of ``radiogs.light``, as it is stored. Raises DataError for a damaged one."""
+    """The stored map, taken as Z up (``radiogs_core.scene.light``). Raises DataError for a damaged file."""
     return EnvironmentMap(torch.from_numpy(read_hdr(path)))
 
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs.errors import UsageError
-from radiogs.scene import Scene
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.scene import Scene
 
 from .layouts import WRITERS
 from .transforms import write_transforms

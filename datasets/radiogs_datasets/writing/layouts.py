@@ -1,6 +1,6 @@
 """What each layout writes of a view, and of the lights.
 
-A writer takes maps as ``radiogs.scene.MapName`` defines them, and returns the names of those that it wrote.
+A writer takes maps as ``radiogs_core.scene.scene.MapName`` defines them, and returns the names of those that it wrote.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.colour import srgb_decode, srgb_encode
-from radiogs.light import EnvironmentMap
-from radiogs.scene import View
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import View
 
 from ..image_files import write_exr, write_hdr, write_png
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import torch
 
-from radiogs.camera import Camera
-from radiogs.errors import DataError
-from radiogs.scene import View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.scene import View
 
 PIXEL_TOLERANCE = 1e-3
 """How far, in pixels, a principal point may lie from the middle, and one focal length from another."""

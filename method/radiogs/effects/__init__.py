@@ -1,6 +1,5 @@
-"""Simulating only the effects that a scene calls for: a plan, the evidence for it, and how both come about.
+"""Which light-transport effects a scene needs, by measured evidence.
 
-``plan`` says what is simulated. ``subject``, ``candidates``, ``images``, ``gradient`` and ``staleness`` measure what
-leaving something out would change; ``bounds``, ``tolerance`` and ``decision`` judge it; ``probe`` puts them together,
-and ``planner`` does so again during training.
+``measure`` finds what leaving an effect out would change and what it costs; ``decide`` compares that with a tolerance,
+once or during training. The decision itself is a ``radiogs_core.transport.plan.EffectPlan``.
 """

@@ -13,16 +13,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.learning.backward import backward
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import surfel_radiance, unclamped_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
+from radiogs_core.transport.splatting import towards
+from radiogs_core.transport.tracer import SELF_OFFSET, SurfelTracer
+
 from ..budget import Budget
-from ..camera import Camera
-from ..finite import backward
-from ..incident import SELF_OFFSET, SurfelTracer
-from ..kernels.shade import shade
-from ..light import EnvironmentMap
-from ..rendering import towards
-from ..sampling import LightSampler, random_hemisphere_direction, relighting_directions
-from ..spherical_harmonics import surfel_radiance, unclamped_radiance
-from ..surfels import Surfels
 
 RATE = 0.3
 """Largest step of degree 0, in units of the scene's mean radiance."""

@@ -6,12 +6,15 @@ import torch
 from jaxtyping import Int
 from torch import Tensor
 
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import gather_incident, incident_along
+
 from ..budget import Budget
-from ..effects.plan import EffectPlan
-from ..effects.subject import Kept
-from ..incident import Incident, gather_incident, incident_along, tracer_of
-from ..sampling import hemisphere_directions
-from ..surfels import Surfels
+from ..effects.measure.subject import Kept
+from ..tracing import tracer_of
 from ..variant import Variant
 
 

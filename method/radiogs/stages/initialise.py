@@ -6,21 +6,28 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.losses import (
+    edge_allowance,
+    edge_aware_smoothness,
+    mask_entropy,
+    normal_consistency,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.density import Pull, densify_and_prune
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.starting_points import initial_points, nearest_camera, neighbour_spacing
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, surfels_at
+from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
+from radiogs_core.transport.splitsum import PrefilteredLight
+
 from ..budget import Budget
-from ..colour import srgb_decode, srgb_encode
-from ..density import Pull, densify_and_prune
-from ..finite import backward
-from ..losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
+from ..consistency import split_sum_consistency_loss
 from ..model import Model, constant_light
-from ..optimiser import SurfelOptimiser
-from ..points import initial_points, nearest_camera, neighbour_spacing
-from ..radiometric import split_sum_consistency_loss
-from ..rendering import Splat, own_radiance, splat, towards
-from ..scene import Scene
-from ..splitsum import PrefilteredLight
-from ..surfels import Surfels, radiance_to_sh, surfels_at
 from ..variant import Variant
-from .views import TrainingView, chosen_views, load, view_at
 
 CONSISTENCY_WEIGHT = 0.2
 DISTORTION_WEIGHT = 0.1

@@ -6,15 +6,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from ..budget import Budget
-from ..colour import LINEAR_KNEE, srgb_decode, srgb_encode
-from ..effects.plan import HIGHEST_DEGREE, EffectPlan
-from ..effects.planner import Planner
-from ..effects.prices import Step
-from ..effects.staleness import staleness
-from ..finite import backward
-from ..incident import Incident
-from ..losses import (
+from radiogs_core.instruments.parts import part
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.losses import (
     ABSOLUTE_WEIGHT,
     edge_allowance,
     edge_aware_smoothness,
@@ -24,19 +18,26 @@ from ..losses import (
     normal_consistency,
     reconstruction,
 )
+from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
+from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode, srgb_encode
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.splatting import own_radiance, shade_surfels, splat, towards
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+
+from ..budget import Budget
+from ..consistency import consistency_loss, split_sum_consistency_loss
+from ..effects.decide.planner import Planner
+from ..effects.decide.staleness import staleness
+from ..effects.measure.prices import Step
 from ..model import Model, constant_light
-from ..optimiser import SurfelOptimiser
-from ..parts import part
 from ..profile import START_RADIANCE
-from ..radiometric import consistency_loss, split_sum_consistency_loss
-from ..rendering import own_radiance, shade_surfels, splat, towards
-from ..scene import Scene
-from ..splitsum import PrefilteredLight, split_sum_radiance
-from ..surfels import Surfels, inverse_sigmoid, roughness_to_logit
 from ..variant import Variant
 from .incident_cache import IncidentCache
 from .initialise import POSITION_RATE, RATES, mean_distance
-from .views import TrainingView, chosen_views, load, view_at
 
 NORMAL_WEIGHT = 0.05
 NORMAL_SMOOTHNESS_WEIGHT = 0.01

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from difflib import get_close_matches
 
-from radiogs.errors import UsageError
+from radiogs_core.errors import UsageError
 
 from .curve import Axis
 from .light import LIGHT_AXES

@@ -8,9 +8,9 @@ from typing import Literal, get_args
 import torch
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.kernels.counters import fired
-from radiogs.light import EnvironmentMap
+from radiogs_core.instruments.counters import fired
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
 
 EPS = float(torch.finfo(torch.float32).eps)
 """The unit of all errors: float32's distance from one to the next number, 1.19e-7."""

@@ -6,9 +6,9 @@ from collections import Counter
 
 import numpy as np
 
-from radiogs.errors import DataError
-from radiogs.kernels.counters import work
-from radiogs.scene import Scene
+from radiogs_core.errors import DataError
+from radiogs_core.instruments.counters import work
+from radiogs_core.scene.scene import Scene
 
 from ...cell import Cell
 from ...evaluation.figures import Figures

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import torch
 from torch import Tensor
 
-from radiogs.camera import Camera
-from radiogs.kernels.bvh import SurfelBVH
-from radiogs.kernels.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.shade import shade
-from radiogs.kernels.trace import trace
-from radiogs.spherical_harmonics import COEFFICIENTS
-from radiogs.surfels import Surfels
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels
 
 from .curve import Probe, Values
 

@@ -4,9 +4,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs.brdf import ggx_distribution
-from radiogs.light import EnvironmentMap
-from radiogs.sampling import LightSampler, hemisphere_directions, tangent_frame
+from radiogs_core.kernels.shade.brdf import ggx_distribution
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, tangent_frame
 
 from .curve import Axis, Kernel, Probe, Stand, Values
 from .kernels import shaded

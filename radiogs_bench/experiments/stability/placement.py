@@ -6,9 +6,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs.camera import Camera
-from radiogs.spherical_harmonics import COEFFICIENTS
-from radiogs.surfels import Surfels
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels
 
 from .curve import Axis, Kernel, Probe, Stand
 from .kernels import DEPTH, GEOMETRY, drawn_surfels, looks, rays, traced

@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from radiogs.camera import Camera
+from radiogs_core.scene.camera import Camera
 from radiogs_datasets.hard_cases import FOCAL
 
 from .curve import EPS, GRADIENT_TOLERANCE, Axis, Kernel, Probe, Stand

@@ -7,14 +7,14 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs.kernels.binning_source import binning_kernels
-from radiogs.kernels.frame_source import frame_kernels
-from radiogs.kernels.harmonics_source import harmonics_kernels
-from radiogs.kernels.hits_source import hit_kernels
-from radiogs.kernels.rasterize_source import blend_kernels
-from radiogs.kernels.shade_source import shade_kernels
-from radiogs.kernels.splitsum_source import splitsum_kernels
-from radiogs.kernels.trace_source import trace_kernels
+from radiogs_core.kernels.rasterize.binning_source import binning_kernels
+from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
+from radiogs_core.kernels.shade.shade_source import shade_kernels
+from radiogs_core.kernels.shade.splitsum_source import splitsum_kernels
+from radiogs_core.kernels.surfel.frame_source import frame_kernels
+from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
+from radiogs_core.kernels.trace.hits_source import hit_kernels
+from radiogs_core.kernels.trace.trace_source import trace_kernels
 
 
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])

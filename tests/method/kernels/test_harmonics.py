@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from radiogs.kernels.harmonics import harmonic_sum
-from radiogs.kernels.runtime import use_threads
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from reference.trace import harmonics
 
 

@@ -5,12 +5,12 @@ from itertools import pairwise
 import pytest
 import torch
 
-from radiogs.camera import Camera
-from radiogs.kernels.counters import work
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.rasterize import rasterize
-from radiogs.kernels.rasterize_binning import counted_lists, sorted_lists
-from radiogs.kernels.runtime import use_threads
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.rasterize.binning import counted_lists, sorted_lists
+from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.scene.camera import Camera
 from reference.differences import assert_gradients
 from reference.rasterize import rasterize as dense_rasterize
 from scenes import look_at

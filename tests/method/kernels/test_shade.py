@@ -3,12 +3,12 @@
 import pytest
 import torch
 
-from radiogs.kernels.counters import work
-from radiogs.kernels.runtime import use_threads
-from radiogs.kernels.shade import shade
-from radiogs.kernels.shade_source import CPU_LANES
-from radiogs.light import EnvironmentMap
-from radiogs.sampling import hemisphere_directions
+from radiogs_core.instruments.counters import work
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.kernels.shade.shade_source import CPU_LANES
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.sampling import hemisphere_directions
 from reference.differences import assert_gradients
 from reference.shade import shade as dense_shade
 

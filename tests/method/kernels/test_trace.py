@@ -5,12 +5,12 @@ from collections.abc import Callable
 import pytest
 import torch
 
-from radiogs.kernels.bvh import LOOSENED, SurfelBVH
-from radiogs.kernels.geometry import SplatGeometry
-from radiogs.kernels.hits import find_hits
-from radiogs.kernels.runtime import use_threads
-from radiogs.kernels.topology import DEEPEST, kd_topology
-from radiogs.kernels.trace import Hits, trace
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.bvh import LOOSENED, SurfelBVH
+from radiogs_core.kernels.trace.hits import find_hits
+from radiogs_core.kernels.trace.topology import DEEPEST, kd_topology
+from radiogs_core.kernels.trace.trace import Hits, trace
 from reference.differences import assert_gradients
 from reference.trace import trace as dense_trace
 

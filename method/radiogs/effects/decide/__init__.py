@@ -1,0 +1,1 @@
+"""Which effects are left out: evidence against a tolerance, before and during training."""

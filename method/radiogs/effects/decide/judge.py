@@ -1,0 +1,159 @@
+"""Measuring plans against the full images of a subject, and deciding by what was measured."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
+
+from ..measure.bounds import Bootstrap, zero_events_upper
+from ..measure.candidates import Candidates
+from ..measure.gradient import Gradients
+from ..measure.images import Reference, TileErrors, mean_error, tile_errors
+from ..measure.prices import Step, cost
+from ..measure.screen import Screen, splatted
+from ..measure.subject import Subject
+from ..measure.ways import only
+from .decision import decide
+from .evidence import Measured, Verdict
+from .tolerance import Tolerance
+
+NO_GAUGE = ("view-dependence", "samples")
+"""Effects whose absence no factor on the light takes back."""
+
+
+def factor_is_free(effect: str, subject: Subject) -> bool:
+    """Whether a factor on the light may take back what leaving an effect out does to all pixels alike."""
+    return effect not in NO_GAUGE and not subject.given_light
+
+
+class Judge:
+    """Measures plans against the full images of a subject."""
+
+    def __init__(
+        self, subject: Subject, step: Step, seed: int, level: float, decibel: float, mse: float | None
+    ) -> None:
+        self.subject, self.step, self.seed, self.mse = subject, step, seed, mse
+        self.level = level
+        self.bootstrap = Bootstrap(level, torch.Generator().manual_seed(seed))
+        self.candidates = Candidates(subject)
+        self.gradients = Gradients(self.candidates)
+        full = {
+            "shaded": self.candidates.radiance(everything()).detach(),
+            "own": self.candidates.own(HIGHEST_DEGREE),
+        }
+        if subject.sharpest is not None:
+            full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
+        pictures = splatted(self.candidates.views, full.values())
+        self.screen = Screen.of(subject.sights, pictures)
+        shown = zip(full, self.screen.pixels(pictures), strict=True)
+        self.full = {name: Reference.of(image, self.screen) for name, image in shown}
+        if mse is None:
+            mse = min(mean_error(self.full[name], self.screen) for name in ("shaded", "own"))
+        self.tolerance = Tolerance(mse, decibel)
+
+    def looking_at(self, subject: Subject, level: float) -> "Judge":
+        """The same, of another subject with another level of error."""
+        return Judge(subject, self.step, self.seed, level, self.tolerance.decibel, self.mse)
+
+    def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
+        """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
+        return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
+
+    def by_images(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
+        """The rule, gradients apart, with what ``before`` left out for the same effect as the past."""
+        return decide(measured, self._was_off(effect, plan, before), self.tolerance.decibel)
+
+    def decided(
+        self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan
+    ) -> tuple[Verdict, str, Measured]:
+        """The whole rule. Gradients cost most, and are asked for last: what is refused by its images needs none."""
+        verdict, why = self.by_images(effect, plan, measured, before)
+        if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
+            measured = replace(measured, gradient=self.gradients.change(plan))
+            verdict, why = decide(measured, self._was_off(effect, plan, before), self.tolerance.decibel)
+        return verdict, why, measured
+
+    def _was_off(self, effect: str, plan: EffectPlan, before: EffectPlan) -> bool:
+        return self.was_left_out(plan, before if effect == "plan" else only(before, effect))
+
+    def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
+        """What each plan, made for an effect, loses against everything."""
+        if not asked_of:
+            return []
+        plans = [plan for _, plan in asked_of]
+        asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
+        for place, plan in enumerate(plans):
+            if plan.sh_degree < HIGHEST_DEGREE:
+                asked[place, "own"] = self.candidates.own(plan.sh_degree)
+            if replace(plan, sh_degree=HIGHEST_DEGREE).off:
+                asked[place, "shaded"] = self.candidates.radiance(plan).detach()
+            if "sharp" in self.full and "specular" in plan.off:
+                asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
+        images = self.screen.pixels(splatted(self.candidates.views, asked.values()))
+        errors = {
+            (place, kind): tile_errors(
+                image, self.full[kind], self.screen, factor_is_free(asked_of[place][0], self.subject)
+            )
+            for (place, kind), image in zip(asked, images, strict=True)
+        }
+        bounds = self._bounds(errors)
+        return [
+            self._measured(
+                plan,
+                {kind: errors[where, kind] for where, kind in errors if where == place},
+                {kind: bounds[where, kind] for where, kind in bounds if where == place},
+            )
+            for place, plan in enumerate(plans)
+        ]
+
+    def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
+        """Of the mean difference and the mean rise; sharp images have no target, and so no rise."""
+        stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
+        below, above = self.bootstrap.bounds(stacked)
+        mean = stacked.double().mean(1).cpu()
+        found = {}
+        for place, key in enumerate(errors):
+            rows = slice(2 * place, 2 * place + (1 if key[1] == "sharp" else 2))
+            found[key] = _Bounds(
+                float(mean[rows].max()), float(below[rows].max()), float(above[rows].max()), float(above[2 * place])
+            )
+        return found
+
+    def _measured(
+        self,
+        plan: EffectPlan,
+        errors: Mapping[str, TileErrors],
+        bounds: Mapping[str, "_Bounds"],
+    ) -> Measured:
+        tolerance = self.tolerance
+        worst_tile = max(float(each.difference.max()) for each in errors.values())
+        tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
+        tiles = len(next(iter(errors.values())).difference)
+        saved = self.step.work(everything())["rays"] - self.step.work(plan)["rays"]
+        seconds = 1e-6 * (cost(self.step.work(everything())) - cost(self.step.work(plan)))
+        return Measured(
+            contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
+            lowest=max(tolerance.loss(each.below) for each in bounds.values()),
+            bound=max(tolerance.loss(each.above) for each in bounds.values()),
+            worst=max(tolerance.worst_case(each.difference) for each in bounds.values()),
+            tail=tail,
+            unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
+            gradient=0.0,
+            share=self.step.saving(plan, everything()),
+            rays=round(saved),
+            seconds=seconds,
+        )
+
+
+@dataclass(frozen=True)
+class _Bounds:
+    """Of an error: estimate, bounds from both sides, and the upper bound of the difference alone."""
+
+    mean: float
+    below: float
+    above: float
+    difference: float

@@ -1,0 +1,161 @@
+"""The plan of a training: fixed, or decided by probes at a few iterations that depend on nothing but the budget."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
+
+from ..measure.prices import Step
+from ..measure.share import image_share
+from ..measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
+from .evidence import Evidence
+from .probe import IN_TRAINING, PROBES, Findings, level_of, probe
+from .staleness import Staleness, settle_refresh
+
+DIRECTIONS = 16
+"""That a probe traces from every surfel, or half of those of training if that is less: two probes are then 1 % of the
+rays of a training with preset tiny. Halving samples that are fewer costs more: what it finds is on the safe side."""
+
+SIGHTS = 8
+"""Training views that a probe looks from, one of each eighth of their list."""
+
+STEPS_A_PROBE = 400
+"""So many steps there are at least for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13
+of them, and probes are to stay under 3 %."""
+
+
+@runtime_checkable
+class Seen(Protocol):
+    """A training view as a probe needs it."""
+
+    @property
+    def camera(self) -> Camera:
+        """Where it was taken from."""
+
+    def over(self, background: float) -> Float[Tensor, "height width 3"]:
+        """Its image in display sRGB on a grey background."""
+
+
+class Planner:
+    """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
+
+    Surfels whose rays a probe takes away keep the light of a last tracing (``EffectPlan.kept``). Every probe has a seed
+    of its own, made of the training's seed and the iteration, so that what one probe saw by chance the next one does
+    not see again, and a training that is resumed decides as it would have.
+    """
+
+    def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:
+        self.auto = effects == "auto"
+        self.seed, self.samples = seed, max(2, min(DIRECTIONS, samples // 2))
+        self.plan = plan_of(effects)
+        self.evidence: tuple[Evidence, ...] = ()
+        self.share: Float[Tensor, " surfels"] | None = None
+        probes = min(PROBES, max(2, iterations // STEPS_A_PROBE)) if self.auto else 0
+        self.at = frozenset(iterations * place // probes for place in range(probes))
+
+    def due(self, iteration: int) -> bool:
+        """Whether to probe before this iteration."""
+        return iteration in self.at
+
+    def observe(
+        self,
+        surfels: Surfels,
+        environment: Float[Tensor, "rows columns 3"],
+        views: Sequence[Seen],
+        step: Step,
+        iteration: int,
+        stale: Staleness | None = None,
+        kept: Kept | None = None,
+    ) -> bool:
+        """Probe, and take the plan that follows; says whether it traces other rays than before.
+
+        ``stale``: how far the cache of incident light was off before its last refresh, where that is known. ``kept``:
+        the light of the surfels that went without rays until now. A probe that meets a value that is not finite means
+        everything on.
+        """
+        seed = 1_000_003 * (self.seed + 1) + iteration
+        before = self.plan
+        try:
+            subject = self.subject(surfels, environment, views, seed, kept)
+            found = probe(subject, step, seed, iteration, before)
+            if stale is not None:
+                found = with_refresh(found, stale, step, before, iteration, seed)
+        except NumericalFailure as failure:
+            self.plan = everything()
+            self.evidence += (Evidence("plan", "on", f"the probe failed: {failure.what}", iteration, seed, 0.0, None),)
+            return not same_rays(before, self.plan)
+        self.plan = replace(found.plan, kept=not found.plan.traces_all)
+        self.evidence += found.evidence
+        return not same_rays(before, self.plan)
+
+    def subject(
+        self,
+        surfels: Surfels,
+        environment: Float[Tensor, "rows columns 3"],
+        views: Sequence[Seen],
+        seed: int,
+        kept: Kept | None = None,
+    ) -> Subject:
+        """What a probe with this seed looks at: materials that are still being learnt.
+
+        Whether light that was ``kept`` still holds is asked of the rays of training, and nothing else: the model has
+        been fitted to that light, and to what its rays met close by.
+        """
+        generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+        chosen = torch.Generator().manual_seed(seed)
+        sights = []
+        for place in range(min(SIGHTS, len(views))):
+            low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
+            view = views[int(torch.randint(low, high, (), generator=chosen))]
+            sights.append(Sight(view.camera, view.over(0.0)))
+        if self.share is None:
+            # Once: surfels hardly move any more.
+            self.share = image_share([view.camera for view in views], surfels)
+        others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
+        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator, among=others)
+        # What is below the horizon is the surface itself, for rays that start beyond it too.
+        clear = seen.incident.visibility * seen.untraced.visibility
+        incident, untraced = replace(seen.incident, visibility=clear), seen.untraced
+        if kept is not None:
+            places = torch.nonzero(kept.mask)[:, 0]
+            incident, untraced = incident.replaced(places, kept.anew), untraced.replaced(places, kept.light)
+        return replace(seen, incident=incident, untraced=untraced, sharpest=SHARP_ROUGHNESS)
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "plan": self.plan.state(),
+            "evidence": [each.plain() for each in self.evidence],
+            "share": self.share,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.plan = EffectPlan(**state["plan"])
+        self.evidence = tuple(Evidence.of(each) for each in state["evidence"])
+        self.share = state["share"]
+
+
+def with_refresh(
+    found: Findings, stale: Staleness, step: Step, before: EffectPlan, iteration: int, seed: int
+) -> Findings:
+    """The findings with the interval of the refresh settled too."""
+    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed, level_of(len(IN_TRAINING)))
+    plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
+    return replace(found, plan=plan, evidence=(*found.evidence, record))
+
+
+def same_rays(first: EffectPlan, second: EffectPlan) -> bool:
+    """Whether incident light that was gathered under one plan serves under the other."""
+    one, other = first.traced, second.traced
+    masks = one is other if one is None or other is None else torch.equal(one, other)
+    fields = ("visibility", "indirect", "samples")
+    return masks and all(getattr(first, name) == getattr(second, name) for name in fields)

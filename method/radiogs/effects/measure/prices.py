@@ -1,0 +1,59 @@
+"""What effects take of a step's work, by counting: a decision must not depend on how busy a machine is."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from radiogs_core.transport.plan import EffectPlan
+
+PRICES = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
+"""Microseconds of one CPU core, forward and backward. surfels: of everything in a step that no plan changes, a surfel.
+Only their ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """How much a step of stage 2 does under the full plan, from the budget alone.
+
+    surfels: all of them. chosen: N_g. samples: N_s. interval: steps between two refreshes.
+    """
+
+    surfels: int
+    chosen: int
+    samples: int
+    interval: int
+
+    def work(self, plan: EffectPlan) -> dict[str, float]:
+        """Counts of a step under a plan."""
+        samples = max(1, self.samples // plan.samples)
+        traced = 0.0
+        if plan.traces:
+            traced = 1.0 if plan.traced is None else float(plan.traced.double().mean())
+        shiny = 0.0
+        if plan.specular:
+            shiny = 1.0 if plan.specular_at is None else float(plan.specular_at.double().mean())
+        chosen = min(self.chosen, self.surfels)
+        shaded = (self.surfels + 2 * chosen) * samples
+        rays = traced * samples * (chosen + self.surfels / (self.interval * plan.refresh))
+        # Without indirect light a ray still finds what hides the light, but reads no harmonics.
+        read = rays * HITS if plan.indirect else 0.0
+        return {
+            "rays": rays,
+            "shaded_samples": shaded,
+            "lobes": shiny * shaded,
+            "coefficients": (self.surfels + 2 * chosen + read) * (plan.sh_degree + 1) ** 2,
+            "surfels": self.surfels,
+        }
+
+    def saving(self, plan: EffectPlan, beside: EffectPlan) -> float:
+        """Share of a step under ``beside`` that ``plan`` does not take."""
+        whole = cost(self.work(beside))
+        return 1 - cost(self.work(plan)) / whole
+
+
+HITS = 4.0
+"""Surfels that a ray blends, about."""
+
+
+def cost(work: Mapping[str, float]) -> float:
+    """Microseconds, by PRICES."""
+    return sum(PRICES[name] * amount for name, amount in work.items())

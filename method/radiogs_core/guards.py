@@ -1,0 +1,150 @@
+"""Every guard of the method by name: what it protects, its threshold and where that comes from, and its counter.
+
+A guard is where arithmetic is kept from breaking by something other than the formula itself. The constants stand beside
+the code that uses them; here they are told together. ``kernels.counters.fired`` counts how often those with a counter
+acted. Guards without one are part of a formula and act on every value, for which counting would cost a pass.
+"""
+
+from dataclasses import dataclass
+
+from .kernels.runtime import MOST_ENTRIES
+from .kernels.surfel.geometry import ALPHA_THRESHOLD, MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, TRACE_TRANSMITTANCE_STOP
+from .kernels.trace.bvh import COORDINATE_PADDING
+from .kernels.trace.topology import DEEPEST
+from .learning.losses import MASK_CONFIDENCE
+from .scene.camera import RIGID_TOLERANCE, STEEPEST_RAY
+from .scene.colour import LINEAR_KNEE
+from .surfels.surfels import ROUGHNESS_FLOOR
+
+
+@dataclass(frozen=True)
+class Guard:
+    """``name`` is also the counter's, if ``counted``; ``threshold`` is None where the test is for finiteness or zero.
+
+    ``refuses`` marks guards that end in a named error; the others let the work go on.
+    """
+
+    name: str
+    protects: str
+    derivation: str
+    threshold: float | None = None
+    counted: bool = True
+    refuses: bool = False
+
+
+GUARDS = (
+    Guard(
+        "degenerate_surfels",
+        "images and rays from a surfel with a NaN, an infinity or no extent",
+        "no threshold: every number of the geometry and of its bounds must be finite",
+    ),
+    Guard(
+        "faint_surfels",
+        "bounds from the logarithm of an opacity below the cut-off",
+        "one 8-bit level: what is weaker cannot change a stored image, and the support is finite",
+        ALPHA_THRESHOLD,
+    ),
+    Guard(
+        "saturable_surfels",
+        "the backward pass from 1 / (1 - alpha); counted are surfels whose peak is above the ceiling",
+        "1 / (1 - 0.99) = 100: two digits of float32's seven",
+        MAX_ALPHA,
+    ),
+    Guard(
+        "full_pixels",
+        "a pixel from endless lists of surfels that it cannot see",
+        "(1 - MAX_ALPHA)^2: what lies behind two opaque surfels",
+        RASTER_TRANSMITTANCE_STOP,
+        counted=False,
+    ),
+    Guard(
+        "full_rays",
+        "a ray from endless lists; its values are made whole by 1 - T, and V is 0",
+        "the paper's, in its appendix on the tracer",
+        TRACE_TRANSMITTANCE_STOP,
+    ),
+    Guard(
+        "padded_boxes",
+        "hits on the edge of a box from rounding of its corners",
+        "about 10 ulp of a float32 coordinate",
+        COORDINATE_PADDING,
+        counted=False,
+    ),
+    Guard(
+        "deep_trees",
+        "a ray's stack: a tree that is deeper is built by sorting instead",
+        "1 + (STACK - 1) / (WIDTH - 1) levels",
+        float(DEEPEST),
+    ),
+    Guard(
+        "zero_lengths",
+        "normals, quaternions and half-vectors from a division by a length of zero: zero stays zero, without gradient",
+        "no threshold: the length is compared with zero itself",
+        counted=False,
+    ),
+    Guard(
+        "narrow_lobes",
+        "learning from a highlight that falls between the light's texels",
+        "a lobe of alpha = r^2 narrower than a texel cannot be learnt",
+        ROUGHNESS_FLOOR,
+        counted=False,
+    ),
+    Guard(
+        "foot_of_the_curve",
+        "the gradient from the infinite slope of x^(1/2.4) at 0",
+        "the standard's own knee, below which the curve is a line",
+        LINEAR_KNEE,
+        counted=False,
+    ),
+    Guard(
+        "sure_masks",
+        "the entropy of a mask from log 0",
+        "one wrong pixel costs at most 13.8 nats",
+        MASK_CONFIDENCE,
+        counted=False,
+    ),
+    Guard(
+        "black_lights",
+        "the light's density from 0 / 0: a black map is drawn from uniformly",
+        "no threshold: the sum of its power is zero",
+    ),
+    Guard(
+        "broken_lights",
+        "drawing from a map with a texel that is no number, which would take every draw",
+        "no threshold: every texel must be finite",
+        refuses=True,
+    ),
+    Guard(
+        "blind_lenses",
+        "images from a lens whose rays are all parallel to the image or no numbers",
+        "beyond a slope of 2^23 the forward axis is lost in a ray's float32 length",
+        STEEPEST_RAY,
+        refuses=True,
+    ),
+    Guard(
+        "bent_poses",
+        "images from a camera whose axes are scaled or sheared",
+        "half a pixel at the edge of an image of 1000",
+        RIGID_TOLERANCE,
+        refuses=True,
+    ),
+    Guard(
+        "uncountable_lists",
+        "32-bit indices from wrapping around",
+        "the largest 32-bit integer",
+        float(MOST_ENTRIES),
+        refuses=True,
+    ),
+    Guard(
+        "broken_colours",
+        "images and traced light from a surfel that is met with a colour that is no number",
+        "no threshold: what was blended must be finite",
+        refuses=True,
+    ),
+    Guard(
+        "broken_training",
+        "all surfels from one loss or gradient that is no number",
+        "no threshold: every loss and gradient must be finite",
+        refuses=True,
+    ),
+)

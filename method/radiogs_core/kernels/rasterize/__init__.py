@@ -1,0 +1,1 @@
+"""K1: surfels to pixels, binned by tile, blended front to back."""

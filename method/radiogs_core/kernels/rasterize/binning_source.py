@@ -1,0 +1,167 @@
+"""The kernels that find which tiles a surfel's image may touch, and that list each tile's surfels.
+
+All geometry is computed in float64: far from the origin the differences of float32 are as large as a pixel.
+"""
+
+from functools import cache
+from types import SimpleNamespace
+from typing import Any
+
+import torch
+import warp as wp
+
+from ..runtime import scalar_type, start_warp
+from .rasterize_source import TILE
+
+
+@cache
+def binning_kernels(dtype: torch.dtype) -> Any:
+    """``bound``, ``entries`` and ``listed`` for surfels of a scalar type; see the kernels."""
+    start_warp()
+    scalar = scalar_type(dtype)
+    vector = wp.types.vector(3, scalar)
+    double = wp.float64
+    tile = wp.constant(wp.int32(TILE))
+
+    @wp.struct
+    class Window:
+        """A camera: ``pose`` holds its centre and the columns of its axes, four rows."""
+
+        pose: wp.array(dtype=wp.vec3d)
+        focal: wp.vec2d
+        offset: wp.vec2d
+        width: wp.int32
+        height: wp.int32
+
+    @wp.func
+    def widened(value: vector):
+        return wp.vec3d(double(value[0]), double(value[1]), double(value[2]))
+
+    @wp.func
+    def within(window: Window, place: wp.vec3d):
+        return wp.vec3d(wp.dot(window.pose[1], place), wp.dot(window.pose[2], place), wp.dot(window.pose[3], place))
+
+    # Pixels are held next to the image before they become integers: a surfel may lie 1e30 pixels away. What is not a
+    # number (float64 inputs beyond 1e150) leaves the image whole.
+    @wp.func
+    def first_pixel(position: double, size: wp.int32):
+        edge = wp.ceil(position - double(0.5))
+        if edge >= double(size):
+            return size
+        if edge > double(0.0):
+            return wp.int32(edge)
+        return wp.int32(0)
+
+    @wp.func
+    def last_pixel(position: double, size: wp.int32):
+        edge = wp.floor(position - double(0.5))
+        if edge < double(0.0):
+            return wp.int32(-1)
+        if edge < double(size):
+            return wp.int32(edge)
+        return size - wp.int32(1)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def bound(
+        first: wp.int32,
+        window: Window,
+        centre: wp.array(dtype=vector),
+        axis_u: wp.array(dtype=vector),
+        axis_v: wp.array(dtype=vector),
+        normal: wp.array(dtype=vector),
+        radius: wp.array(dtype=scalar),
+        can_be_met: wp.array(dtype=wp.bool),
+        out_tiles: wp.array(dtype=wp.vec4i),
+        out_count: wp.array(dtype=wp.int64),
+        out_depth: wp.array(dtype=double),
+    ):
+        """First and last tile (column, row) of a surfel's support ellipse, their number, and the centre's depth.
+
+        With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z touches it where
+        (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2: a quadratic in q. If the ellipse crosses the camera's
+        plane its image is unbounded, and every pixel may see it.
+        """
+        surfel = first + wp.tid()
+        towards = widened(centre[surfel]) - window.pose[0]
+        place = within(window, towards)
+        out_depth[surfel] = place[2]
+        out_count[surfel] = wp.int64(0)
+        out_tiles[surfel] = wp.vec4i(0, 0, -1, -1)
+        if can_be_met[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
+            u = widened(axis_u[surfel])
+            v = widened(axis_v[surfel])
+            reach = double(radius[surfel])
+            span_u = within(window, u) * (reach / wp.dot(u, u))
+            span_v = within(window, v) * (reach / wp.dot(v, v))
+            depth_reach = wp.sqrt(span_u[2] * span_u[2] + span_v[2] * span_v[2])
+            low = wp.vec2i(0, 0)
+            high = wp.vec2i(window.width - 1, window.height - 1)
+            if place[2] - depth_reach > double(0.0):
+                size = wp.vec2i(window.width, window.height)
+                square = (place[2] - depth_reach) * (place[2] + depth_reach)
+                for axis in range(2):
+                    middle = place[axis] * place[2] - span_u[axis] * span_u[2] - span_v[axis] * span_v[2]
+                    constant = place[axis] * place[axis] - span_u[axis] * span_u[axis] - span_v[axis] * span_v[axis]
+                    width = wp.sqrt(wp.max(middle * middle - square * constant, double(0.0)))
+                    scale = window.focal[axis] / square
+                    low[axis] = first_pixel((middle - width) * scale + window.offset[axis], size[axis])
+                    high[axis] = last_pixel((middle + width) * scale + window.offset[axis], size[axis])
+            if place[2] + depth_reach > double(0.0) and high[0] >= low[0] and high[1] >= low[1]:
+                tiles = wp.vec4i(low[0] // tile, low[1] // tile, high[0] // tile, high[1] // tile)
+                out_tiles[surfel] = tiles
+                out_count[surfel] = wp.int64(tiles[2] - tiles[0] + 1) * wp.int64(tiles[3] - tiles[1] + 1)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def entries(
+        first: wp.int32,
+        tiles_across: wp.int32,
+        nearest_first: wp.array(dtype=wp.int64),
+        begins: wp.array(dtype=wp.int64),
+        tiles: wp.array(dtype=wp.vec4i),
+        out_tile: wp.array(dtype=wp.int32),
+        out_member: wp.array(dtype=wp.int32),
+    ):
+        """Write every pair of a surfel and a tile, in depth order: to be sorted by tile."""
+        place = first + wp.tid()
+        surfel = wp.int32(nearest_first[place])
+        box = tiles[surfel]
+        entry = begins[place]
+        for row in range(box[1], box[3] + 1):
+            for column in range(box[0], box[2] + 1):
+                out_tile[entry] = row * tiles_across + column
+                out_member[entry] = surfel
+                entry += wp.int64(1)
+
+    @wp.kernel(enable_backward=False, module="unique")
+    def listed(
+        tiles_across: wp.int32,
+        tile_count: wp.int32,
+        nearest_first: wp.array(dtype=wp.int64),
+        tiles: wp.array(dtype=wp.vec4i),
+        out_starts: wp.array(dtype=wp.int32),
+        out_members: wp.array(dtype=wp.int32),
+    ):
+        """The lists themselves by one counting sort, in a single thread. ``out_starts`` is zero before."""
+        for place in range(nearest_first.shape[0]):
+            box = tiles[wp.int32(nearest_first[place])]
+            for row in range(box[1], box[3] + 1):
+                for column in range(box[0], box[2] + 1):
+                    out_starts[row * tiles_across + column] += 1
+        total = wp.int32(0)
+        for each in range(tile_count):
+            total += out_starts[each]
+            out_starts[each] = total - out_starts[each]
+        for place in range(nearest_first.shape[0]):
+            surfel = wp.int32(nearest_first[place])
+            box = tiles[surfel]
+            for row in range(box[1], box[3] + 1):
+                for column in range(box[0], box[2] + 1):
+                    entry = out_starts[row * tiles_across + column]
+                    out_members[entry] = surfel
+                    out_starts[row * tiles_across + column] = entry + 1
+        # Each tile's cursor now stands at the next tile's start.
+        for each in range(tile_count):
+            out_starts[tile_count - each] = out_starts[tile_count - each - 1]
+        out_starts[0] = 0
+
+    return SimpleNamespace(Window=Window, bound=bound, entries=entries, listed=listed, vector=vector)

@@ -1,0 +1,103 @@
+"""K3: the Monte-Carlo sum of Eq. 8 over cached incident light, fused, with gradient."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ...instruments.counters import count
+from ..runtime import as_array, launch_in_parallel, workers
+from .shade_source import shade_kernels
+
+SAMPLE_FIELDS = 8
+"""Numbers that a sample is read from: direction (3), weight, visibility, indirect radiance (3)."""
+
+
+def shade(
+    normal: Float[Tensor, "surfels 3"],
+    albedo: Float[Tensor, "surfels 3"],
+    roughness: Float[Tensor, " surfels"],
+    outgoing: Float[Tensor, "surfels views 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    visibility: Float[Tensor, "surfels samples"],
+    indirect: Float[Tensor, "surfels samples 3"],
+    environment: Float[Tensor, "height width 3"],
+    specular: Bool[Tensor, " surfels"] | None = None,
+) -> Float[Tensor, "surfels views 4 3"]:
+    """Outgoing radiance of each surfel towards its views, linear RGB, in four parts.
+
+    The parts are diffuse direct, diffuse indirect, specular direct, specular indirect: sums over the samples of
+    weight f(wo, wi) (n.wi)+ times V Env(wi) or L_ind. ``outgoing`` and ``direction`` are unit, in the world, away
+    from the surface; ``weight`` in steradian; ``environment`` lat-long radiance (see ``light``), looked up
+    bilinearly. Zero where a view is below the surface. ``specular`` says which surfels have specular parts (None: all);
+    those of the others are zero, and no lobe is evaluated for them.
+
+    Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
+    made without gradient, and get none.
+    """
+    if specular is None:
+        specular = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
+    return _Shade.apply(
+        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular
+    )
+
+
+class _Shade(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
+        inputs = tuple(value.detach().contiguous() for value in inputs)
+        outgoing, direction, specular = inputs[3], inputs[4], inputs[9]
+        kernels = shade_kernels(outgoing.dtype)
+        surfels, views = outgoing.shape[:2]
+        out = outgoing.new_empty(surfels, views, 4, 3)
+        given, result = _inputs(kernels, inputs), _flat(out)
+        launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
+        samples = surfels * views * direction.shape[1]
+        lobes = int(specular.sum()) * views * direction.shape[1]
+        count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
+        ctx.given = given
+        ctx.save_for_backward(*inputs)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, grad_out: Tensor) -> Any:
+        inputs = ctx.saved_tensors
+        normal, albedo, roughness, _, _, _, visibility, indirect, environment, _ = inputs
+        kernels = shade_kernels(normal.dtype)
+        wants_incident = ctx.needs_input_grad[6] or ctx.needs_input_grad[7]
+        wants_environment = ctx.needs_input_grad[8]
+        own = [torch.empty_like(value) for value in (normal, albedo, roughness)]
+        incident = [torch.empty_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
+        # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
+        team = workers(normal.device) if wants_environment else 0
+        light = environment.new_zeros(team, *environment.shape)
+        lights = [_flat(buffer) for buffer in light] or [_flat(light)] * workers(normal.device)
+        given, pull = ctx.given, _flat(grad_out.contiguous())
+        outputs = [_flat(value) for value in (*own, *incident)]
+        launch_in_parallel(
+            kernels.backward,
+            len(normal),
+            normal.device,
+            lambda worker: [given, pull, int(wants_incident), int(wants_environment), *outputs, lights[worker]],
+        )
+        traced = incident if wants_incident else [None, None]
+        return *own, None, None, None, *traced, light.sum(0) if wants_environment else None, None
+
+
+def _inputs(kernels: Any, inputs: Any) -> Any:
+    given = kernels.Inputs()
+    names = (
+        "normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment",
+    )  # fmt: skip
+    for name, value in zip(names, inputs[:9], strict=True):
+        setattr(given, name, _flat(value))
+    given.glossy = as_array(inputs[9].int())
+    given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
+    given.height, given.width = inputs[8].shape[:2]
+    return given
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

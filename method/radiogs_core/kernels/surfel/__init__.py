@@ -1,0 +1,1 @@
+"""Kernels over single surfels: their geometry, frames, and radiance from harmonics."""

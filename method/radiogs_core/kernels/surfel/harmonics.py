@@ -1,0 +1,44 @@
+"""K4: sums of spherical harmonics, many surfels in a few directions each, fused, with gradient."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..runtime import as_array, launch_in_parallel
+from .harmonics_source import harmonics_kernels
+
+
+def harmonic_sum(
+    sh: Float[Tensor, "surfels coefficients 3"], direction: Float[Tensor, "surfels views 3"]
+) -> Float[Tensor, "surfels views 3"]:
+    """Sum over the first 1, 4, 9 or 16 basis functions (3DGS's order and signs) at unit ``direction`` of travel.
+
+    Gradients to both; that of the directions is the polynomials', which a normalisation before it makes tangential.
+    """
+    return _HarmonicSum.apply(sh, direction)
+
+
+class _HarmonicSum(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
+        sh, direction = (value.detach().contiguous() for value in inputs)
+        kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
+        arguments = [sh.shape[1], direction.shape[1], *map(_flat, (sh, direction, out))]
+        launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
+        ctx.save_for_backward(sh, direction)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor]:
+        sh, direction = ctx.saved_tensors
+        gradients = torch.empty_like(sh), torch.empty_like(direction)
+        given = [sh, direction, pull.contiguous(), *gradients]
+        arguments = [sh.shape[1], direction.shape[1], *map(_flat, given)]
+        launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
+        return gradients
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

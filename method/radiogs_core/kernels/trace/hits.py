@@ -1,0 +1,124 @@
+"""Finding what rays meet: for each ray its hits in order, as one packed list."""
+
+from dataclasses import dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ...instruments.counters import count
+from ..runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, require_countable, workers
+from .bvh import SurfelBVH
+from .hits_source import BUFFER, hit_kernels
+from .ray_order import coherent_order
+
+RAYS_AT_ONCE = {"cpu": 1 << 14, "cuda": 1 << 20}
+"""Rays gathered together at most: bounds the buffers (BUFFER times 12 bytes a ray in float32)."""
+
+FEWEST_RAYS = 2048
+"""Rays below which a chunk is not cut further on the CPU: its launches cost as much as a few hundred rays."""
+
+
+@dataclass(frozen=True)
+class HitLists:
+    """Hits of ``ray[k]``, nearest first: entries ``begin[k]`` to ``begin[k + 1]`` of the others.
+
+    The rays stand in an order in which neighbours meet the same surfels. depth: in lengths of the direction. alpha:
+    opacity at the hit, at most MAX_ALPHA. No gradient.
+    """
+
+    ray: Int[Tensor, " rays"]
+    begin: Int[Tensor, " rays_and_one"]
+    surfel: Int[Tensor, " hits"]
+    depth: Float[Tensor, " hits"]
+    alpha: Float[Tensor, " hits"]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """The lists of some neighbouring rays, their lengths, and how many nodes and leaves were visited."""
+
+    counts: Int[Tensor, " rays"]
+    surfel: Int[Tensor, " hits"]
+    depth: Float[Tensor, " hits"]
+    alpha: Float[Tensor, " hits"]
+    visits: tuple[int, int]
+
+
+JOINED = ("counts", "surfel", "depth", "alpha")
+
+
+@torch.no_grad()
+def find_hits(
+    bvh: SurfelBVH,
+    origin: Float[Tensor, "rays 3"],
+    direction: Float[Tensor, "rays 3"],
+    t_min: Float[Tensor, " rays"],
+    stop: float,
+) -> HitLists:
+    """The hits of every ray beyond ``t_min``, up to the one that takes its transmittance below ``stop``."""
+    kernels = hit_kernels(origin.dtype)
+    compile_for(origin.device, kernels.gather, kernels.pack)
+    order = coherent_order(origin, direction)
+    rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
+    tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
+    start = t_min.index_select(0, order)
+    at_once = RAYS_AT_ONCE[origin.device.type]
+    if workers(origin.device) > 1:
+        share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
+        at_once = max(FEWEST_RAYS, min(at_once, share))
+    chunks = zip(order.split(at_once), start.split(at_once), strict=True)
+    tasks = [partial(_find, kernels, [*rays, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
+    found = in_parallel(tasks, origin.device)
+    counts, surfel, depth, alpha = (torch.cat([getattr(part, name) for part in found]) for name in JOINED)
+    nodes, leaves = (sum(part.visits[kind] for part in found) for kind in range(2))
+    read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
+    count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
+    return HitLists(order, _offsets(counts), surfel, depth, alpha)
+
+
+def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
+    """Rounds of BUFFER hits; a ray takes part in the next as long as its buffer was filled and something is left."""
+    device, (origin, direction, stop, *tree) = order.device, fixed
+    slots, rays = torch.arange(len(order), device=device), order
+    start_id = torch.full_like(rays, torch.iinfo(torch.int32).max)
+    rest = torch.ones_like(start_t)
+    counts = torch.zeros_like(rays)
+    rounds = []
+    nodes_visited = leaves_visited = 0
+    while len(rays):
+        hits_t, hits_alpha = (start_t.new_empty(len(rays), BUFFER) for _ in range(2))
+        hits_id = torch.empty(len(rays), BUFFER, dtype=torch.int32, device=device)
+        found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
+        left = torch.empty_like(rest)
+        buffers = [as_array(value.view(-1)) for value in (hits_t, hits_id, hits_alpha)]
+        arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), stop, *tree]
+        launch(kernels.gather, len(rays), device, [*arguments, *buffers, *map(as_array, (found, left, nodes, leaves))])
+        nodes_visited += int(nodes.sum())
+        leaves_visited += int(leaves.sum())
+        rounds.append((slots, counts[slots], found, buffers))
+        counts[slots] += found
+        more = torch.nonzero((found == BUFFER) & (left >= stop))[:, 0]
+        start_t, start_id = hits_t[more, -1].contiguous(), hits_id[more, -1].contiguous()
+        slots, rays, rest = slots[more], rays[more].contiguous(), left[more].contiguous()
+    begin = _offsets(counts)
+    entries = int(begin[-1])
+    depth, alpha = (start_t.new_empty(entries) for _ in range(2))
+    surfel = torch.empty(entries, dtype=torch.int32, device=device)
+    packed = [as_array(value) for value in (depth, surfel, alpha)]
+    for slots, before, found, buffers in rounds:
+        target = begin[slots] + before
+        launch(kernels.pack, len(slots), device, [as_array(found), as_array(target), *buffers, *packed])
+    return _Found(counts, surfel, depth, alpha, (nodes_visited, leaves_visited))
+
+
+def _offsets(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
+    begin = counts.new_zeros(len(counts) + 1)
+    ends = counts.cumsum(0, dtype=torch.int64)
+    if len(ends):
+        require_countable(int(ends[-1]), "hits of rays and surfels", "Trace fewer rays together.")
+    begin[1:] = ends
+    return begin

@@ -1,0 +1,98 @@
+"""Which node of an eight-wide tree holds what, by two ways of building: the surface-area heuristic, and k-d order."""
+
+from dataclasses import dataclass
+
+import torch
+import warp as wp
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ...instruments.counters import fire
+from ..runtime import as_array
+from .hits_source import STACK
+from .sah_source import sah_kernel
+
+WIDTH = 8
+"""Children of a node and surfels of a leaf: one AVX register of float32."""
+
+DEEPEST = 1 + (STACK - 1) // (WIDTH - 1)
+"""Levels that a ray's stack can follow: each but the last leaves WIDTH - 1 children waiting."""
+
+
+@dataclass(frozen=True)
+class Topology:
+    """A tree without boxes. Nodes are numbered from the root down, level by level.
+
+    child: per node the number of each child node, or -1 - (leaf number); an absent child is the leaf after the last.
+    order: the surfel at each place of each leaf, or -1. level_end: per level, the number after its last node.
+    """
+
+    child: Int[Tensor, "nodes 8"]
+    order: Int[Tensor, "leaves 8"]
+    level_end: tuple[int, ...]
+
+
+def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3"]) -> Topology:
+    """A tree by the surface-area heuristic over the surfels' boxes, on the CPU.
+
+    Where that would be deeper than a ray's stack (surfels spaced exponentially), it is the k-d tree of the boxes'
+    middles instead, whose depth is the logarithm of their number.
+    """
+    count = len(low)
+    room = max(count, 1)
+    boxes = torch.cat([low, high], -1).float().contiguous()
+    order = torch.arange(count, dtype=torch.int32)
+    segment, child = (torch.empty(room, width, dtype=torch.int32) for width in (2, WIDTH))
+    child.fill_(room)
+    leaf = torch.full((room, WIDTH), -1, dtype=torch.int32)
+    level_end, made = torch.zeros(DEEPEST, dtype=torch.int32), torch.zeros(3, dtype=torch.int32)
+    kernel, box = sah_kernel()
+    arrays = [as_array(boxes, dtype=box), *map(as_array, (order, segment, child, leaf, level_end, made))]
+    wp.launch(kernel, dim=1, inputs=arrays, device="cpu")
+    nodes, leaves, levels = made.tolist()
+    if nodes == 0:
+        fire(deep_trees=1)
+        return kd_topology((low + high) / 2)
+    child = torch.where(child[:nodes] == room, -1 - leaves, child[:nodes])
+    return Topology(child.contiguous(), leaf[:leaves].contiguous(), tuple(level_end[:levels].tolist()))
+
+
+def kd_topology(centre: Float[Tensor, "surfels 3"]) -> Topology:
+    """A complete tree by sorting alone, on any device: every segment is halved along its longest side."""
+    order = _kd_order(centre)
+    leaves = len(order) // WIDTH
+    levels = [max(1, leaves // WIDTH)]
+    while levels[0] > 1:
+        levels.insert(0, -(-levels[0] // WIDTH))
+    child, ends, end = [], [], 0
+    for size in levels:
+        end += size
+        ends.append(end)
+        child.append(end + torch.arange(WIDTH * size, device=centre.device))
+    child[-1] = (-1 - torch.arange(WIDTH * levels[-1], device=centre.device)).clamp(min=-1 - leaves)
+    for level, below in enumerate(levels[1:]):
+        child[level][below:] = -1 - leaves
+    return Topology(torch.cat(child).view(-1, WIDTH).int(), order.view(-1, WIDTH).int(), tuple(ends))
+
+
+def _kd_order(centre: Float[Tensor, "surfels 3"]) -> Int[Tensor, " places"]:
+    """Surfel numbers in the order of a balanced k-d tree's leaves, filled up with -1 to 8 * a power of two.
+
+    All segments of a level are sorted along the longest side of their boxes at once.
+    """
+    count = len(centre)
+    halvings = 0
+    while WIDTH << halvings < max(count, 1):
+        halvings += 1
+    places = WIDTH << halvings
+    order = torch.full((places,), -1, dtype=torch.long, device=centre.device)
+    order[:count] = torch.arange(count, device=centre.device)
+    place = torch.cat([centre, centre.new_full((1, 3), torch.inf)])
+    for level in range(halvings):
+        order = order.view(1 << level, -1)
+        points = place[order]
+        filled = torch.isfinite(points)
+        side = torch.where(filled, points, -torch.inf).amax(1) - torch.where(filled, points, torch.inf).amin(1)
+        key = points.gather(2, side.argmax(-1)[:, None, None].expand(-1, points.shape[1], 1))[..., 0]
+        order = order.gather(1, key.argsort(dim=1, stable=True)).flatten()
+    return order

@@ -1,0 +1,106 @@
+"""K2: trace rays through surfels, blending what they meet in order, with gradient."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ...instruments.counters import count, fire
+from ...instruments.finite import require_finite_blend
+from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
+from .bvh import SurfelBVH
+from .hits import HitLists, find_hits
+from .trace_source import trace_kernels
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What each ray meets, blended front to back with w_i = alpha_i prod_{j<i} (1 - alpha_j).
+
+    radiance: sum_i w_i L_i(d), linear RGB. transmittance: what is left, in [0, 1]. features: sum_i w_i f_i.
+    depth: sum_i w_i t_i, in lengths of the direction. Nothing is divided by 1 - transmittance.
+    """
+
+    radiance: Float[Tensor, "rays 3"]
+    transmittance: Float[Tensor, " rays"]
+    features: Float[Tensor, "rays channels"]
+    depth: Float[Tensor, " rays"]
+
+
+def trace(
+    bvh: SurfelBVH,
+    geometry: SplatGeometry,
+    sh: Float[Tensor, "surfels coefficients 3"],
+    features: Float[Tensor, "surfels channels"],
+    origin: Float[Tensor, "rays 3"],
+    direction: Float[Tensor, "rays 3"],
+    t_min: Float[Tensor, " rays"],
+    stop: float = TRACE_TRANSMITTANCE_STOP,
+) -> Hits:
+    """Trace rays from world ``origin`` along unit ``direction`` (of travel), beyond ``t_min``.
+
+    A surfel is met where the ray comes from its visible side and alpha reaches ALPHA_THRESHOLD; hits are ordered
+    by (t, surfel number), so exact ties are neither lost nor swapped; a ray ends after the hit that takes its
+    transmittance below ``stop``. Radiance is max(0, SH(direction) + 1/2). ``bvh`` must be fitted to ``geometry``.
+
+    Gradients: every field of ``geometry``, ``sh``, ``features`` and ``origin``; none to ``direction`` and
+    ``t_min``, nor through which surfels are met. Raises NumericalFailure if a surfel that is met has a coefficient or
+    a feature that is not finite.
+    """
+    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), stop)
+    columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
+    radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
+    fire(full_rays=int((scalars[:, 0].detach() < stop).sum()))
+    require_finite_blend("traced radiance", radiance, {"sh": sh})
+    require_finite_blend("traced features", blended, {"features": features})
+    return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])
+
+
+class _Blend(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, lists: HitLists, direction: Tensor, *inputs: Tensor) -> tuple[Tensor, ...]:
+        inputs = tuple(value.detach().contiguous() for value in inputs)
+        direction = direction.detach().contiguous()
+        origin, _, _, features = inputs
+        kernels = trace_kernels(origin.dtype)
+        rays = len(origin)
+        outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
+        arguments = [_hits(kernels, lists, direction, inputs), *map(_flat, outputs)]
+        launch_in_parallel(kernels.forward, rays, origin.device, lambda _: arguments)
+        read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
+        count(bytes_read=len(lists.surfel) * read_of_surfel)
+        ctx.arguments = arguments
+        ctx.save_for_backward(*inputs, *outputs)
+        return outputs
+
+    @staticmethod
+    def backward(ctx: Any, *pulls: Tensor) -> Any:
+        origin, surface, sh, features = ctx.saved_tensors[:4]
+        kernels = trace_kernels(origin.dtype)
+        grad_origin = torch.empty_like(origin)
+        sums = WorkerSums((surface, sh, features), origin.device)
+        arguments = [*ctx.arguments, *(_flat(pull.contiguous()) for pull in pulls), _flat(grad_origin)]
+        launch_in_parallel(
+            kernels.backward, len(origin), origin.device, lambda worker: [*arguments, *map(_flat, sums.of(worker))]
+        )
+        return None, None, grad_origin, *sums.total()
+
+
+def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Any:
+    origin, surface, sh, features = inputs
+    hits = kernels.Hits()
+    for name, value in zip(
+        ("ray", "origin", "direction", "begin", "surfel", "depth", "alpha", "surface", "sh", "features"),
+        (lists.ray, origin, direction, lists.begin, lists.surfel, lists.depth, lists.alpha, surface, sh, features),
+        strict=True,
+    ):
+        setattr(hits, name, _flat(value))
+    hits.coefficients, hits.channels = sh.shape[1], features.shape[1]
+    return hits
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

@@ -1,0 +1,1 @@
+"""Losses, their gradients, and the views that are learnt from."""

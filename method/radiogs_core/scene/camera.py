@@ -1,0 +1,96 @@
+"""The pinhole camera: OpenCV axes (x right, y down, z forward), camera-to-world, pixel centres at +0.5."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..errors import DataError
+from ..instruments.counters import fire
+
+RIGID_TOLERANCE = 1e-3
+"""How far the axes' products may be from orthonormal: it moves what is at the edge of an image of 1000 pixels by half a
+pixel. Poses in files are rounded to six digits or better; a scaled or sheared matrix is off by far more."""
+
+STEEPEST_RAY = 2.0**23
+"""Largest slope of a pixel's ray: beyond it one is less than half a float32 step of the ray's length, and the forward
+axis would be lost."""
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera.
+
+    ``camera_to_world`` is a rigid 4x4 matrix (world units); ``fx, fy, cx, cy`` are in pixels;
+    ``width, height`` count pixels. Pixel (column i, row j) is seen through (i + 0.5, j + 0.5).
+    Raises DataError for a lens or a pose that no image could be made with: it would not fail but show nothing.
+    """
+
+    camera_to_world: Float[Tensor, "4 4"]
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        if min(self.width, self.height) < 1:
+            raise DataError(f"a camera of {self.width} x {self.height} pixels", "An image has at least one.")
+        lens = {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
+        reach = max(abs(self.cx), abs(self.width - self.cx), abs(self.cy), abs(self.height - self.cy))
+        if not all(map(math.isfinite, lens.values())) or not min(self.fx, self.fy) * STEEPEST_RAY > reach:
+            fire(blind_lenses=1)
+            raise DataError(
+                f"a camera's lens is {', '.join(f'{name} = {value:g}' for name, value in lens.items())}",
+                "Focal lengths are positive, and all four are finite numbers of pixels.",
+                "Repair the scene's cameras.",
+            )
+        # Cameras are read on the CPU; asking a copy on a GPU again would make the CPU wait for it.
+        if self.camera_to_world.device.type == "cpu":
+            self._require_rigid()
+
+    def _require_rigid(self) -> None:
+        axes = self.axes.double()
+        off = float((axes.mT @ axes - torch.eye(3, dtype=torch.float64)).abs().max())
+        if not (off <= RIGID_TOLERANCE and bool(torch.isfinite(self.centre).all())):
+            fire(bent_poses=1)
+            raise DataError(
+                f"a camera's pose is not rigid: its axes are {off:.2g} from orthonormal, its centre is"
+                f" {[float(value) for value in self.centre]}",
+                "Rays would be bent or lost.",
+                "Repair the scene's cameras; a scale belongs into the scene, not into the pose.",
+            )
+
+    @property
+    def centre(self) -> Float[Tensor, "3"]:
+        """The centre of projection, in the world."""
+        return self.camera_to_world[:3, 3]
+
+    @property
+    def axes(self) -> Float[Tensor, "3 3"]:
+        """Columns: the camera's right, down and forward axes, in the world."""
+        return self.camera_to_world[:3, :3]
+
+    def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> "Camera":
+        """The same camera with its matrix on another device or of another type."""
+        moved = self.camera_to_world.to(device=device, dtype=dtype)
+        return self if moved is self.camera_to_world else replace(self, camera_to_world=moved)
+
+    def ray_directions(self) -> Float[Tensor, "height width 3"]:
+        """World vectors from the centre through each pixel, of unit depth: point = centre + z * direction.
+
+        They are not of unit length; multiply by z-depth to land on the surface.
+        """
+        like: dict[str, Any] = {"dtype": self.camera_to_world.dtype, "device": self.camera_to_world.device}
+        column = (torch.arange(self.width, **like) + 0.5 - self.cx) / self.fx
+        row = (torch.arange(self.height, **like) + 0.5 - self.cy) / self.fy
+        y, x = torch.meshgrid(row, column, indexing="ij")
+        return torch.stack([x, y, torch.ones_like(x)], -1) @ self.axes.T
+
+    def depth_of(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Distance along the forward axis (z-depth), in world units; negative behind the camera."""
+        return (points - self.centre) @ self.axes[:, 2]

@@ -1,0 +1,1 @@
+"""Gaussian surfels: their parameters, files, starting points, density control and optimiser."""

@@ -1,0 +1,1 @@
+"""Light between surfels: directions, incident light, shading, and images."""

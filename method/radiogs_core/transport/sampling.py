@@ -1,0 +1,140 @@
+"""Directions to look for light in: spread over a hemisphere, drawn at random, or drawn from the light.
+
+All directions are unit vectors in the world that point away from the surface.
+"""
+
+import math
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ..errors import DataError
+from ..instruments.counters import fire
+from ..scene.light import EnvironmentMap, texel_solid_angles
+
+GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+
+
+def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
+    """An orthonormal frame with columns t, b, n; exact for every unit normal (Duff et al. 2017).
+
+    The minimal rotation from +Z, which splatting codes use, loses orthogonality near n = -Z.
+    """
+    x, y, z = normal.unbind(-1)
+    sign = torch.where(z < 0, -1.0, 1.0).to(normal.dtype)
+    a = -1 / (sign + z)
+    b = x * y * a
+    tangent = torch.stack([1 + sign * x * x * a, sign * b, -sign * x], -1)
+    bitangent = torch.stack([b, sign + y * y * a, -y], -1)
+    return torch.stack([tangent, bitangent, normal], -1)
+
+
+def hemisphere_directions(
+    normal: Float[Tensor, "surfels 3"], samples: int, generator: torch.Generator | None, floor: bool = False
+) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+    """A spherical-Fibonacci set over each hemisphere, and the solid angle (2 pi / S) of each direction.
+
+    Sample i lies at height z = 1 - (i + 1/2) / S above the surface: every band of equal solid angle holds one,
+    so the cosine sums to exactly pi for every S (the white furnace has no error; with the released code's floor of
+    10 degrees it is 3.1 % or more). ``generator`` turns the set by a random azimuth per surfel; None leaves it
+    fixed. In height it is the midpoint rule, whose error no turn averages out (irradiance of one surface under random
+    4 x 8 maps: at most 1.9 % with 4 samples, 0.5 % with 8, 0.04 % with 32, 0.012 % with 64).
+
+    ``floor`` gives the released code's heights instead, max(1 - 2 i / (2 S - 1), sin 10 degrees).
+    """
+    like: dict[str, Any] = {"dtype": normal.dtype, "device": normal.device}
+    place = torch.arange(samples, **like)
+    height = 1 - (place + 0.5) / samples
+    if floor:
+        height = (1 - 2 * place / max(2 * samples - 1, 1)).clamp(min=math.sin(math.radians(10)))
+    sine = (1 - height.square()).sqrt()
+    turn = torch.zeros(len(normal), 1, **like)
+    if generator is not None:
+        turn = 2 * torch.pi * torch.rand(len(normal), 1, generator=generator, **like)
+    azimuth = place * GOLDEN_ANGLE + turn
+    local = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height.expand_as(azimuth)], -1)
+    weight = torch.full((len(normal), samples), 2 * torch.pi, **like) / samples
+    return local @ tangent_frame(normal).mT, weight
+
+
+def random_hemisphere_direction(
+    normal: Float[Tensor, "surfels 3"], generator: torch.Generator
+) -> Float[Tensor, "surfels 3"]:
+    """One direction per surfel, uniform in solid angle over its hemisphere."""
+    drawn = torch.randn(normal.shape, generator=generator, dtype=normal.dtype, device=normal.device)
+    direction = torch.nn.functional.normalize(drawn, dim=-1)
+    return torch.where((direction * normal).sum(-1, keepdim=True) < 0, -direction, direction)
+
+
+class LightSampler:
+    """Draws directions from an environment map in proportion to the brightest channel of its texels.
+
+    Inside a texel the direction is uniform in solid angle, so the density is piecewise constant and exact.
+    Raises DataError for a map with a texel that is not finite.
+    """
+
+    def __init__(self, light: EnvironmentMap) -> None:
+        self.height, self.width = light.radiance.shape[:2]
+        broken = int((~torch.isfinite(light.radiance)).any(-1).sum())
+        if broken:
+            fire(broken_lights=1)
+            raise DataError(
+                f"{broken} texels of the environment map are not finite",
+                "Light is drawn in proportion to radiance, so each of them would take all of it.",
+                "Repair the map's file; saturated texels are written as the format's largest finite value.",
+            )
+        # Float64: the running sum over the millions of texels of a sky would lose the dark ones in float32.
+        area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
+        power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area
+        # A black light has nothing to prefer: every direction is as good.
+        black = not bool(power.any())
+        fire(black_lights=int(black))
+        share = (area / (4 * torch.pi)).expand_as(power) if black else power / power.sum()
+        self.cumulative = share.flatten().cumsum(0)
+        self.density = (share / area).flatten().to(light.radiance.dtype)
+
+    def draw(self, count: int, generator: torch.Generator) -> Float[Tensor, "count 3"]:
+        """``count`` independent directions."""
+        place = torch.rand(count, generator=generator, dtype=torch.float64, device=self.cumulative.device)
+        # The first texel whose running sum exceeds the draw: never one of probability zero.
+        texel = torch.searchsorted(self.cumulative, place * self.cumulative[-1], right=True)
+        texel = texel.clamp(max=len(self.cumulative) - 1)  # a draw that rounds up to the whole sum
+        row, column = texel // self.width, texel % self.width
+        like: dict[str, Any] = {"dtype": self.density.dtype, "device": self.density.device}
+        along, across = torch.rand(2, count, generator=generator, **like)
+        upper, lower = (torch.cos((row + edge) * (torch.pi / self.height)) for edge in (0, 1))
+        z = upper + (lower - upper) * along
+        azimuth = torch.pi - (column + across) * (2 * torch.pi / self.width)
+        sine = (1 - z.square()).clamp(min=0).sqrt()
+        return torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), z], -1)
+
+    def pdf(self, direction: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch"]:
+        """Density of ``draw`` per steradian."""
+        return self.density[self._texel(direction)]
+
+    def _texel(self, direction: Float[Tensor, "*batch 3"]) -> Int[Tensor, "*batch"]:
+        x, y, z = direction.unbind(-1)
+        row = torch.atan2(torch.hypot(x, y), z) * (self.height / torch.pi)
+        column = (0.5 - torch.atan2(y, x) / (2 * torch.pi)) * self.width
+        return row.long().clamp(0, self.height - 1) * self.width + column.long().clamp(0, self.width - 1)
+
+
+def relighting_directions(
+    normal: Float[Tensor, "surfels 3"],
+    sampler: LightSampler,
+    hemisphere_samples: int,
+    light_samples: int,
+    generator: torch.Generator,
+) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+    """Hemisphere directions joined with directions drawn from the light, by the balance heuristic.
+
+    Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two strategies; zero below the horizon.
+    """
+    spread, _ = hemisphere_directions(normal, hemisphere_samples, generator)
+    drawn = sampler.draw(len(normal) * light_samples, generator).view(len(normal), light_samples, 3)
+    direction = torch.cat([spread, drawn], 1)
+    above = (direction * normal[:, None]).sum(-1) > 0
+    density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(direction)
+    return direction, torch.where(above, 1 / density, 0.0)

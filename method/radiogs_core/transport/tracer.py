@@ -1,0 +1,177 @@
+"""Rays from surfels to surfels: what light arrives at them, and from where."""
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from ..kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
+from ..kernels.trace.bvh import SurfelBVH
+from ..kernels.trace.trace import Hits, trace
+from ..surfels.surfels import Surfels
+from .horizon import above, nearest, patch_normal
+from .incident import Incident
+from .plan import EffectPlan, everything
+from .sampling import hemisphere_directions
+
+SELF_OFFSET = 1.0
+"""Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
+are the same surface seen twice, not occluders."""
+
+
+EVERYTHING = everything()
+
+
+RAYS_AT_ONCE = 1 << 18
+"""Their hits are in memory together: some hundred bytes a ray."""
+
+
+class SurfelTracer:
+    """Traces rays from surfels to surfels, or says what stands for them.
+
+    Holds the bounding volumes, which are made when the first ray asks for them, and who is whose neighbour, found when
+    the first surfel goes without rays.
+
+    ``offset``: how far from their own surfel rays start, in its standard deviations; with ``world_offset``, that many
+    world units instead.
+    """
+
+    def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET, world_offset: float | None = None) -> None:
+        self.offset, self.world_offset = offset, world_offset
+        self._bvh: SurfelBVH | None = None
+        self._neighbours: Int[Tensor, "surfels neighbours"] | None = None
+        self.follow(surfels)
+        # Tree and neighbours are those of these surfels whenever they are asked for, as in a run that is resumed.
+        self._first = self.geometry
+
+    def follow(self, surfels: Surfels) -> None:
+        """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
+        self.surfels = surfels
+        self._geometry: SplatGeometry | None = None
+        self._fitted = False
+
+    @property
+    def geometry(self) -> SplatGeometry:
+        """The surfels that are followed, as rays meet them."""
+        if self._geometry is None:
+            self._geometry = self.surfels.geometry()
+        return self._geometry
+
+    @property
+    def bvh(self) -> SurfelBVH:
+        """The bounding volumes, fitted to the surfels that are followed."""
+        if self._bvh is None:
+            self._bvh = SurfelBVH.build(self._first.detach())
+            self._fitted = self._first is self.geometry
+        if not self._fitted:
+            self._bvh.refit(self.geometry.detach())
+            self._fitted = True
+        return self._bvh
+
+    def trace(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        features: Float[Tensor, "surfels channels"],
+    ) -> Hits:
+        """Rays from the centres of the surfels ``index``; flattened to [chosen * samples] rays."""
+        samples = direction.shape[1]
+        origin = self.geometry.centre[index].repeat_interleave(samples, 0)
+        reach = self.offset * self.surfels.scale.detach().max(-1).values[index]
+        if self.world_offset is not None:
+            reach = torch.full_like(reach, self.world_offset)
+        return trace(
+            self.bvh, self.geometry, self.surfels.sh, features,
+            origin, direction.flatten(0, 1), reach.repeat_interleave(samples),
+        )  # fmt: skip
+
+    def incident(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+        plan: EffectPlan = EVERYTHING,
+    ) -> Incident:
+        """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels.
+
+        What ``plan`` leaves out is not traced: see ``untraced``.
+        """
+        places = plan.traced_among(index)
+        if not len(places):
+            return self.untraced(index, direction, weight)
+        none = self.geometry.centre.new_zeros(len(self.geometry), 0)
+        hits = self.trace(index[places], direction[places], none)
+        visibility, whole = visibility_of(hits)
+        shape = (len(places), direction.shape[1])
+        visibility, radiance = visibility.view(shape), (hits.radiance * whole[:, None]).view(*shape, 3)
+        if plan.traces_all:
+            return Incident(direction, weight, visibility, radiance)
+        free = self.untraced(index, direction, weight)
+        return Incident(
+            direction,
+            weight,
+            free.visibility.index_copy(0, places, visibility) if plan.visibility else free.visibility,
+            free.radiance.index_copy(0, places, radiance) if plan.indirect else free.radiance,
+        )
+
+    def untraced(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+    ) -> Incident:
+        """What stands for rays: V = 1 above the horizon and 0 below (see ``horizon``), L_ind = 0. No gradient."""
+        if self._neighbours is None:
+            self._neighbours = nearest(self._first)
+        normal = patch_normal(self.surfels, index, self._neighbours)
+        return Incident(direction, weight, above(direction, normal), torch.zeros_like(direction))
+
+
+def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"]]:
+    """V = T, and the factor that makes blended values whole.
+
+    A ray that ended early (T < 3 %) met a solid surface: V is 0 and its values are divided by 1 - T, so that
+    the rest neither leaks sunlight through walls nor is missing from the indirect light.
+    """
+    solid = hits.transmittance < TRACE_TRANSMITTANCE_STOP
+    visibility = torch.where(solid, 0.0, hits.transmittance)
+    return visibility, 1 / torch.where(solid, 1 - hits.transmittance, 1.0)
+
+
+@torch.no_grad()
+def gather_incident(
+    tracer: SurfelTracer,
+    surfels: Surfels,
+    samples: int,
+    generator: torch.Generator | None,
+    floor: bool = False,
+    plan: EffectPlan = EVERYTHING,
+    index: Int[Tensor, " chosen"] | None = None,
+) -> Incident:
+    """Trace ``samples`` directions of the surfels ``index`` (None: of all), without gradient.
+
+    ``generator`` None turns the random rotation off. ``floor``: see ``hemisphere_directions``.
+    """
+    normal = surfels.frame[..., 2] if index is None else surfels.take(index).frame[..., 2]
+    direction, weight = hemisphere_directions(normal, samples, generator, floor)
+    return incident_along(tracer, direction, weight, plan, index)
+
+
+@torch.no_grad()
+def incident_along(
+    tracer: SurfelTracer,
+    direction: Float[Tensor, "chosen samples 3"],
+    weight: Float[Tensor, "chosen samples"],
+    plan: EffectPlan = EVERYTHING,
+    index: Int[Tensor, " chosen"] | None = None,
+) -> Incident:
+    """Trace the given directions of the surfels ``index`` (None: of all), as many rays at a time as memory likes.
+
+    Without gradient.
+    """
+    together = max(1, RAYS_AT_ONCE // direction.shape[1])
+    if index is None:
+        index = torch.arange(len(direction), device=direction.device)
+    pieces = zip(index.split(together), direction.split(together), weight.split(together), strict=True)
+    parts = [tracer.incident(some, along, solid_angle, plan) for some, along, solid_angle in pieces]
+    visibility, radiance = (torch.cat([getattr(part, name) for part in parts]) for name in ("visibility", "radiance"))
+    return Incident(direction, weight, visibility, radiance)
