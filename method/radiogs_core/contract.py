@@ -1,0 +1,215 @@
+"""What a method is: all that a harness knows of RadioGS, of a baseline, or of a stranger's code.
+
+A method is trained in stages and then shown. ``Method.stages`` says which stages there are and what each depends on;
+``StageSpec.begin`` makes one, which steps to its end and can be interrupted and resumed bit for bit. What the last
+stage hands on is turned into a ``Trained`` model by ``Method.restore``; ``Trained.prepare`` makes it ready to be seen
+under its own light or another one (relighting is preparing for another light), and ``Prepared.render`` gives the maps
+of one camera.
+
+Nothing here knows of surfels: a radiance field, or a program that is run as a command, fits as well.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from .errors import UsageError
+from .scene.camera import Camera
+from .scene.light import EnvironmentMap
+from .scene.scene import Scene
+
+Maps = Mapping[str, Float[Tensor, "height width _"]]
+"""Images of one camera by name, [height, width, channels]; ``MapKind`` says how each is to be read."""
+
+
+class Budget(Protocol):
+    """How much work a run may do: a frozen dataclass of numbers, whose ``name`` is that of its preset.
+
+    Whole numbers are what rows of a suite may multiply (``scaled``).
+    """
+
+    @property
+    def name(self) -> str:
+        """The preset's name, such as ``tiny``."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a method is run on: a scene, a variant of the method, a budget, a seed and a device.
+
+    ``variant`` is an instance of ``Method.variant``, ``budget`` one of ``Method.presets`` or a multiple of it.
+    ``workspace`` is a folder that the run may keep files in, for methods that have any; it outlives an interruption.
+    """
+
+    scene: Scene
+    variant: Any
+    budget: Any
+    seed: int
+    device: torch.device
+    workspace: Path | None = None
+
+
+@runtime_checkable
+class Stage(Protocol):
+    """A resumable optimisation: restoring a state and stepping on gives what stepping on would have given."""
+
+    iteration: int
+    """Steps taken so far."""
+    iterations: int
+    """Steps of the whole stage."""
+
+    def step(self) -> Mapping[str, float]:
+        """Take one step; returns the weighted losses by name. Raises NumericalFailure for a non-finite value."""
+
+    def state(self) -> dict[str, Any]:
+        """Tensors and plain values from which to continue bit for bit."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+
+    def product(self) -> dict[str, Any]:
+        """Tensors and plain values that the next stage begins from; of the last stage, what ``Method.restore`` takes.
+
+        May be asked for at any step: a model that is scored along the way is restored from it.
+        """
+
+
+@dataclass(frozen=True)
+class StageSpec:
+    """One stage of a method: what it is called, what it depends on, and how it begins.
+
+    name: short, such as ``initialise``; results list seconds and work under it. title: for progress bars. steps: how
+    many it takes. owner: whose stage it is; methods that share a stage name the same owner and train it once.
+    reads: the fields of variant and budget that decide its outcome, with their values. sources: names of modules;
+    their files, and those of all modules that they import, decide its outcome too.
+    begin: makes the stage from a run and the product of the stage before it (empty for the first).
+    """
+
+    name: str
+    title: str
+    steps: int
+    owner: str
+    reads: Mapping[str, Any]
+    sources: tuple[str, ...]
+    begin: Callable[[Run, Mapping[str, Any]], Stage]
+
+
+@dataclass(frozen=True)
+class MapKind:
+    """How a map is to be read.
+
+    colour: "display" (sRGB in [0, 1]), "linear" (radiance or albedo) or "data" (normals, depth, roughness, coverage).
+    alpha: "multiplied" by coverage, that is, composited on black, or "straight".
+    """
+
+    colour: Literal["display", "linear", "data"]
+    alpha: Literal["multiplied", "straight"] = "multiplied"
+
+
+@runtime_checkable
+class Prepared(Protocol):
+    """A trained model under one light, ready to be seen from any camera."""
+
+    offers: Mapping[str, MapKind]
+    """Every map that it can render, and how each is to be read.
+
+    image: what the camera sees. alpha: coverage, one channel. albedo: diffuse, linear. normal: unit, in the world.
+    roughness: perceptual (alpha_GGX = r^2). depth: z-depth, world units. direct, indirect: outgoing radiance after one
+    surface, and after more. incident: mean indirect radiance that arrives over the hemisphere.
+    """
+    default: frozenset[str]
+    """Maps that every rendering has; the others cost extra and are asked for by name."""
+    timed: bool
+    """Whether the seconds of a rendering mean anything (not where images are read from files)."""
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of one view: the default ones and those of ``further`` that it offers."""
+
+
+@runtime_checkable
+class Trained(Protocol):
+    """What training has found."""
+
+    light: EnvironmentMap | None
+    """The light of the training views as it was recovered, linear; None for a method that finds none."""
+
+    def facts(self) -> dict[str, Any]:
+        """Plain values that go into the result, such as the number of surfels; ``metrics`` among them maps names such
+        as ``plan/bound`` to values that stand in tables like any other metric."""
+
+    def tensors(self) -> dict[str, Any]:
+        """What ``Method.restore`` makes it from."""
+
+    def export(self, folder: Path) -> list[Path]:
+        """Write the model for other programs; returns the files written. Raises OSError."""
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: Float[Tensor, "3"] | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> Prepared:
+        """Make ready to be seen under its own light (None) or relit by another one.
+
+        albedo_scale: factor for each channel of the recovered albedo, which is known up to one. after_step: called
+        between the steps of a long preparation; it may raise to end it. Raises DataError for a light that is not
+        finite.
+        """
+
+
+@runtime_checkable
+class Method(Protocol):
+    """A method of inverse rendering."""
+
+    name: str
+    """As suites and ``--method`` call it: lower case, such as ``radiogs``."""
+    title: str
+    """As tables print it, such as ``RadioGS``."""
+    variant: type
+    """A frozen dataclass: every field that an ablation may turn, with the full method as default."""
+    presets: Mapping[str, Any]
+    """Budgets by name: smoke, tiny, small, paper."""
+    sources: tuple[str, ...]
+    """Modules that turn a trained model into maps; they and what they import decide its metrics."""
+
+    def stages(self, variant: Any, budget: Any) -> Sequence[StageSpec]:
+        """The stages of training, in order; at least one."""
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> Trained:
+        """The model from the product of the last stage."""
+
+
+def values_of(of: object, *names: str) -> dict[str, Any]:
+    """Some fields of a variant or budget by name, for ``StageSpec.reads``."""
+    return {name: getattr(of, name) for name in names}
+
+
+def values_but(of: object, *names: str) -> dict[str, Any]:
+    """All fields of a variant or budget but these, for ``StageSpec.reads``."""
+    return {field.name: getattr(of, field.name) for field in fields(of) if field.name not in names}  # type: ignore[arg-type]
+
+
+def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
+    """The budget with some of its whole numbers multiplied; its name says which.
+
+    Raises UsageError for a field that is none of its whole numbers, and where less than one is left.
+    """
+    if not factors:
+        return budget
+    whole = [field.name for field in fields(budget) if type(getattr(budget, field.name)) is int]
+    for name in factors:
+        if name not in whole:
+            raise UsageError(
+                f"preset '{budget.name}' has no whole number '{name}'", f"What can be multiplied: {', '.join(whole)}."
+            )
+    changes = {name: round(getattr(budget, name) * factor) for name, factor in factors.items()}
+    for name, value in changes.items():
+        if value < 1:
+            raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
+    marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
+    return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)
