@@ -1,7 +1,7 @@
 """Scenes by name: those that come with the package, or a folder on disk in any known layout."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -78,16 +78,17 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
     what is no scene, and for a scene that is incomplete or damaged.
     """
     if name_or_path in ALBEDOS:
-        return furnace(name_or_path)
+        return replace(furnace(name_or_path), loaders=(furnace.__module__,))
     if name_or_path == HARD_CASES:
-        return hard_cases()
+        return replace(hard_cases(), loaders=(hard_cases.__module__,))
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
     if chosen not in LAYOUTS:
         near = get_close_matches(chosen, LAYOUTS, 1)
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
-    return LAYOUTS[chosen].load(folder)
+    load = LAYOUTS[chosen].load
+    return replace(load(folder), folder=folder, loaders=(load.__module__,))
 
 
 def _recognised(folder: Path) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Literal
 
 import torch
@@ -67,6 +68,8 @@ class Scene:
     training views, where it is known. ``checksum`` is a digest of every file that the scene consists of. ``repairs``
     says, a sentence each, what the loader had to set right or assume. ``relight`` are views of the object elsewhere,
     each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
+    ``folder`` is where its files are, None for a scene that is computed. ``loaders`` names the modules that read or
+    computed it: what they make of the files decides every metric, so their sources are part of a cell's key.
     """
 
     name: str
@@ -79,6 +82,8 @@ class Scene:
     repairs: tuple[str, ...] = ()
     relight: tuple[View, ...] = ()
     points: Points | None = None
+    folder: Path | None = None
+    loaders: tuple[str, ...] = ()
 
     @property
     def centre(self) -> Float[Tensor, "3"]:
