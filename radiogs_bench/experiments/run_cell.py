@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from radiogs.model import Model
-from radiogs_core.instruments.counters import fired, work
+from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
 from ..cell import Cell
@@ -90,11 +90,10 @@ def run_cell(
         bench.progress.advance("evaluation", done, total)
         bench.interruption.check()
 
-    work.clear()
-    fired.clear()
     forget_peaks(bench.device)
     started = time.perf_counter()
-    evaluation = evaluate(model, scene, cell, bench.device, advance)
+    with recording() as instruments:
+        evaluation = evaluate(model, scene, cell, bench.device, advance)
     seconds = time.perf_counter() - started
     counted, spent = accounts(model, ledgers, len(evaluation.views)) if audited else ({}, {})
     result = Result(
@@ -117,8 +116,8 @@ def run_cell(
             "invert": ledgers["invert"]["seconds"],
             "evaluate": seconds,
         },
-        work={name: ledger["work"] for name, ledger in ledgers.items()} | {"evaluate": dict(work)},
-        guards={name: ledger["guards"] for name, ledger in ledgers.items()} | {"evaluate": dict(fired)},
+        work={name: ledger["work"] for name, ledger in ledgers.items()} | {"evaluate": dict(instruments.work)},
+        guards={name: ledger["guards"] for name, ledger in ledgers.items()} | {"evaluate": dict(instruments.guards)},
         effects={
             "plan": model.plan.plain(),
             "evidence": [dict(each) for each in model.evidence],

@@ -9,8 +9,7 @@ import torch
 
 from radiogs.model import Model
 from radiogs_core.errors import NumericalFailure
-from radiogs_core.instruments.counters import fired, work
-from radiogs_core.instruments.parts import spent
+from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan
@@ -53,7 +52,7 @@ class Ledger(TypedDict):
 
     seconds: float
     parts: dict[str, float]
-    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.parts``)."""
+    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.part``)."""
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]
@@ -124,12 +123,10 @@ def completed(
         if stored is not None:
             return stored
         started = time.perf_counter()
-        work.clear()
-        fired.clear()
-        spent.clear()
         forget_peaks(bench.device)
-        stage = begin()
-        ledger = _run(bench, name, title, stage, started, score)
+        with recording() as instruments:
+            stage = begin()
+            ledger = _run(bench, name, title, stage, started, score, instruments)
         outcome = Outcome(product=product(stage), ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(_checkpoint(name))
@@ -152,6 +149,7 @@ def _run(
     stage: SomeStage,
     started: float,
     score: Callable[[SomeStage], dict[str, float]] | None,
+    instruments: Instruments,
 ) -> Ledger:
     """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
     ledger = Ledger(seconds=0.0, parts={}, work={}, guards={}, losses={}, trail=[], since={}, sessions=[])
@@ -161,11 +159,7 @@ def _run(
         stage.restore(stored["state"])
         # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
         started = time.perf_counter() - ledger["seconds"]
-        for counter, counted in ((work, ledger["work"]), (fired, ledger["guards"])):
-            counter.clear()
-            counter.update(counted)
-        spent.clear()
-        spent.update(ledger["parts"])
+        instruments.restore(ledger)
     earlier = ledger["sessions"]
     losses = ledger["losses"]
     trail = Trail(stage.iterations, ledger["trail"], ledger["since"], scored=score is not None)
@@ -174,20 +168,23 @@ def _run(
         seconds = time.perf_counter() - started
         sessions = [*earlier, session(bench.device)]
         return Ledger(
-            seconds=seconds, parts=dict(spent), work=dict(work), guards=dict(fired), losses=losses,
-            trail=trail.points, since=trail.since, sessions=sessions,
-        )  # fmt: skip
+            **instruments.plain(),
+            seconds=seconds,
+            losses=losses,
+            trail=trail.points,
+            since=trail.since,
+            sessions=sessions,
+        )
 
     due = time.perf_counter() + bench.checkpoint_seconds
     while stage.iteration < stage.iterations:
         losses = dict(_step(bench, name, stage, ledger_now))
         trail.add(losses)
         if trail.due(stage.iteration):
-            reached, counted = time.perf_counter(), dict(work)
-            metrics = score(stage) if score is not None and trail.to_be_scored(stage.iteration) else {}
+            reached = time.perf_counter()
+            with recording():  # what scoring takes is not the stage's
+                metrics = score(stage) if score is not None and trail.to_be_scored(stage.iteration) else {}
             trail.close(stage.iteration, reached - started, metrics)
-            work.clear()
-            work.update(counted)
             started += time.perf_counter() - reached
         bench.progress.advance(title, stage.iteration, stage.iterations)
         over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored

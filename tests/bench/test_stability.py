@@ -21,7 +21,7 @@ from radiogs_bench.experiments.stability.curve import EPS, SAFE, TASKS, Probe, S
 from radiogs_bench.experiments.stability.experiment import stand_of
 from radiogs_bench.suites.paper import STABILITY
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.instruments.counters import fire
+from radiogs_core.instruments import fire
 from radiogs_datasets import load_scene
 from radiogs_datasets.furnace import ALBEDOS
 

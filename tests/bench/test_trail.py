@@ -16,7 +16,7 @@ from radiogs_bench.experiments.run_cell import run_cell
 from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.experiments.trail import Trail, milestones
 from radiogs_bench.store.schema import Result
-from radiogs_core.instruments.counters import count
+from radiogs_core.instruments import count
 
 CELL = fake_cell(experiment=COST)
 

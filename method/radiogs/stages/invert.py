@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs_core.instruments.parts import part
+from radiogs_core.instruments import part
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.losses import (
     ABSOLUTE_WEIGHT,
