@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import shaded_maps, split_sum_maps
+from radiogs_core.transport.splatting import shaded_maps, splat, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident
 
 from .model import Model
@@ -26,6 +26,17 @@ class Renderer:
             with torch.no_grad():
                 tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
                 self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
+
+    @torch.no_grad()
+    def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
+        """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
+
+        What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
+        """
+        assert self.incident is not None
+        weight = self.incident.weight[..., None]
+        arriving = (weight * self.incident.radiance).sum(1) / weight.sum(1)
+        return splat(camera, self.model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.

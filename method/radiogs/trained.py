@@ -14,7 +14,8 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.ply import write_ply
 
 from .model import Model
-from .relighting import Relit, relit_under
+from .relighting import Relit
+from .relit import relit_under
 from .rendering import Renderer
 
 SHADED: Mapping[str, MapKind] = {

@@ -52,7 +52,7 @@ def view(options: argparse.Namespace) -> int:
 
 
 def surfels_in(folder: Path, row: str | None) -> "Surfels":
-    """The surfels that ``train`` left in a folder, or those of a row of a run. Raises DataError where there are none."""
+    """The surfels that ``train`` left in a folder, or those of a run's row. Raises DataError where there are none."""
     import torch
 
     from radiogs_core.surfels.surfels import Surfels

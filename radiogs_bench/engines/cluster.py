@@ -1,8 +1,8 @@
 """A sweep on a Ray cluster: stages as tasks, with resources and retries; this process alone writes to the store.
 
-The stages that cells share are a task of their own whose delivery goes to the tasks of all cells that start from them. A machine that is lost
-takes with it what it was working on; Ray runs that again elsewhere. Claims are held for all cells that are on the
-cluster, so other processes leave them alone.
+The stages that cells share are a task of their own whose delivery goes to the tasks of all cells that start from
+them. A machine that is lost takes with it what it was working on; Ray runs that again elsewhere. Claims are held for
+all cells that are on the cluster, so other processes leave them alone.
 """
 
 import logging

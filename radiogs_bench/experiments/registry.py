@@ -1,4 +1,4 @@
-"""What can be done for a cell, by the names of ``suites.experiment``; each brings it to its end and stores its result."""
+"""What can be done for a cell, by name (``suites.experiment``): each function brings it to its end and stores it."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,7 +1,6 @@
 """The suites of the paper's ablations and costs, and those that hold the method to account, on generated scenes."""
 
-from .experiment import FORWARD_PARITY
-from .experiment import STABILITY as STABILITY_EXPERIMENT
+from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
 ABLATIONS = Suite(
@@ -202,7 +201,7 @@ FORWARD_PARITY_SUITE = Suite(
     experiment=FORWARD_PARITY,
 )  # fmt: skip
 
-STABILITY = Suite(
+STABILITY_SUITE = Suite(
     name="stability",
     title="Hard cases: float32 against float64",
     published=None,
@@ -225,5 +224,5 @@ STABILITY = Suite(
         Metric("guards", "fired"),
     ),
     scenes=("hard-cases",),
-    experiment=STABILITY_EXPERIMENT,
+    experiment=STABILITY,
 )

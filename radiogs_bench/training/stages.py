@@ -196,7 +196,7 @@ class _Course:
         self.stage.restore(stored["state"])
         # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
         self.started = time.perf_counter() - ledger["seconds"]
-        self.instruments.restore(ledger["work"], ledger["guards"], ledger["parts"])
+        self.instruments.restore(ledger)
         self.losses, self.earlier = ledger["losses"], ledger["sessions"]
         scored = self.score is not None
         self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
