@@ -27,13 +27,12 @@ from radiogs_core.errors import DataError
 from radiogs_core.learning.views import load
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SELF_OFFSET, SurfelTracer, visibility_of
-from radiogs_datasets.generate.catalogue import RECIPES, recipe
-from radiogs_datasets.generate.surfels import surfels_over
 
 EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
 """What a probe of a scene looks at: the radiance that its surfels are given is the same to all sides."""
@@ -74,19 +73,19 @@ class Decay:
 
 
 def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, EnvironmentMap]:
-    """Surfels over the solids of a generated scene with their true materials, and its true light.
+    """Surfels on the true surfaces of a scene with their true materials, and its true light.
 
-    Raises DataError for a scene that was not generated.
+    Raises DataError where those are not known, and where surfaces emit light or have no specular lobe.
     """
-    # Larger pictures of a scene bear its name with their size.
-    name = scene.name if scene.name in RECIPES else scene.name.rsplit("-", 1)[0]
-    if name not in RECIPES or scene.training_light is None:
+    samples = None if scene.surfaces is None else scene.true_surfaces(spacing)
+    # A probe lights surfels by the environment alone, and gives all of them a lobe.
+    if samples is None or samples.emission is not None or not samples.specular or scene.training_light is None:
         raise DataError(
             f"scene '{scene.name}' has no known solids and light to be probed by",
             "Only the generated scenes do; of others only a trained model can be probed.",
             f"Train one, and probe its folder:  radiogs-bench train {scene.name} --out DIR",
         )
-    return surfels_over(recipe(name).solids, spacing), scene.training_light
+    return surfels_on(samples), scene.training_light
 
 
 @torch.no_grad()

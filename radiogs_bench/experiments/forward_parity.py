@@ -22,6 +22,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import relighting_directions
@@ -36,9 +37,6 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 from radiogs_core.transport.tracer import incident_along
-from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
-from radiogs_datasets.generate.catalogue import recipe
-from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over
 
 from ..cell import Cell
 from ..evaluation.figures import Figures
@@ -97,15 +95,17 @@ class Setup:
 
 
 def setup(scene: Scene, spacing: float) -> Setup:
-    """Surfels over the solids of a generated scene, or the walls of a furnace. Raises DataError for any other scene."""
+    """Surfels on the true surfaces of a scene. Raises DataError where those or the light are not known."""
     if scene.training_light is None:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
-    if scene.name in ALBEDOS:
-        walls = surfels_of_room(HALF_SIDE, spacing, ALBEDOS[scene.name])
-        emission = torch.full_like(walls.centre, EMISSION)
-        return Setup(walls, Lighting(scene.training_light, walls.albedo, emission, (DIFFUSE_DIRECT, DIFFUSE_INDIRECT)))
-    surfels = surfels_over(recipe(scene.name.rsplit("-", 1)[0]).solids, spacing)
-    return Setup(surfels, Lighting(scene.training_light, surfels.albedo))
+    samples = scene.true_surfaces(spacing)
+    surfels = surfels_on(samples)
+    lighting = Lighting(scene.training_light, surfels.albedo)
+    if samples.emission is not None:
+        lighting = replace(lighting, emission=samples.emission.float())
+    if not samples.specular:
+        lighting = replace(lighting, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
+    return Setup(surfels, lighting)
 
 
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:

@@ -43,9 +43,8 @@ from radiogs_core.transport.sampling import LightSampler, hemisphere_directions,
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.catalogue import RECIPES
-from radiogs_datasets.generate.surfels import surfels_of_room
 from radiogs_datasets.image_files import write_hdr
-from scenes import sun_and_sky
+from scenes import sun_and_sky, surfels_of_room
 
 TINY = budget("tiny")
 

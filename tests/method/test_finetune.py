@@ -16,7 +16,7 @@ from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
-from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over
+from scenes import surfels_of_room, surfels_over
 
 CAMERAS = [view.camera for view in furnace("furnace-0.5").train]
 DARK = EnvironmentMap(torch.zeros(4, 8, 3))
