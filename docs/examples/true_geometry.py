@@ -18,8 +18,8 @@ from radiogs.model import Model
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
-from radiogs_bench.cell import Cell
 from radiogs_bench.evaluation.evaluate import evaluate
+from radiogs_bench.suites.cell import Cell
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on

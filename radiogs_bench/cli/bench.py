@@ -45,8 +45,8 @@ def bench_kernels(options: argparse.Namespace) -> int:
 
     from .. import kernel_bench
     from ..kernel_bench.embree import missing_embree
-    from ..provenance import session
     from ..store.atomic import write_atomically
+    from ..store.provenance import session
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
@@ -91,8 +91,8 @@ def bench_frames(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..kernel_bench import frames
-    from ..provenance import session
     from ..store.atomic import write_atomically
+    from ..store.provenance import session
     from .reporter import complain, show
 
     device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]

@@ -71,7 +71,7 @@ def check(options: argparse.Namespace) -> int:
 
     from radiogs_datasets.check import check_scene
 
-    from ..engines.progress import progress_for_stderr
+    from ..training.progress import progress_for_stderr
     from .reporter import say
 
     with progress_for_stderr() as progress:
@@ -99,7 +99,7 @@ def convert(options: argparse.Namespace) -> int:
     from radiogs_datasets.reduction import every, smaller
     from radiogs_datasets.writing import convert as write
 
-    from ..engines.progress import progress_for_stderr
+    from ..training.progress import progress_for_stderr
     from .reporter import say
 
     scene = smaller(every(load_scene(options.scene, options.layout), options.every), options.smaller)
@@ -118,7 +118,7 @@ def generate(options: argparse.Namespace) -> int:
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write
 
-    from ..engines.progress import progress_for_stderr
+    from ..training.progress import progress_for_stderr
     from .reporter import say
 
     if options.layout not in LAYOUTS:
@@ -138,9 +138,9 @@ def generate(options: argparse.Namespace) -> int:
 
 def weights(options: argparse.Namespace) -> int:
     """Fetch the backbones and heads of LPIPS that are not there, and check them."""
-    from ..engines.progress import progress_for_stderr
     from ..metrics.download import fetch, sources
     from ..metrics.weights import WEIGHTS_VARIABLE, weights_folder
+    from ..training.progress import progress_for_stderr
     from .reporter import say
 
     folder = options.to or weights_folder()

@@ -9,9 +9,9 @@ from typing import Any
 
 from radiogs_core.errors import ExplainedError
 
-from ..engines.sweep import Place, label
 from ..errors import exit_code
 from ..store.folder import Store
+from ..suites.sweep import Place, label
 
 EVERY_SECONDS = 1.0
 """At most so often does one task report steps; its first and its last are always reported."""

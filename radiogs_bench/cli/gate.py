@@ -24,10 +24,10 @@ def add_to(commands: "Commands") -> None:
 
 def gate(options: argparse.Namespace) -> int:
     """Print what moved; the exit code is 1 if any of it is a regression."""
-    from ..engines.sweep import read_sweep
-    from ..gate import baseline_of, compare, read_baseline
+    from ..results.gate import baseline_of, compare, read_baseline
     from ..store.atomic import write_atomically
     from ..store.folder import Store, strict_json
+    from ..suites.sweep import read_sweep
     from .reporter import say
 
     store, sweep = Store(options.out), read_sweep(options.out)

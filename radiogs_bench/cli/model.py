@@ -72,16 +72,16 @@ def train(options: argparse.Namespace) -> int:
     from radiogs.variant import Variant
     from radiogs_datasets import load_scene
 
-    from ..cell import Cell
-    from ..code_version import evaluation_code, method_code
-    from ..engines.interruption import Interruption
-    from ..engines.progress import progress_for_stderr
-    from ..experiments.stages import Bench, trained
-    from ..preflight import read_everything
+    from ..engines.run import RADIOGS
+    from ..sources import evaluation_code, method_code
     from ..store.folder import Store
-    from ..trained_folder import write_trained
+    from ..suites.cell import Cell
+    from ..training.interruption import Interruption
+    from ..training.preflight import read_everything
+    from ..training.progress import progress_for_stderr
+    from ..training.stages import Bench, trained
+    from ..training.trained_folder import write_trained
     from .reporter import say
-    from .sweeping import RADIOGS
 
     device = chosen_device(options)
     preset, scene, store = budget(options.preset), load_scene(options.scene), Store(options.out)
@@ -113,7 +113,7 @@ def render(options: argparse.Namespace) -> int:
     from radiogs.budget import budget
     from radiogs.rendering import Renderer
 
-    from ..trained_folder import read_trained, variant_of
+    from ..training.trained_folder import read_trained, variant_of
 
     device = chosen_device(options)
     about, model = read_trained(options.folder, device)
@@ -131,7 +131,7 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs_core.transport.plan import plan_of
 
     from ..experiments.effects import plan_under, share_of
-    from ..trained_folder import read_trained
+    from ..training.trained_folder import read_trained
     from .reporter import say
 
     device = chosen_device(options)

@@ -9,9 +9,9 @@ from radiogs_datasets import scene_names
 from ..engines.cluster import Cluster, connected, run_on_cluster
 from ..engines.delegate import Recipe
 from ..engines.in_process import Task
-from ..engines.interruption import Interruption
-from ..engines.progress import Progress
 from ..store.folder import Store
+from ..training.interruption import Interruption
+from ..training.progress import Progress
 
 THREADS = 1
 """Of each cell, unless more are asked for: one thread a cell gets the most out of a cluster's cores."""

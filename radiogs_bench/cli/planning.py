@@ -6,9 +6,9 @@ from dataclasses import asdict
 from rich.table import Table
 
 from ..engines.forecast import Expected, forecast, total
-from ..engines.sweep import Request, label, state_of
 from ..store.folder import Store
 from ..suites.suite import Suite
+from ..suites.sweep import Request, label, state_of
 from .events import emit
 from .reporter import say, show
 

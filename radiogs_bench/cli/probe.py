@@ -50,7 +50,7 @@ def probe(options: argparse.Namespace) -> int:
     folder, preset, seed = Path(options.subject), budget(options.preset), options.seed
     light = light_of(options.envmap) if options.envmap else None
     if folder.is_dir() and (folder / "trained.json").exists():
-        from ..trained_folder import read_trained
+        from ..training.trained_folder import read_trained
         from .model import scene_of
 
         about, model = read_trained(folder, device)

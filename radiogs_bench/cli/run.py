@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import ExplainedError, UsageError
 
-from .engine_choice import ENGINES, choose
+from ..engines.choice import ENGINES, choose
 from .options import add_effects, add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
@@ -68,8 +68,8 @@ def _run(options: argparse.Namespace) -> int:
     engine = choose(options.engine, options.workers, options.ray_address)
     folder = options.out or Path("out") / chosen.name
 
+    from ..engines.run import bring_to_end, cells_and_threads, plan, work_along
     from ..store.folder import Store
-    from .sweeping import bring_to_end, cells_and_threads, plan, work_along
 
     request, device = plan(options, chosen)
     store = Store(folder)

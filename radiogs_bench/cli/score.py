@@ -81,8 +81,8 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs import read_predictions
     from radiogs_datasets import load_scene
 
-    from ..engines.progress import progress_for_stderr
     from ..evaluation.score import score_predictions
+    from ..training.progress import progress_for_stderr
 
     if options.scene is None:
         raise UsageError(
@@ -145,7 +145,7 @@ def _pairs(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _head(options: argparse.Namespace, code: str) -> dict[str, Any]:
-    from ..provenance import versions
+    from ..store.provenance import versions
 
     return {"schema": SCHEMA, "predictions": str(options.predictions), "from": code, "versions": versions()}
 

@@ -8,11 +8,11 @@ from radiogs_baselines.published import published
 from radiogs_reports import write_reports
 from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
-from ..engines.sweep import read_sweep
+from ..results.summary import summarise
 from ..store.atomic import write_atomically
 from ..store.folder import Store, strict_json
+from ..suites.sweep import read_sweep
 from .reporter import say, show
-from .summarise import summarise
 
 
 def write_and_show(store: Store) -> None:

@@ -34,8 +34,8 @@ def status(options: argparse.Namespace) -> int:
     """Show the state of every cell of the folder's last run."""
     from rich.table import Table
 
-    from ..engines.sweep import label, read_sweep, state_of
     from ..store.folder import Store
+    from ..suites.sweep import label, read_sweep, state_of
     from .reporter import say, show
 
     store, sweep = Store(options.out), read_sweep(options.out)
@@ -63,9 +63,9 @@ def report(options: argparse.Namespace) -> int:
 
 def export(options: argparse.Namespace) -> int:
     """Write one table of every figure in the store."""
-    from ..engines.sweep import read_sweep
     from ..store.export import export as write
     from ..store.folder import Store
+    from ..suites.sweep import read_sweep
     from .reporter import say
 
     read_sweep(options.out)  # says what to do where there is no run

@@ -55,10 +55,10 @@ def model_in(folder: Path, row: str | None) -> "Model":
     """The model that ``train`` left in a folder, or that of a row of a run. Raises DataError where there is none."""
     import torch
 
-    from ..engines.sweep import read_sweep
-    from ..experiments.stages import model_of
     from ..store.folder import Store
-    from ..trained_folder import read_trained
+    from ..suites.sweep import read_sweep
+    from ..training.stages import model_of
+    from ..training.trained_folder import read_trained
 
     cpu = torch.device("cpu")
     if (folder / "trained.json").exists():

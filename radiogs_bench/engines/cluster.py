@@ -19,10 +19,12 @@ import torch
 
 from radiogs_core.errors import ExplainedError, UsageError
 
-from ..cell import TRAINING, Cell
 from ..errors import CellFailed, Interrupted
 from ..store.claim import Claimed
 from ..store.folder import Store
+from ..suites.cell import TRAINING, Cell
+from ..training.interruption import STOPPING_SIGNALS, Interruption
+from ..training.progress import Progress
 from .delegate import (
     Delivery,
     Order,
@@ -34,8 +36,6 @@ from .delegate import (
     training_names,
 )
 from .in_process import STOPPING, Task, record_failure
-from .interruption import STOPPING_SIGNALS, Interruption
-from .progress import Progress
 
 logger = logging.getLogger(__name__)
 

@@ -20,14 +20,14 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
 from radiogs_core.transport.plan import Effects
 
-from ..cell import Cell
-from ..code_version import evaluation_code, method_code
 from ..experiments.method import Method
-from ..experiments.stages import Bench, initialised
-from ..experiments.warm_up import compile_kernels
+from ..sources import evaluation_code, method_code
 from ..store.folder import Store
-from .interruption import Interruption
-from .progress import LogProgress
+from ..suites.cell import Cell
+from ..training.interruption import Interruption
+from ..training.progress import LogProgress
+from ..training.stages import Bench, initialised
+from ..training.warm_up import compile_kernels
 
 Files = Mapping[str, bytes]
 """Contents by path within a store."""

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..cell import TRAINED, Cell
 from ..store.folder import Store
 from ..store.schema import Result
+from ..suites.cell import TRAINED, Cell
 
 INITIALISE, INVERT = "initialise", "invert"
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from radiogs_core.errors import DataError, ExplainedError
 
-from ..cell import Cell
 from ..errors import Interrupted, StoreError, exit_code
-from ..provenance import now
 from ..store.claim import Claimed
 from ..store.folder import Store
+from ..store.provenance import now
 from ..store.schema import RESULT_SCHEMA
-from .interruption import Interruption
-from .progress import Progress
+from ..suites.cell import Cell
+from ..training.interruption import Interruption
+from ..training.progress import Progress
 
 logger = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Callable, Sequence
 from queue import Empty, SimpleQueue
 
-from .interruption import Interruption
+from ..training.interruption import Interruption
 
 POLL_SECONDS = 0.2
 

@@ -19,10 +19,10 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.splatting import splat
 
-from ..cell import Cell
 from ..experiments.effects import plan_under, share_of
-from ..experiments.run_cell import Evaluation
+from ..experiments.train import Evaluation
 from ..metrics import Value, protocol
+from ..suites.cell import Cell
 from .figures import Figures
 from .frame_cost import Costs
 from .light_maps import light_maps

@@ -9,7 +9,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import View
 
 from ..metrics import Value
-from ..provenance import peaks_within
+from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
 from .figures import Figures
 

@@ -38,15 +38,15 @@ from radiogs_core.transport.splatting import (
 )
 from radiogs_core.transport.tracer import incident_along
 
-from ..cell import Cell
 from ..evaluation.figures import Figures
 from ..evaluation.scoring import Image, coverage, displayed, truth
 from ..metrics import Value, protocol
 from ..metrics.values import PSNR_CAP
-from ..provenance import forget_peaks, session
+from ..store.provenance import forget_peaks, session
 from ..store.schema import RESULT_SCHEMA, Result
-from .stages import Bench
-from .trail import Trail
+from ..suites.cell import Cell
+from ..training.stages import Bench
+from ..training.trail import Trail
 
 SPACING = 0.03
 """World units between surfels; the scenes are 2 to 3 across."""

@@ -6,12 +6,12 @@ from dataclasses import replace
 from radiogs.model import Model
 from radiogs_core.scene.scene import Scene
 
-from ..cell import AUDIT, COST, TRAINING, Cell
 from ..evaluation.evaluate import evaluate
+from ..suites.cell import AUDIT, COST, TRAINING, Cell
+from ..training.stages import Bench
 from .forward_parity import run_forward_parity
-from .run_cell import run_cell
 from .stability import run_stability
-from .stages import Bench
+from .train import run_cell
 
 Experiment = Callable[[Bench, Cell, Scene], None]
 

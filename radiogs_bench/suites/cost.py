@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from radiogs.variant import Relighting, Variant
 
-from ..cell import COST
+from .cell import COST
 from .suite import Metric, Row, Suite
 
 

@@ -3,7 +3,7 @@
 from radiogs.variant import Variant
 from radiogs_core.transport.plan import EFFECTS
 
-from ..cell import AUDIT
+from .cell import AUDIT
 from .suite import Metric, Row, Suite
 
 

@@ -8,7 +8,7 @@ from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.transport.plan import Effects
 
-from ..cell import TRAINING
+from .cell import TRAINING
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 
 from bench import fake_method
-from radiogs_bench.cell import TRAINING
-from radiogs_bench.cli import main, sweeping
+from radiogs_bench.cli import main
+from radiogs_bench.engines import run as sweeping
 from radiogs_bench.experiments.registry import EXPERIMENTS
+from radiogs_bench.suites.cell import TRAINING
 from scenes import sphere_scene
 
 

@@ -11,15 +11,15 @@ import torch
 from radiogs.budget import Budget, budget
 from radiogs.model import Model
 from radiogs.variant import Variant
-from radiogs_bench.cell import Cell
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.experiments.method import Method
-from radiogs_bench.experiments.run_cell import Evaluation, run_cell
-from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.experiments.train import Evaluation, run_cell
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
+from radiogs_bench.suites.cell import Cell
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import ExplainedError
 from radiogs_core.instruments.counters import count, fire
 from radiogs_core.instruments.parts import spent

@@ -24,10 +24,10 @@ from bench.fake_method import CPU, SCENE, FakeSweep
 from bench.kill_at_random import kept, unreadable
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs_bench.engines.sweep import Request
 from radiogs_bench.errors import StoreError
-from radiogs_bench.provenance import session
+from radiogs_bench.store.provenance import session
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)

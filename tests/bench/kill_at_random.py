@@ -19,9 +19,9 @@ from bench.fake_method import CPU, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
 from radiogs_bench.engines import in_process as engine
-from radiogs_bench.engines.sweep import Request
-from radiogs_bench.provenance import session
+from radiogs_bench.store.provenance import session
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]
 

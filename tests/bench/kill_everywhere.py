@@ -15,12 +15,12 @@ from typing import Any
 from bench.fake_method import CPU, FAKE, SCENE, evaluate, fake_cell
 from radiogs.variant import Variant
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
-from radiogs_bench.experiments.run_cell import run_cell
-from radiogs_bench.experiments.stages import Bench
-from radiogs_bench.provenance import session
+from radiogs_bench.experiments.train import run_cell
 from radiogs_bench.store.folder import Store
+from radiogs_bench.store.provenance import session
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
 
 CELLS = [fake_cell(), fake_cell(variant=Variant(radiometric_weight=0.0))]
 

@@ -10,8 +10,8 @@ from bench.fake_method import fake_cell
 from radiogs.budget import budget
 from radiogs.profile import PROFILES
 from radiogs.variant import Variant
-from radiogs_bench.cell import TRAINING, Cell, content_key
-from radiogs_bench.code_version import code_digest, evaluation_code, sources_of
+from radiogs_bench.sources import code_digest, evaluation_code, sources_of
+from radiogs_bench.suites.cell import TRAINING, Cell, content_key
 
 OTHER: list[Cell] = [
     fake_cell(checksum="1" * 64),

@@ -15,9 +15,9 @@ import pytest
 import radiogs_datasets
 from bench import fake_method
 from radiogs_bench.cli import main
-from radiogs_bench.engines.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
+from radiogs_bench.suites.sweep import read_sweep
 from radiogs_core.errors import NumericalFailure
 
 CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"

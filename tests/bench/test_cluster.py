@@ -15,19 +15,19 @@ from bench import fake_method
 from bench.fake_method import FAKE, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs_bench.cell import Cell
 from radiogs_bench.cli import main
-from radiogs_bench.cli.engine_choice import Engine, choose
+from radiogs_bench.engines.choice import Engine, choose
 from radiogs_bench.engines.cluster import Cluster, connected, run_on_cluster
 from radiogs_bench.engines.delegate import Recipe
 from radiogs_bench.engines.in_process import Task
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
-from radiogs_bench.engines.sweep import Request
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.cell import Cell
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.scene import Scene
 

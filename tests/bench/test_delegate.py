@@ -11,7 +11,6 @@ from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep
 from bench.kill_everywhere import table
 from radiogs.budget import budget
-from radiogs_bench.cell import Cell
 from radiogs_bench.engines.delegate import (
     Delivery,
     Order,
@@ -20,12 +19,13 @@ from radiogs_bench.engines.delegate import (
     deliver_initialisation,
     initialisation_names,
 )
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.sweep import Request
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.experiments.stages import initialised
 from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.cell import Cell
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.stages import initialised
 from radiogs_core.errors import DataError, NumericalFailure, UsageError
 
 RECIPE = Recipe(FAKE, fake_method.experiment, fake_method.load, "nowhere/fake")

@@ -33,7 +33,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import suite
 from radiogs_bench.suites.suite import with_effects
 from radiogs_bench.suites.toml_file import read_suite
-from radiogs_bench.trained_folder import read_trained, variant_of
+from radiogs_bench.training.trained_folder import read_trained, variant_of
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap

@@ -13,16 +13,16 @@ import torch
 from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
 from radiogs.variant import Variant
-from radiogs_bench.cell import Cell
 from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.errors import Interrupted, StoreError
-from radiogs_bench.experiments.run_cell import run_cell
-from radiogs_bench.experiments.stages import Bench
+from radiogs_bench.experiments.train import run_cell
 from radiogs_bench.store.claim import Claimed
+from radiogs_bench.suites.cell import Cell
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 
 ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]

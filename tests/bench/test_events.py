@@ -13,8 +13,8 @@ from bench import fake_method
 from bench.fake_method import FakeSweep, fake_cell
 from radiogs_bench.cli import main
 from radiogs_bench.cli.events import EventProgress
-from radiogs_bench.engines.sweep import Place
 from radiogs_bench.suites.registry import SUITES
+from radiogs_bench.suites.sweep import Place
 from radiogs_core.errors import NumericalFailure
 
 Events = Callable[[], list[dict[str, Any]]]

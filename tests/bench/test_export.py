@@ -9,8 +9,8 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs_bench.cli import main
-from radiogs_bench.engines.sweep import Request, write_sweep
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request, write_sweep
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu")
 

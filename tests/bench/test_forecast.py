@@ -10,9 +10,9 @@ from radiogs.budget import budget
 from radiogs.variant import Variant
 from radiogs_bench.cli.planning import duration, show_plan, whole_memory, whole_time
 from radiogs_bench.engines.forecast import Expected, forecast, total
-from radiogs_bench.engines.sweep import Request
 from radiogs_bench.store.folder import Store, strict_json
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
 from radiogs_core.kernels.runtime import workers
 
 CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]

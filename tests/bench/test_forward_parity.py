@@ -9,11 +9,11 @@ import torch
 
 from bench.fake_method import CPU, FAKE, fake_cell
 from radiogs.budget import budget
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
-from radiogs_bench.experiments.stages import Bench
 from radiogs_bench.store.folder import Store
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError
 from radiogs_core.transport.splatting import SOLID_ALPHA
 from radiogs_datasets import load_scene

@@ -10,10 +10,10 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs_bench.cli import main
-from radiogs_bench.engines.sweep import Request, read_sweep, write_sweep
-from radiogs_bench.gate import BAND, baseline_of, compare
+from radiogs_bench.results.gate import BAND, baseline_of, compare
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request, read_sweep, write_sweep
 from radiogs_core.errors import DataError
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")

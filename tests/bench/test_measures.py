@@ -6,10 +6,10 @@ import pytest
 
 from bench.fake_method import CPU, fake_cell
 from bench.test_evaluate import EVERYTHING, MODEL, scene_of, view_with
-from radiogs_bench.cli.summarise import column_summary
 from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.metrics import PROTOCOLS
 from radiogs_bench.metrics.weights import FILES
+from radiogs_bench.results.summary import column_summary
 from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from radiogs_bench.cli.main import main
-from radiogs_bench.trained_folder import read_trained
+from radiogs_bench.training.trained_folder import read_trained
 from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets.image_files import read_exr, read_png, write_hdr
 

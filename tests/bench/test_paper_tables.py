@@ -8,10 +8,10 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs_baselines.published import published
-from radiogs_bench.cli.paper_tables import paper_tables
-from radiogs_bench.engines.sweep import Request, Sweep
+from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.suites.paper import ABLATIONS, VIEWS
 from radiogs_bench.suites.suite import Suite
+from radiogs_bench.suites.sweep import Request, Sweep
 from radiogs_reports.summary import PaperTable
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.engines.sweep import read_sweep
-from radiogs_bench.experiments.stages import model_of
 from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.sweep import read_sweep
+from radiogs_bench.training.stages import model_of
 
 SEEDS = 4
 MEASURED = ("seconds", "sessions", "timings")

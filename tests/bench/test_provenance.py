@@ -9,8 +9,8 @@ import pytest
 import torch
 
 from bench.fake_method import CPU
-from radiogs_bench import provenance
-from radiogs_bench.provenance import forget_peaks, git_state, peak_memory, peaks_within, session
+from radiogs_bench.store import provenance
+from radiogs_bench.store.provenance import forget_peaks, git_state, peak_memory, peaks_within, session
 from radiogs_core.kernels.runtime import workers
 
 

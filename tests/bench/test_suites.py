@@ -8,12 +8,12 @@ from bench.fake_method import SCENE
 from radiogs.budget import PRESETS, budget, scaled
 from radiogs.variant import Variant
 from radiogs_baselines.published import published, published_tables
-from radiogs_bench.engines.sweep import Request
 from radiogs_bench.metrics import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
 from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite
+from radiogs_bench.suites.sweep import Request
 from radiogs_core.errors import UsageError
 from radiogs_datasets import known_names
 

@@ -6,9 +6,9 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
-from radiogs_bench.cli.summarise import plan_summary, summarise
-from radiogs_bench.engines.sweep import Request
+from radiogs_bench.results.summary import plan_summary, summarise
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
 PLACES = [place for place, _ in REQUEST.cells()]

@@ -8,9 +8,9 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep, fake_cell
 from radiogs.budget import budget
-from radiogs_bench.engines.sweep import Place, Request, read_sweep, state_of, steps_to_take, write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Place, Request, read_sweep, state_of, steps_to_take, write_sweep
 from radiogs_core.errors import DataError
 
 

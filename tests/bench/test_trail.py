@@ -8,14 +8,14 @@ import pytest
 from bench import fake_method
 from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
 from radiogs.model import Model
-from radiogs_bench.cell import COST
-from radiogs_bench.engines.interruption import Interruption
-from radiogs_bench.engines.progress import LogProgress
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.experiments.run_cell import run_cell
-from radiogs_bench.experiments.stages import Bench
-from radiogs_bench.experiments.trail import Trail, milestones
+from radiogs_bench.experiments.train import run_cell
 from radiogs_bench.store.schema import Result
+from radiogs_bench.suites.cell import COST
+from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.training.stages import Bench
+from radiogs_bench.training.trail import Trail, milestones
 from radiogs_core.instruments.counters import count
 
 CELL = fake_cell(experiment=COST)

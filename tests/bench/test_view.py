@@ -9,9 +9,9 @@ from bench.fake_method import SCENE, FakeSweep
 from radiogs.budget import budget
 from radiogs_bench.cli import main
 from radiogs_bench.cli.view import disks_of, model_in
-from radiogs_bench.engines.sweep import Request, write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.sweep import Request, write_sweep
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports import surfel_view
 

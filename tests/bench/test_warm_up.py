@@ -9,7 +9,7 @@ from radiogs.budget import budget
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_bench.experiments.method import Method
-from radiogs_bench.experiments.warm_up import compile_kernels
+from radiogs_bench.training.warm_up import compile_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from scenes import sphere_scene
 

@@ -10,12 +10,12 @@ from radiogs_core.errors import DataError
 from radiogs_core.instruments.counters import work
 from radiogs_core.scene.scene import Scene
 
-from ...cell import Cell
 from ...evaluation.figures import Figures
 from ...metrics import Value, protocol
-from ...provenance import forget_peaks, session
+from ...store.provenance import forget_peaks, session
 from ...store.schema import RESULT_SCHEMA, Result
-from ..stages import Bench
+from ...suites.cell import Cell
+from ...training.stages import Bench
 from .axes import axis_and_points
 from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
 

@@ -6,8 +6,8 @@ from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from .cell import TRAINING
 from .metrics.weights import FILES, missing_weights
+from .suites.cell import TRAINING
 
 EVALUATION_MODULES = (
     "radiogs_bench.experiments.effects",

@@ -14,13 +14,13 @@ from radiogs_baselines.published import PublishedTable, published, published_tab
 from radiogs_core.errors import UsageError
 from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
 
-from ..cell import TRAINING, plain
-from ..engines.sweep import Sweep
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
+from ..suites.cell import TRAINING, plain
 from ..suites.registry import SUITES
 from ..suites.suite import MEASURES, TASKS, Row, Suite
+from ..suites.sweep import Sweep
 
 OURS = Row("ours", "Ours", "Ours", Variant())
 """The full method: the one row that tables have which no suite runs yet."""

@@ -10,11 +10,11 @@ from radiogs.budget import Budget, scaled
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-from ..cell import TRAINED, Cell
-from ..code_version import evaluation_code, method_code
+from ..sources import evaluation_code, method_code
 from ..store.atomic import write_atomically
 from ..store.folder import Store, strict_json
-from ..suites.suite import Row, Suite
+from .cell import TRAINED, Cell
+from .suite import Row, Suite
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/1"
 

@@ -15,13 +15,13 @@ from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan
 
-from ..cell import Cell
-from ..engines.interruption import Interruption
-from ..engines.progress import Progress
-from ..provenance import forget_peaks, session
+from ..experiments.method import Method, ModelStage, Stage
 from ..store.folder import Store
+from ..store.provenance import forget_peaks, session
 from ..store.schema import Session, TrailPoint
-from .method import Method, ModelStage, Stage
+from ..suites.cell import Cell
+from .interruption import Interruption
+from .progress import Progress
 from .trail import Sums, Trail
 
 CHECKPOINT_SECONDS = 20.0

@@ -13,10 +13,10 @@ from radiogs.model import Model
 from radiogs_core.instruments.counters import fired, work
 from radiogs_core.scene.scene import Scene
 
-from ..cell import Cell
-from ..provenance import forget_peaks, session
+from ..store.provenance import forget_peaks, session
 from ..store.schema import RESULT_SCHEMA, MetricValue, Result
-from .stages import Bench, Ledger, Score, trained
+from ..suites.cell import Cell
+from ..training.stages import Bench, Ledger, Score, trained
 
 
 @dataclass(frozen=True)

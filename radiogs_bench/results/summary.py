@@ -14,11 +14,11 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
-from ..engines.sweep import Place, Sweep, state_of
 from ..statistics import Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.suite import MEASURES, Metric
+from ..suites.sweep import Place, Sweep, state_of
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]

@@ -16,27 +16,27 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.layouts.inspection import shown
 
-from ..cell import Cell
-from ..engines.delegate import Recipe
-from ..engines.in_process import Task, run_cells
-from ..engines.interruption import Interruption
-from ..engines.pool import run_pool, worker_commands
-from ..engines.progress import Progress, SweepProgress, progress_for_stderr
-from ..engines.sweep import Place, Request, label, steps_to_take, write_sweep
+from ..cli.events import EventProgress, emit
+from ..cli.on_cluster import THREADS, place_of, run_there
+from ..cli.reporter import complain
 from ..errors import DONE, EXIT_CODES, explain, worst_exit_code
 from ..experiments.method import Method
 from ..experiments.registry import EXPERIMENTS
-from ..experiments.stages import INITIALISE, INVERT, Bench
-from ..experiments.warm_up import compile_kernels
 from ..metrics import protocol
 from ..metrics.weights import complaint
-from ..preflight import read_everything
 from ..store.folder import Store
+from ..suites.cell import Cell
 from ..suites.suite import Suite
-from .engine_choice import Engine
-from .events import EventProgress, emit
-from .on_cluster import THREADS, place_of, run_there
-from .reporter import complain
+from ..suites.sweep import Place, Request, label, steps_to_take, write_sweep
+from ..training.interruption import Interruption
+from ..training.preflight import read_everything
+from ..training.progress import Progress, SweepProgress, progress_for_stderr
+from ..training.stages import INITIALISE, INVERT, Bench
+from ..training.warm_up import compile_kernels
+from .choice import Engine
+from .delegate import Recipe
+from .in_process import Task, run_cells
+from .pool import run_pool, worker_commands
 
 CPU = torch.device("cpu")
 
@@ -129,7 +129,7 @@ def bring_to_end(
             )
         else:
             code = report_failures(run_tasks(request, store, device, tasks, progress, interruption))
-    from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
+    from ..cli.showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
     if options.json:
         for path in write(store)[1]:

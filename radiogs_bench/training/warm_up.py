@@ -9,7 +9,7 @@ from radiogs.budget import budget
 from radiogs.variant import Variant
 from radiogs_core.scene.scene import Scene
 
-from .method import Method
+from ..experiments.method import Method
 
 VIEWS = 2
 """As few as span a scene."""

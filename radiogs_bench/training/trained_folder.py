@@ -18,10 +18,10 @@ from radiogs_core.errors import DataError
 from radiogs_core.surfels.ply import write_ply
 from radiogs_datasets.image_files import write_exr
 
-from .cell import Cell
-from .experiments.stages import model_of
-from .store.atomic import write_atomically
-from .store.folder import Store, strict_json
+from ..store.atomic import write_atomically
+from ..store.folder import Store, strict_json
+from ..suites.cell import Cell
+from .stages import model_of
 
 TRAINED_SCHEMA = "radiogs-bench/trained/1"
 

@@ -16,7 +16,7 @@ import torch
 
 from radiogs_core.kernels.runtime import workers
 
-from .store.schema import Session
+from .schema import Session
 
 VERSIONED = ("radiogs-bench", "torch", "warp-lang", "numpy", "scipy", "opencv-contrib-python-headless", "pillow")
 CPU_INFORMATION = Path("/proc/cpuinfo")

@@ -15,9 +15,9 @@ from typing import Any, Literal
 
 from radiogs_core.errors import DataError
 
-from .engines.sweep import Sweep, label
-from .store.folder import Store
-from .store.schema import Result, training_seconds
+from ..store.folder import Store
+from ..store.schema import Result, training_seconds
+from ..suites.sweep import Sweep, label
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/1"
 
