@@ -7,6 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
@@ -19,7 +20,6 @@ from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer
 
 from .budget import Budget
 from .model import Model
-from .stages.finetune import FineTuning, Lighting
 from .variant import Relighting
 
 
@@ -54,11 +54,12 @@ def relight(
     light = EnvironmentMap(light.radiance.to(device))
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
     if mode != "pbr":
-        stage = FineTuning(surfels, Lighting(light, albedo), cameras, budget, seed)
-        while stage.iteration < stage.iterations:
-            stage.step()
+        effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
+        solver = RadianceSolver(surfels, RenderingEquation(light, albedo), cameras, effort, seed)
+        while solver.iteration < solver.iterations:
+            solver.step()
             after_step()
-        surfels = stage.surfels
+        surfels = solver.surfels
     if mode == "surfels":
         return RelitBySurfels(surfels)
     generator = torch.Generator(device).manual_seed(seed)

@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,9 +16,9 @@ from jaxtyping import Bool
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
-from radiogs.stages.finetune import FineTuning, Lighting
 from radiogs_core.errors import DataError
 from radiogs_core.instruments.counters import fired, work
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
@@ -77,18 +78,18 @@ class Setup:
     """Surfels with their light, before their radiance is known."""
 
     surfels: Surfels
-    lighting: Lighting
+    equation: RenderingEquation
 
     def to(self, device: torch.device) -> "Setup":
         """The same on another device."""
         surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
-        emission = self.lighting.emission
+        emission = self.equation.emission
         return Setup(
             surfels,
             replace(
-                self.lighting,
-                light=EnvironmentMap(self.lighting.light.radiance.to(device)),
-                albedo=self.lighting.albedo.to(device),
+                self.equation,
+                light=EnvironmentMap(self.equation.light.radiance.to(device)),
+                albedo=self.equation.albedo.to(device),
                 emission=None if emission is None else emission.to(device),
             ),
         )
@@ -100,12 +101,17 @@ def setup(scene: Scene, spacing: float) -> Setup:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
     samples = scene.true_surfaces(spacing)
     surfels = surfels_on(samples)
-    lighting = Lighting(scene.training_light, surfels.albedo)
+    equation = RenderingEquation(scene.training_light, surfels.albedo)
     if samples.emission is not None:
-        lighting = replace(lighting, emission=samples.emission.float())
+        equation = replace(equation, emission=samples.emission.float())
     if not samples.specular:
-        lighting = replace(lighting, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
-    return Setup(surfels, lighting)
+        equation = replace(equation, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
+    return Setup(surfels, equation)
+
+
+def effort_of(budget: Any) -> SolverBudget:
+    """What a budget lets the solver do: as much as RadioGS may fine-tune for a new light."""
+    return SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
 
 
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
@@ -117,7 +123,8 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     fired.clear()
     forget_peaks(device)
     started = time.perf_counter()
-    stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
+    offset = settings.get("offset", OFFSET)
+    stage = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
     losses: Mapping[str, float] = {}
     trail = Trail(stage.iterations, [], {}, scored=False)
     while stage.iteration < stage.iterations:
@@ -135,7 +142,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     incident = shading_incident(stage)
     arrays: dict[str, np.ndarray] = {}
     for view in scene.test:
-        ours = transported(stage.surfels, made.lighting, incident, view.camera.to(device, torch.float32))
+        ours = transported(stage.surfels, made.equation, incident, view.camera.to(device, torch.float32))
         true = traced(view)
         for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
             figures.add(name, view.name, scores)
@@ -170,7 +177,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 @torch.no_grad()
-def shading_incident(stage: FineTuning) -> Incident:
+def shading_incident(stage: RadianceSolver) -> Incident:
     """The light that arrives at all surfels once their radiance is solved for."""
     normal = stage.surfels.frame[..., 2]
     directions = relighting_directions(normal, stage.sampler, SPREAD_SAMPLES, LIGHT_SAMPLES, stage.generator)
@@ -178,15 +185,15 @@ def shading_incident(stage: FineTuning) -> Incident:
 
 
 @torch.no_grad()
-def transported(surfels: Surfels, lighting: Lighting, incident: Incident, camera: Camera) -> dict[str, Image]:
+def transported(surfels: Surfels, equation: RenderingEquation, incident: Incident, camera: Camera) -> dict[str, Image]:
     """Linear radiance of one view, by ``PARTS``, on black: what the surfels emit counts as direct."""
     outgoing = towards(camera, surfels)
-    parts = shade_surfels(surfels, lighting.albedo, incident, outgoing[:, None], lighting.light.radiance)[:, 0]
-    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in lighting.parts]
+    parts = shade_surfels(surfels, equation.albedo, incident, outgoing[:, None], equation.light.radiance)[:, 0]
+    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in equation.parts]
     direct = parts[:, counted].sum(1)
-    if lighting.emission is not None:
-        direct = direct + lighting.emission
-    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in lighting.parts]].sum(1)
+    if equation.emission is not None:
+        direct = direct + equation.emission
+    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in equation.parts]].sum(1)
     channels = {
         "total": direct + indirect,
         "surfels": surfel_radiance(surfels.sh, outgoing),
