@@ -10,7 +10,6 @@ from .metrics.weights import FILES, missing_weights
 from .suites.cell import TRAINING
 
 EVALUATION_MODULES = (
-    "radiogs_bench.experiments.effects",
     "radiogs_bench.evaluation.evaluate",
     "radiogs_bench.evaluation.figures",
     "radiogs_bench.evaluation.light_maps",
@@ -19,7 +18,12 @@ EVALUATION_MODULES = (
 )
 
 EXPERIMENT_MODULES: Mapping[str, tuple[str, ...]] = {
-    "forward-parity": ("radiogs_bench.experiments.forward_parity", "radiogs_datasets.furnace"),
+    "forward-parity": (
+        "radiogs_bench.experiments.forward_parity",
+        "radiogs_datasets.furnace",
+        "radiogs_datasets.generate.catalogue",
+        "radiogs_datasets.generate.surfaces",
+    ),
     "stability": ("radiogs_bench.experiments.stability", "radiogs_datasets.hard_cases"),
 }
 """What decides an experiment's figures beside the method; others' results need not be made anew when it changes."""

@@ -126,11 +126,11 @@ def relight(options: argparse.Namespace) -> int:
     """Write every view under another light."""
     import torch
 
-    from radiogs import relighting
     from radiogs.budget import budget
-    from radiogs_core.transport.plan import plan_of
+    from radiogs.relighting import relit_under
+    from radiogs.variant import Variant
+    from radiogs_core.contract import Run
 
-    from ..experiments.effects import plan_under, share_of
     from ..training.trained_folder import read_trained
     from .reporter import say
 
@@ -138,15 +138,11 @@ def relight(options: argparse.Namespace) -> int:
     light = light_of(options.envmap)
     about, model = read_trained(options.folder, device)
     scene = scene_of(about["scene"], about["checksum"])
-    cameras = [view.camera.to(device, torch.float32) for view in scene.train]
-    scale, preset, seed = torch.tensor(options.albedo_scale), budget(about["preset"]), about["seed"]
-    plan = plan_of(options.effects)
-    if options.effects == "auto":
-        _, found = plan_under(model, light, scale, scene, share_of(scene, model.surfels), preset, seed, device)
-        plan = found.plan
-        for record in found.evidence:
-            say(f"{record.effect}: {record.verdict} ({record.why})")
-    relit = relighting.relight(model, light, scale, cameras, preset, seed, options.mode, plan)
+    variant = Variant(relighting=options.mode, effects=options.effects)
+    run = Run(scene, variant, budget(about["preset"]), about["seed"], device)
+    relit = relit_under(model, light, torch.tensor(options.albedo_scale), run)
+    for record in relit.evidence:
+        say(f"{record.effect}: {record.verdict} ({record.why})")
     folder = options.folder / "relight" / options.envmap.stem / options.mode
     return write_views(relit.render, scene, options.views, folder, device)
 

@@ -10,16 +10,15 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs.model import Model
-from radiogs.relighting import Relit, relight
+from radiogs.relighting import Relit, relit_under, training_share
 from radiogs.rendering import Renderer
+from radiogs_core.contract import Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import plan_of
 from radiogs_core.transport.splatting import splat
 
-from ..experiments.effects import plan_under, share_of
 from ..experiments.train import Evaluation
 from ..metrics import Value, protocol
 from ..suites.cell import Cell
@@ -147,16 +146,11 @@ def relit_models(
 
     ``after_step`` is called after each step of fine-tuning.
     """
-    cameras = [view.camera.to(device, torch.float32) for view in scene.train]
-    share = None
+    run = Run(scene, cell.variant, cell.budget, cell.seed, device)
+    share = training_share(scene, model.surfels) if cell.variant.effects == "auto" else None
     for light in lights:
-        environment, mode = scene.lights[light], cell.variant.relighting
         started = time.perf_counter()
-        plan = plan_of(cell.variant.effects)
-        if cell.variant.effects == "auto":
-            share = share_of(scene, model.surfels) if share is None else share
-            plan = plan_under(model, environment, albedo_scale, scene, share, cell.budget, cell.seed, device)[1].plan
-        relit = relight(model, environment, albedo_scale, cameras, cell.budget, cell.seed, mode, plan, after_step)
+        relit = relit_under(model, scene.lights[light], albedo_scale, run, after_step, share)
         if device.type == "cuda":
             torch.cuda.synchronize(device)
         yield light, relit, time.perf_counter() - started

@@ -10,6 +10,8 @@ from method.test_stages import through_a_file
 from radiogs.budget import budget
 from radiogs.model import Model
 from radiogs.relighting import relight
+from radiogs.variant import Variant
+from radiogs_core.contract import Run
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
@@ -85,6 +87,7 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
     ball = white_ball()
     cost = replace(budget("smoke"), finetune_iterations=5, finetune_surfels=500, finetune_samples=48)
     model = Model(ball, torch.zeros(4, 8, 3))
+    run = Run(furnace("furnace-0.5"), Variant(relighting="surfels"), cost, 0, torch.device("cpu"))
     done: list[None] = []
 
     def count() -> None:
@@ -95,11 +98,11 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
         if len(done) == 2:
             raise InterruptedError
 
-    relight(model, DARK, torch.ones(3), CAMERAS, cost, 0, "surfels", after_step=count)
+    relight(model, DARK, torch.ones(3), run, after_step=count)
     assert len(done) == 5
     done.clear()
     with pytest.raises(InterruptedError):
-        relight(model, DARK, torch.ones(3), CAMERAS, cost, 0, "surfels", after_step=stop)
+        relight(model, DARK, torch.ones(3), run, after_step=stop)
     assert len(done) == 2
 
 
