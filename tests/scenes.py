@@ -1,13 +1,18 @@
 """A scene made on the spot: a shaded sphere seen from a ring of cameras, for tests that need a `Scene`."""
 
 import math
+from collections.abc import Sequence
 
 import torch
 
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.scene.scene import Scene, View
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, surfels_at
+from radiogs_datasets.furnace import walls
+from radiogs_datasets.generate.catalogue import Solid
+from radiogs_datasets.generate.surfaces import surfaces_of
 
 
 def look_at(position: torch.Tensor, target: torch.Tensor, size: int, focal: float) -> Camera:
@@ -63,3 +68,13 @@ def sphere_scene(views: int = 6, size: int = 16, scale: float = 1.0) -> Scene:
     everything = tuple(view(place) for place in range(views))
     light = EnvironmentMap(torch.ones(4, 8, 3))
     return Scene("sphere", "synthetic", everything, everything[:2], {"white": light}, light, "0" * 64)
+
+
+def surfels_over(solids: Sequence[Solid], spacing: float) -> Surfels:
+    """Nearly opaque surfels about ``spacing`` apart all over the solids, with their materials; radiance grey 1/2."""
+    return surfels_on(surfaces_of(solids, spacing))
+
+
+def surfels_of_room(half_side: float, spacing: float, albedo: float) -> Surfels:
+    """The inside of a closed cube around the origin."""
+    return surfels_on(walls(albedo, spacing, half_side))

@@ -5,6 +5,8 @@ every wall sees nothing but walls, and the radiance is E / (1 - albedo) in the w
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 
 import torch
 from jaxtyping import Float
@@ -13,6 +15,10 @@ from torch import Tensor
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
+from radiogs_core.scene.surfaces import SurfaceSamples
+
+from .generate.catalogue import Box, Material
+from .generate.surfaces import surfaces_of, turned
 
 EMISSION = 0.1
 """Radiance that the walls emit: with it the brightest room below is not yet clipped in display colour."""
@@ -20,6 +26,9 @@ EMISSION = 0.1
 ALBEDOS: Mapping[str, float] = {"furnace-0.2": 0.2, "furnace-0.5": 0.5, "furnace-0.8": 0.8}
 
 HALF_SIDE = 1.0
+ROUGHNESS = 0.99
+"""Of the walls, which have no specular lobe; a roughness of 1 is the end of what surfels have."""
+
 SIZE = 64
 FIELD_OF_VIEW = 90.0
 TURNS = (0.3, 1.9)
@@ -33,7 +42,18 @@ def furnace(name: str) -> Scene:
     """
     views = tuple(_view(f"{name}_{place}", turn, ALBEDOS[name]) for place, turn in enumerate(TURNS))
     dark = EnvironmentMap(torch.zeros(2, 4, 3))
-    return Scene(name, "furnace", views, views, {}, dark, checksum=f"{name}, emission {EMISSION}, side {2 * HALF_SIDE}")
+    return Scene(
+        name, "furnace", views, views, {}, dark,
+        checksum=f"{name}, emission {EMISSION}, side {2 * HALF_SIDE}",
+        surfaces=partial(walls, ALBEDOS[name]),
+    )  # fmt: skip
+
+
+def walls(albedo: float, spacing: float, half_side: float = HALF_SIDE) -> SurfaceSamples:
+    """Samples about ``spacing`` apart over the walls of a cube around the origin, which face inwards and emit light."""
+    low, high = (-half_side,) * 3, (half_side,) * 3
+    inwards = turned(surfaces_of([Box(low, high, Material((albedo, albedo, albedo), ROUGHNESS))], spacing))
+    return replace(inwards, emission=torch.full_like(inwards.centre, EMISSION), specular=False)
 
 
 def _view(name: str, turn: float, albedo: float) -> View:

@@ -9,6 +9,7 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
 from .furnace import ALBEDOS, furnace
+from .generate.surfaces import surfaces_of_folder
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
@@ -74,8 +75,8 @@ def scene_folder(name_or_path: str) -> Path:
 def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
     """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
 
-    The layout is told by the folder's files unless it is named. Raises UsageError for an unknown layout, DataError for
-    what is no scene, and for a scene that is incomplete or damaged.
+    The layout is told by the folder's files unless it is named. A generated scene knows its surfaces. Raises UsageError
+    for an unknown layout, DataError for what is no scene, and for a scene that is incomplete or damaged.
     """
     if name_or_path in ALBEDOS:
         return replace(furnace(name_or_path), loaders=(furnace.__module__,))
@@ -88,7 +89,7 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
     load = LAYOUTS[chosen].load
-    return replace(load(folder), folder=folder, loaders=(load.__module__,))
+    return replace(load(folder), folder=folder, loaders=(load.__module__,), surfaces=surfaces_of_folder(folder))
 
 
 def _recognised(folder: Path) -> str:

@@ -22,12 +22,11 @@ from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.suites.cell import Cell
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
-from radiogs_datasets.generate.catalogue import recipe
-from radiogs_datasets.generate.surfels import surfels_over
 
 SPACING = 0.06
 CPU = torch.device("cpu")
@@ -36,7 +35,7 @@ SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness
 
 def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
     """A state of stage 1 with true geometry and the mean radiance that stage 1 has found nearby."""
-    surfels = surfels_over(recipe(scene.name).solids, SPACING)
+    surfels = surfels_on(scene.true_surfaces(SPACING))
     learnt = state["optimiser"]["tensors"]
     nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
     tensors = surfels.parameters() | {"log_environment": learnt["log_environment"]}

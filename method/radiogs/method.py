@@ -3,10 +3,12 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from radiogs_core.contract import Run, Stage, StageSpec, values_but
+from radiogs_core.contract import Probe, Run, Stage, StageSpec, Trained, values_but
+from radiogs_core.scene.light import EnvironmentMap
 
 from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
 from .model import Model
+from .probing import probed
 from .profile import PROFILES
 from .stages import Initialisation, InverseRendering
 from .trained import TrainedRadioGS
@@ -53,6 +55,10 @@ class RadioGS:
                 compiles=True,
             ),
         )
+
+    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
+        """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.contract.Probing``."""
+        return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering."""

@@ -1,67 +1,96 @@
 """Relighting (paper, section on relighting): by rays with split-sum or learnt indirect light, or by surfels alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.contract import Run
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
+from radiogs_core.learning.views import load
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
-from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
-from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along, visibility_of
+from radiogs_core.transport.tracer import (
+    EVERYTHING,
+    RAYS_AT_ONCE,
+    SELF_OFFSET,
+    SurfelTracer,
+    incident_along,
+    visibility_of,
+)
 
-from .budget import Budget
+from .effects.decide.evidence import Evidence
+from .effects.decide.planner import SIGHTS
+from .effects.decide.probe import Findings
+from .effects.decide.relighting import own_error, plan_for_light, subject_under
+from .effects.measure.share import image_share
+from .effects.measure.subject import Sight, Subject
 from .model import Model
-from .stages.finetune import FineTuning, Lighting
-from .variant import Relighting
 
 
 @runtime_checkable
 class Relit(Protocol):
     """A model under another light, ready to be seen from any camera."""
 
+    evidence: tuple[Evidence, ...]
+    """Of the probe that has decided what was simulated; empty where none was made."""
+
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], on black; at least ``image`` (display sRGB) and ``alpha``."""
+
+
+def relit_under(
+    model: Model,
+    light: EnvironmentMap,
+    albedo_scale: Float[Tensor, "3"],
+    run: Run,
+    after_step: Callable[[], None] = lambda: None,
+    share: Float[Tensor, " surfels"] | None = None,
+) -> Relit:
+    """The model under ``light``, simulating what the run's variant says: with effects "auto", what a probe finds.
+
+    ``share``: ``training_share`` of the surfels where it is known already; a probe needs it. See ``relight``.
+    """
+    if run.variant.effects != "auto":
+        return relight(model, light, albedo_scale, run, plan_of(run.variant.effects), after_step)
+    _, found = probed_under(model, light, albedo_scale, run, share)
+    relit = relight(model, light, albedo_scale, run, found.plan, after_step)
+    relit.evidence = found.evidence
+    return relit
 
 
 def relight(
     model: Model,
     light: EnvironmentMap,
     albedo_scale: Float[Tensor, "3"],
-    cameras: Sequence[Camera],
-    budget: Budget,
-    seed: int,
-    mode: Relighting = "pbr",
+    run: Run,
     plan: EffectPlan = EVERYTHING,
     after_step: Callable[[], None] = lambda: None,
 ) -> Relit:
-    """The model under ``light``; ``mode`` is explained in ``variant``.
+    """The model under ``light``, in the mode of the run's variant (``variant.Relighting``).
 
-    ``plan`` is what the rays simulate (``effects.lighting`` makes one for a light); fine-tuning always has everything.
-    ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). ``cameras`` are where
-    fine-tuning looks from; the training views do. ``after_step`` is called after each of its steps, and may raise to
-    end it. Raises DataError for a light that is not finite.
+    ``plan`` is what the rays simulate; fine-tuning always has everything. ``albedo_scale`` multiplies the recovered
+    albedo (the ambiguity between light and albedo). Fine-tuning looks from the run's training views. ``after_step`` is
+    called after each of its steps, and may raise to end it. Raises DataError for a light that is not finite.
     """
-    surfels = model.surfels
+    surfels, mode = model.surfels, run.variant.relighting
     device = surfels.centre.device
     light = EnvironmentMap(light.radiance.to(device))
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
     if mode != "pbr":
-        stage = FineTuning(surfels, Lighting(light, albedo), cameras, budget, seed)
-        while stage.iteration < stage.iterations:
-            stage.step()
-            after_step()
-        surfels = stage.surfels
+        surfels = fine_tuned(surfels, RenderingEquation(light, albedo), run, after_step)
     if mode == "surfels":
         return RelitBySurfels(surfels)
-    generator = torch.Generator(device).manual_seed(seed)
+    generator, budget = torch.Generator(device).manual_seed(run.seed), run.budget
     with torch.no_grad():
         direction, weight = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
@@ -69,10 +98,53 @@ def relight(
         )  # fmt: skip
         tracer = SurfelTracer(surfels)
         if mode == "pbr":
-            incident = split_sum_incident(tracer, surfels, albedo, light, direction, weight, plan)
+            incident = split_sum_incident(tracer, albedo, light, direction, weight, plan)
         else:
             incident = incident_along(tracer, direction, weight, plan)
     return RelitByRays(surfels, albedo, light, incident, plan)
+
+
+def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_step: Callable[[], None]) -> Surfels:
+    """The surfels with the radiance that solves ``equation``, as far as the run's budget goes."""
+    budget, cameras = run.budget, [view.camera for view in run.scene.train]
+    effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
+    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed)
+    while solver.iteration < solver.iterations:
+        solver.step()
+        after_step()
+    return solver.surfels
+
+
+def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
+    """The part of the training pictures that each surfel is."""
+    return image_share((view.camera for view in scene.train), surfels)
+
+
+def training_sights(scene: Scene, device: torch.device) -> tuple[Sight, ...]:
+    """Training views that a probe looks from, evenly spread over their list, with their images on black."""
+    chosen = scene.train[:: max(1, len(scene.train) // SIGHTS)][:SIGHTS]
+    return tuple(Sight(view.camera, view.over(0.0)) for view in load(chosen, device))
+
+
+def probed_under(
+    model: Model,
+    light: EnvironmentMap,
+    albedo_scale: Float[Tensor, "3"],
+    run: Run,
+    share: Float[Tensor, " surfels"] | None = None,
+    offset: float = SELF_OFFSET,
+) -> tuple[Subject, Findings]:
+    """What relighting a model by ``light`` may leave out, and what was looked at.
+
+    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations.
+    """
+    surfels, sights = model.surfels, training_sights(run.scene, run.device)
+    share = training_share(run.scene, surfels) if share is None else share
+    albedo = surfels.albedo.detach() * albedo_scale.to(run.device)
+    lit_by = EnvironmentMap(light.radiance.to(run.device))
+    subject = subject_under(surfels, albedo, lit_by, sights, share, run.seed, offset)
+    directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
+    return subject, plan_for_light(subject, own_error(surfels, sights), *directions, run.seed)
 
 
 class RelitByRays:
@@ -88,6 +160,7 @@ class RelitByRays:
     ) -> None:
         self.surfels, self.albedo, self.light, self.incident = surfels, albedo, light, incident
         self.specular = plan.specular_among(albedo)
+        self.evidence: tuple[Evidence, ...] = ()
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """The same maps as ``Renderer.render``, under the new light."""
@@ -99,6 +172,7 @@ class RelitBySurfels:
 
     def __init__(self, surfels: Surfels) -> None:
         self.surfels = surfels
+        self.evidence: tuple[Evidence, ...] = ()
 
     @torch.no_grad()
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
@@ -108,7 +182,6 @@ class RelitBySurfels:
 
 def split_sum_incident(
     tracer: SurfelTracer,
-    surfels: Surfels,
     albedo: Float[Tensor, "surfels 3"],
     light: EnvironmentMap,
     direction: Float[Tensor, "surfels samples 3"],
@@ -120,6 +193,7 @@ def split_sum_incident(
     The surfels' own radiance belongs to another light; the met surface is lit by the new one, unoccluded (one bounce).
     What ``plan`` leaves out is not traced.
     """
+    surfels = tracer.surfels
     every = torch.arange(len(surfels), device=direction.device)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
     chosen = plan.traced_among(every)

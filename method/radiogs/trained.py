@@ -1,6 +1,7 @@
 """A trained RadioGS model as the harness shows it: under the light that it has recovered, and relit."""
 
 from collections.abc import Callable, Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +15,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.ply import write_ply
 
 from .model import Model
-from .relighting import Relit
-from .relit import relit_under
+from .relighting import Relit, relit_under, training_share
 from .rendering import Renderer
 
 SHADED: Mapping[str, MapKind] = {
@@ -82,8 +82,14 @@ class TrainedRadioGS:
         if light is None:
             return _Own(Renderer(self.model, self.run.budget.incident_samples, self.run.variant))
         scale = torch.ones(3) if albedo_scale is None else albedo_scale
-        relit, remarks = relit_under(self.model, light, scale, self.run, after_step)
-        return _Relit(relit, remarks, surfels_alone=self.run.variant.relighting == "surfels")
+        share = self.training_share if self.run.variant.effects == "auto" else None
+        relit = relit_under(self.model, light, scale, self.run, after_step, share)
+        return _Relit(relit, surfels_alone=self.run.variant.relighting == "surfels")
+
+    @cached_property
+    def training_share(self) -> Float[Tensor, " surfels"]:
+        """The part of the training images that each surfel is; the same for every light."""
+        return training_share(self.run.scene, self.model.surfels)
 
 
 class _Own:
@@ -103,12 +109,13 @@ class _Own:
 
 
 class _Relit:
-    """Under another light. ``remarks``: what the rays do not simulate, and why, in words."""
+    """Under another light. ``remarks``: what was decided by evidence, and why, in words."""
 
     timed = True
 
-    def __init__(self, relit: Relit, remarks: tuple[str, ...], surfels_alone: bool) -> None:
-        self.relit, self.remarks = relit, remarks
+    def __init__(self, relit: Relit, surfels_alone: bool) -> None:
+        self.relit = relit
+        self.remarks = tuple(f"{each.effect}: {each.verdict} ({each.why})" for each in relit.evidence)
         shown = ("image", "alpha") if surfels_alone else tuple(SHADED)
         self.offers: Mapping[str, MapKind] = {name: SHADED[name] for name in shown}
         self.default = frozenset(self.offers)

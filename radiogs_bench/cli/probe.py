@@ -2,16 +2,18 @@
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .model import METHOD
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    import torch
 
-    from radiogs.effects.decide.probe import Findings
-    from radiogs.effects.measure.subject import Subject
+    from radiogs_core.contract import Probe, Probing
+    from radiogs_core.scene.light import EnvironmentMap
 
     from .options import Commands
 
@@ -29,6 +31,7 @@ def add_to(commands: "Commands") -> None:
         "subject", metavar="SCENE|DIR", help="a generated scene (its true surfaces and light), or a folder of `train`"
     )
     parser.add_argument("--preset", default="tiny", help="budget whose steps are weighed (default: tiny; DIR: its own)")
+    parser.add_argument("--method", default=METHOD, help=f"of a scene: which is to be trained (default: {METHOD})")
     parser.add_argument("--seed", type=int, help="(default: 0; DIR: its own)")
     parser.add_argument("--envmap", type=Path, metavar="FILE", help="relit by this light: .hdr or .exr, lat-long, Z up")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="where effects matter (default: probe-NAME.png)")
@@ -40,83 +43,99 @@ def add_to(commands: "Commands") -> None:
 
 def probe(options: argparse.Namespace) -> int:
     """Measure, show the table, and draw where each effect matters."""
-    from radiogs.budget import budget
-
-    from ..experiments import effects
-    from .model import chosen_device, light_of
+    from ..api import read_light
+    from .device import chosen_device
     from .reporter import say
 
     device = chosen_device(options)
-    folder, preset, seed = Path(options.subject), budget(options.preset), options.seed
-    light = light_of(options.envmap) if options.envmap else None
-    if folder.is_dir() and (folder / "trained.json").exists():
-        from ..training.trained_folder import read_trained
-        from .model import scene_of
-
-        about, model = read_trained(folder, device)
-        preset, name = budget(about["preset"]), folder.name
-        scene = scene_of(about["scene"], about["checksum"])
-        probed = effects.probed_model(model, scene, preset, about["seed"] if seed is None else seed, device, light)
-    else:
-        from radiogs_datasets import load_scene
-
-        scene = load_scene(options.subject)
-        name = scene.name
-        probed = effects.probed_scene(scene, preset, seed or 0, light)
+    light = read_light(options.envmap) if options.envmap else None
+    name, found = _probed(options, device, light)
     if light is not None:
         name += f"-{options.envmap.stem}"
     if options.json:
-        say(json.dumps(effects.record_of(probed.found, probed.bounces), allow_nan=False))
+        say(json.dumps(found.plain(), allow_nan=False))
     else:
-        _show(name, probed.found, probed.bounces)
+        _show(name, found)
     picture = options.picture or Path(f"probe-{name}.png")
-    _draw(probed.subject, picture, probed.effects)
+    _draw(found, picture)
     if not options.json:
         say(f"wrote {picture}: changes of {MATTERS:g} of the display's range and above are white")
     return 0
 
 
-def _show(name: str, found: "Findings", bounces: int | None) -> None:
+def _probed(options: argparse.Namespace, device: "torch.device", light: "EnvironmentMap | None") -> "tuple[str, Probe]":
+    """What it is called, and what a probe of it has found."""
+    from dataclasses import replace
+
+    from radiogs_core.contract import Run
+
+    from ..methods import budget_of, method, variant_of
+
+    folder = Path(options.subject)
+    if folder.is_dir() and (folder / "trained.json").exists():
+        from ..training.trained_folder import read_about, read_trained
+
+        run, model = read_trained(folder, device)
+        run = run if options.seed is None else replace(run, seed=options.seed)
+        return folder.name, _probing(read_about(folder)["method"]).probe(run, model, light)
+    from radiogs_datasets import load_scene
+
+    scene, used = load_scene(options.subject), method(options.method)
+    run = Run(scene, variant_of(used, {}), budget_of(used, options.preset), options.seed or 0, device)
+    return scene.name, _probing(options.method).probe(run, None, light)
+
+
+def _probing(name: str) -> "Probing":
+    """A method that can be probed. Raises UsageError for any other."""
+    from radiogs_core.contract import Probing
+    from radiogs_core.errors import UsageError
+
+    from ..methods import method
+
+    used = method(name)
+    if not isinstance(used, Probing):
+        raise UsageError(f"{used.name} cannot say which effects are needed", "It simulates all that it has.")
+    return used
+
+
+def _show(name: str, found: "Probe") -> None:
     from rich.table import Table
 
-    from ..experiments.effects import psnr_of
     from .reporter import say, show
 
     table = Table(
         "effect", "verdict", "leaving it out costs, dB", "worst case", "rays a step", "of a step", "why",
-        title=f"{name}: {found.tolerance.decibel:g} dB are tolerated beside an error of {psnr_of(found):.1f} dB",
+        title=f"{name}: {found.tolerance:g} dB are tolerated beside an error of {found.psnr:.1f} dB",
     )  # fmt: skip
-    for record in found.evidence:
-        each = record.measured
-        figures = ["", "", "", ""]
-        if each is not None:
-            figures = [
-                f"{each.contribution:.3f} ({each.lowest:.3f} to {each.bound:.3f})",
-                f"{each.worst:.2f}",
-                f"{each.rays}",
-                f"{100 * each.share:.0f} %",
+    for record in found.records:
+        measured = ["", "", "", ""]
+        if record.measured is not None:
+            # What is not finite has no value.
+            each = {name: math.inf if value is None else value for name, value in record.measured.items()}
+            measured = [
+                f"{each['contribution']:.3f} ({each['lowest']:.3f} to {each['bound']:.3f})",
+                f"{each['worst']:.2f}",
+                f"{each['rays']}",
+                f"{100 * each['share']:.0f} %",
             ]
-        table.add_row(record.effect, record.verdict, *figures, record.why)
+        table.add_row(record.effect, record.verdict, *measured, record.why)
     show(table)
-    if bounces is not None:
-        say(f"bounces of light that are needed: {bounces}")
+    if found.bounces is not None:
+        say(f"bounces of light that are needed: {found.bounces}")
 
 
-def _draw(subject: "Subject", path: Path, effects: "Sequence[str]") -> None:
-    """The first sight, and beside it the change that leaving out each effect makes, one panel each."""
+def _draw(found: "Probe", path: Path) -> None:
+    """One view, and beside it the change that leaving out each effect makes, one panel each."""
     import numpy as np
     from matplotlib import colormaps
     from matplotlib.figure import Figure
 
-    from radiogs.effects.decide.difference_maps import difference_maps
-
-    full, maps = difference_maps(subject, effects)
-    taken = subject.sights[0].target
-    figure = Figure(figsize=(1.6 * (len(maps) + 1), 1.9), dpi=150, layout="constrained")
-    panels = figure.subplots(1, len(maps) + 1)
-    panels[0].imshow(np.clip((full if taken is None else taken).numpy(), 0, 1))
-    panels[0].set_title("relit" if taken is None else "picture", fontsize=7)
-    for panel, (name, change) in zip(panels[1:], maps.items(), strict=True):
+    count = 1 + len(found.differences)
+    figure = Figure(figsize=(1.6 * count, 1.9), dpi=150, layout="constrained")
+    panels = figure.subplots(1, count)
+    panels[0].imshow(np.clip(found.reference.numpy(), 0, 1))
+    panels[0].set_title("picture" if found.pictured else "relit", fontsize=7)
+    for panel, (name, change) in zip(panels[1:], found.differences.items(), strict=True):
         panel.imshow(change.numpy(), cmap=colormaps["inferno"], vmin=0, vmax=MATTERS)
         panel.set_title(name, fontsize=7)
     for panel in panels:

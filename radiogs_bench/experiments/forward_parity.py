@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -15,13 +16,14 @@ from jaxtyping import Bool
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
-from radiogs.stages.finetune import FineTuning, Lighting
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import relighting_directions
@@ -36,9 +38,6 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 from radiogs_core.transport.tracer import incident_along
-from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
-from radiogs_datasets.generate.catalogue import recipe
-from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over
 
 from ..evaluation.figures import Figures
 from ..evaluation.scoring import Image, coverage, displayed, truth
@@ -71,7 +70,8 @@ PARTS = ("total", "surfels", "direct", "indirect")
 """What is compared: shaded radiance, the surfels' own, and shaded radiance after one and after more surfaces."""
 
 
-SOLVE = "solving for the radiance"
+SOLVE, SOLVING = "solve", "solving for the radiance"
+"""The one stage: its name in results, and its title on progress bars."""
 
 
 @dataclass(frozen=True)
@@ -79,98 +79,115 @@ class Setup:
     """Surfels with their light, before their radiance is known."""
 
     surfels: Surfels
-    lighting: Lighting
+    equation: RenderingEquation
 
     def to(self, device: torch.device) -> "Setup":
         """The same on another device."""
         surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
-        emission = self.lighting.emission
+        emission = self.equation.emission
         return Setup(
             surfels,
             replace(
-                self.lighting,
-                light=EnvironmentMap(self.lighting.light.radiance.to(device)),
-                albedo=self.lighting.albedo.to(device),
+                self.equation,
+                light=EnvironmentMap(self.equation.light.radiance.to(device)),
+                albedo=self.equation.albedo.to(device),
                 emission=None if emission is None else emission.to(device),
             ),
         )
 
 
 def setup(scene: Scene, spacing: float) -> Setup:
-    """Surfels over the solids of a generated scene, or the walls of a furnace. Raises DataError for any other scene."""
+    """Surfels on the true surfaces of a scene. Raises DataError where those or the light are not known."""
     if scene.training_light is None:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
-    if scene.name in ALBEDOS:
-        walls = surfels_of_room(HALF_SIDE, spacing, ALBEDOS[scene.name])
-        emission = torch.full_like(walls.centre, EMISSION)
-        return Setup(walls, Lighting(scene.training_light, walls.albedo, emission, (DIFFUSE_DIRECT, DIFFUSE_INDIRECT)))
-    surfels = surfels_over(recipe(scene.name.rsplit("-", 1)[0]).solids, spacing)
-    return Setup(surfels, Lighting(scene.training_light, surfels.albedo))
+    samples = scene.true_surfaces(spacing)
+    surfels = surfels_on(samples)
+    equation = RenderingEquation(scene.training_light, surfels.albedo)
+    if samples.emission is not None:
+        equation = replace(equation, emission=samples.emission.float())
+    if not samples.specular:
+        equation = replace(equation, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
+    return Setup(surfels, equation)
+
+
+def effort_of(budget: Any) -> SolverBudget:
+    """What a budget lets the solver do: as much as RadioGS may fine-tune for a new light."""
+    return SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
 
 
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Solve for the radiance, compare it on every test view, store the result."""
-    device, settings = bench.device, cell.settings
-    made = setup(scene, settings.get("spacing", SPACING)).to(device)
-    cameras = [view.camera for view in scene.train]
-    forget_peaks(device)
+    made = setup(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
+    forget_peaks(bench.device)
     started = time.perf_counter()
     with recording() as solving:
-        stage = FineTuning(made.surfels, made.lighting, cameras, cell.budget, cell.seed, settings.get("offset", OFFSET))
-        losses: Mapping[str, float] = {}
-        trail = Trail(stage.iterations, [], {}, scored=False)
-        while stage.iteration < stage.iterations:
-            losses = stage.step()
-            trail.add(losses)
-            if trail.due(stage.iteration):
-                trail.close(stage.iteration, time.perf_counter() - started, {})
-            bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
-            bench.interruption.check()
-    solved = time.perf_counter()
-
+        solver, trail, losses = solved(bench, cell, scene, made)
+    ended = time.perf_counter()
     with recording() as evaluating:
-        figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
-        incident = shading_incident(stage)
-        arrays: dict[str, np.ndarray] = {}
-        for view in scene.test:
-            ours = transported(stage.surfels, made.lighting, incident, view.camera.to(device, torch.float32))
-            true = traced(view)
-            for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
-                figures.add(name, view.name, scores)
-            if view is scene.test[0]:
-                for origin, maps in (("render", ours), ("truth", true)):
-                    shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
-                    arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
-    here = [session(device)]
-    bench.store.put_result(
-        Result(
-            schema=RESULT_SCHEMA,
-            key=cell.key,
-            scene=cell.scene,
-            cell=cell.content(),
-            protocol=figures.rules.describe(),
-            metrics=figures.metrics(),
-            timings={},
-            views=list(figures.views),
-            shown_view=scene.test[0].name,
-            shown_light=None,
-            albedo_scale=None,
-            facts={"surfels": len(made.surfels)},
-            stages=[{"name": "solve", "title": SOLVE}],
-            losses={"solve": dict(losses)},
-            trail={"solve": trail.points},
-            seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
-            parts={},
-            work={"solve": dict(solving.work), "evaluate": dict(evaluating.work)},
-            guards={"solve": dict(solving.guards), "evaluate": dict(evaluating.guards)},
-            sessions={"solve": here, "evaluate": here},
-        ),
-        arrays,
+        figures, arrays = compared_views(bench, cell, scene, made, solver)
+    here = [session(bench.device)]
+    result = Result(
+        schema=RESULT_SCHEMA,
+        key=cell.key,
+        scene=cell.scene,
+        cell=cell.content(),
+        protocol=figures.rules.describe(),
+        metrics=figures.metrics(),
+        timings={},
+        views=list(figures.views),
+        shown_view=scene.test[0].name,
+        shown_light=None,
+        albedo_scale=None,
+        facts={"surfels": len(made.surfels)},
+        stages=[{"name": SOLVE, "title": SOLVING}],
+        losses={SOLVE: losses},
+        trail={SOLVE: trail.points},
+        seconds={SOLVE: ended - started, "evaluate": time.perf_counter() - ended},
+        parts={SOLVE: dict(solving.parts), "evaluate": dict(evaluating.parts)},
+        work={SOLVE: dict(solving.work), "evaluate": dict(evaluating.work)},
+        guards={SOLVE: dict(solving.guards), "evaluate": dict(evaluating.guards)},
+        sessions={SOLVE: here, "evaluate": here},
     )
+    bench.store.put_result(result, arrays)
+
+
+def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[RadianceSolver, Trail, dict[str, float]]:
+    """The solver at its end, how its losses fell, and the last of them."""
+    started = time.perf_counter()
+    cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
+    solver = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
+    trail, losses = Trail(solver.iterations, [], {}, scored=False), dict[str, float]()
+    while solver.iteration < solver.iterations:
+        losses = dict(solver.step())
+        trail.add(losses)
+        if trail.due(solver.iteration):
+            trail.close(solver.iteration, time.perf_counter() - started, {})
+        bench.progress.advance(SOLVING, solver.iteration, solver.iterations)
+        bench.interruption.check()
+    return solver, trail, losses
+
+
+def compared_views(
+    bench: Bench, cell: Cell, scene: Scene, made: Setup, solver: RadianceSolver
+) -> tuple[Figures, dict[str, np.ndarray]]:
+    """The metrics of every test view, and the maps of the first."""
+    figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
+    incident = shading_incident(solver)
+    arrays: dict[str, np.ndarray] = {}
+    for view in scene.test:
+        ours = transported(solver.surfels, made.equation, incident, view.camera.to(bench.device, torch.float32))
+        true = traced(view)
+        for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
+            figures.add(name, view.name, scores)
+        if view is scene.test[0]:
+            for origin, maps in (("render", ours), ("truth", true)):
+                shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
+                arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
+    return figures, arrays
 
 
 @torch.no_grad()
-def shading_incident(stage: FineTuning) -> Incident:
+def shading_incident(stage: RadianceSolver) -> Incident:
     """The light that arrives at all surfels once their radiance is solved for."""
     normal = stage.surfels.frame[..., 2]
     directions = relighting_directions(normal, stage.sampler, SPREAD_SAMPLES, LIGHT_SAMPLES, stage.generator)
@@ -178,15 +195,15 @@ def shading_incident(stage: FineTuning) -> Incident:
 
 
 @torch.no_grad()
-def transported(surfels: Surfels, lighting: Lighting, incident: Incident, camera: Camera) -> dict[str, Image]:
+def transported(surfels: Surfels, equation: RenderingEquation, incident: Incident, camera: Camera) -> dict[str, Image]:
     """Linear radiance of one view, by ``PARTS``, on black: what the surfels emit counts as direct."""
     outgoing = towards(camera, surfels)
-    parts = shade_surfels(surfels, lighting.albedo, incident, outgoing[:, None], lighting.light.radiance)[:, 0]
-    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in lighting.parts]
+    parts = shade_surfels(surfels, equation.albedo, incident, outgoing[:, None], equation.light.radiance)[:, 0]
+    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in equation.parts]
     direct = parts[:, counted].sum(1)
-    if lighting.emission is not None:
-        direct = direct + lighting.emission
-    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in lighting.parts]].sum(1)
+    if equation.emission is not None:
+        direct = direct + equation.emission
+    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in equation.parts]].sum(1)
     channels = {
         "total": direct + indirect,
         "surfels": surfel_radiance(surfels.sh, outgoing),

@@ -13,11 +13,10 @@ from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
-from radiogs_datasets.generate.catalogue import recipe
-from radiogs_datasets.generate.surfels import surfels_over
 
 from .clock import seconds
 
@@ -53,8 +52,7 @@ def bench_frames(
 
     What a frame costs depends on how many surfels it shows and not on what they have learnt: their radiance is grey
     here. Incident rays are traced once, before anything is timed, as for any model that is relit. The two ways take
-    turns, so that their ratio is of one moment. Raises UsageError for a scene without solids, DataError
-    for one without a light.
+    turns, so that their ratio is of one moment. Raises DataError for a scene whose surfaces or light are not known.
     """
     if scene.training_light is None:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Frames are shaded under it.")
@@ -62,7 +60,7 @@ def bench_frames(
     light = EnvironmentMap(scene.training_light.radiance.to(device))
     cameras = [view.camera.to(device, torch.float32) for view in islice(cycle(scene.test), WARM_UP + FRAMES)]
     for spacing in spacings:
-        surfels = surfels_over(recipe(scene.name.rsplit("-", 1)[0]).solids, spacing)
+        surfels = surfels_on(scene.true_surfaces(spacing))
         surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
         announce(f"{len(surfels)} surfels, {spacing:g} apart")
         ways = (by_rays(surfels, light), RelitBySurfels(surfels))

@@ -19,8 +19,8 @@ FORMATS = ("csv", "json", "parquet")
 def rows(store: Store) -> Iterator[dict[str, Any]]:
     """Every metric of every finished cell, with what the cell was and what it cost.
 
-    Columns: scene, method, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage; counters
-    of work and of guards, summed over stages; surfels; key.
+    Columns: scene, method, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage;
+    counters of work and of guards, summed over stages; surfels; key.
     """
     for result in store.results():
         common = _of_cell(result)

@@ -63,7 +63,7 @@ class Perfect:
 
     def __init__(self, model: Model, *further: Any) -> None:
         self.light = None
-        if len(further) > 2:  # as relight: light, albedo scale, cameras, budget, seed, mode
+        if len(further) > 2:  # as relit_under: light, albedo scale, run, after_step, share
             self.light = next(name for name, light in self.scene.lights.items() if light is further[0])
             self.scales.append(further[1])
 
@@ -93,7 +93,7 @@ def values(
     monkeypatch.setattr(module, "Renderer", Perfect)
     if module.incident_map is incident_map:  # the model of these tests has no surfels to splat
         monkeypatch.setattr(module, "incident_map", lambda model, incident, camera: torch.full((SIZE, SIZE, 3), 0.2))
-    monkeypatch.setattr(module, "relight", Perfect)
+    monkeypatch.setattr(module, "relit_under", Perfect)
     told: list[tuple[int, int]] = []
     cell = replace(fake_cell(), protocol=protocol)
     result = evaluate(MODEL, scene, cell, CPU, lambda done, total: told.append((done, total)))
@@ -120,7 +120,7 @@ def test_evaluation_can_be_stopped_during_fine_tuning(monkeypatch: pytest.Monkey
 
     def relight(model: Model, light: EnvironmentMap, *further: Any) -> Perfect:
         for _ in range(3):
-            further[-1]()
+            further[2]()
         return Perfect(model, light, *further)
 
     def advance(done: int, total: int) -> None:
@@ -130,7 +130,7 @@ def test_evaluation_can_be_stopped_during_fine_tuning(monkeypatch: pytest.Monkey
 
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
     values(scene, monkeypatch)
-    monkeypatch.setattr(module, "relight", relight)
+    monkeypatch.setattr(module, "relit_under", relight)
     with pytest.raises(InterruptedError):
         evaluate(MODEL, scene, fake_cell(), CPU, advance)
     assert told == [(1, 6), (2, 6), (2, 6), (2, 6)]

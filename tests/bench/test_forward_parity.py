@@ -14,7 +14,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_core.transport.splatting import SOLID_ALPHA
 from radiogs_datasets import load_scene
 from radiogs_datasets.registry import FORWARD, forward_names
@@ -53,8 +53,8 @@ def test_kept_pixels_are_solid_and_stay_away_from_steps_of_depth(name: str) -> N
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_larger_views_show_the_scene_that_the_recipe_describes(name: str) -> None:
-    """Surfels over the recipe's solids, seen from the views' cameras, have the views' depth."""
+def test_the_larger_views_show_the_scene_that_it_says_it_has(name: str) -> None:
+    """Surfels on the surfaces that the scene knows, seen from the views' cameras, have the views' depth."""
     from radiogs_core.transport.splatting import splat
 
     scene = load_scene(name)
@@ -77,10 +77,10 @@ def test_metadata_and_names_of_the_larger_views() -> None:
         assert about["noise_floor_db"] > 50
 
 
-def test_a_scene_that_no_recipe_describes_is_refused() -> None:
+def test_a_scene_whose_surfaces_or_light_are_not_known_is_refused() -> None:
     scene = load_scene("corner-128")
-    with pytest.raises(UsageError, match="no recipe for a scene 'kettle'"):
-        setup(replace(scene, name="kettle"), 0.5)
+    with pytest.raises(DataError, match="surfaces of scene 'corner-128' are not known"):
+        setup(replace(scene, surfaces=None), 0.5)
     with pytest.raises(DataError, match="is not known"):
         setup(replace(scene, training_light=None), 0.5)
 

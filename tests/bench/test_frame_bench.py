@@ -9,9 +9,8 @@ import torch
 from radiogs_bench.cli import main
 from radiogs_bench.kernel_bench.frames import FRAMES, HEMISPHERE_SAMPLES, LIGHT_SAMPLES, by_rays
 from radiogs_core.instruments import recording
+from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_datasets import load_scene
-from radiogs_datasets.generate.catalogue import recipe
-from radiogs_datasets.generate.surfels import surfels_over
 
 
 def test_the_command_writes_what_it_prints(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -31,7 +30,7 @@ def test_the_command_writes_what_it_prints(tmp_path: Path, capsys: pytest.Captur
 def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
     scene = load_scene("corner-128")
     assert scene.training_light is not None
-    surfels = surfels_over(recipe("corner").solids, 0.3)
+    surfels = surfels_on(scene.true_surfaces(0.3))
     with recording() as prepared:
         relit = by_rays(surfels, scene.training_light)
     rays = len(surfels) * (HEMISPHERE_SAMPLES + LIGHT_SAMPLES)
@@ -48,7 +47,7 @@ def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
     [
         (["--spacings", "0"], 2, "no distance between surfels"),
         (["--spacings", "wide"], 2, "no distance between surfels"),
-        (["--scene", "furnace-0.5"], 2, "no recipe"),
+        (["--scene", "hard-cases"], 3, "the surfaces of scene 'hard-cases' are not known"),
     ],
 )
 def test_what_cannot_be_measured_is_said(

@@ -34,8 +34,7 @@ from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
 from radiogs_core.transport.splatting import shaded_maps
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from radiogs_datasets.generate.catalogue import Box, Material, Sphere
-from radiogs_datasets.generate.surfels import surfels_over
-from scenes import look_at, sphere_scene, sun_and_sky
+from scenes import look_at, sphere_scene, sun_and_sky, surfels_over
 
 SAMPLES = 32
 CLAY = Material((0.6, 0.5, 0.4), 0.7)

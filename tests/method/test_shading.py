@@ -26,9 +26,8 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.shading import lobe_albedo, shade_materials
 from radiogs_core.transport.splatting import shade_surfels, towards
 from radiogs_datasets.generate.catalogue import Material, Sphere
-from radiogs_datasets.generate.surfels import surfels_over
 from reference.quadrature import lobe_quadrature
-from scenes import look_at
+from scenes import look_at, surfels_over
 
 F64 = torch.float64
 NORMAL = torch.tensor([0.0, 0.0, 1.0], dtype=F64)

@@ -12,6 +12,7 @@ from torch import Tensor
 from ..errors import DataError
 from .camera import Camera
 from .light import EnvironmentMap
+from .surfaces import Surfaces, SurfaceSamples
 
 MapName = Literal["image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"]
 """Maps of a view, each [height, width, channels], float32:
@@ -70,6 +71,7 @@ class Scene:
     each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
     ``folder`` is where its files are, None for a scene that is computed. ``loaders`` names the modules that read or
     computed it: what they make of the files decides every metric, so their sources are part of a cell's key.
+    ``surfaces`` samples the true surfaces where they are known, as those of generated scenes are (``true_surfaces``).
     """
 
     name: str
@@ -84,6 +86,16 @@ class Scene:
     points: Points | None = None
     folder: Path | None = None
     loaders: tuple[str, ...] = ()
+    surfaces: Surfaces | None = field(default=None, compare=False, repr=False)
+
+    def true_surfaces(self, spacing: float) -> SurfaceSamples:
+        """Samples of the true surfaces, about ``spacing`` world units apart. Raises DataError where none are known."""
+        if self.surfaces is None:
+            raise DataError(
+                f"the surfaces of scene '{self.name}' are not known",
+                "Scenes that were generated know theirs; captured ones and other data sets do not.",
+            )
+        return self.surfaces(spacing)
 
     @property
     def centre(self) -> Float[Tensor, "3"]:

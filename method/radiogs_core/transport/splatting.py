@@ -133,6 +133,17 @@ def radiance_maps(camera: Camera, surfels: Surfels) -> dict[str, Float[Tensor, "
 
 
 @torch.no_grad()
+def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[Tensor, "height width 3"]:
+    """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, on black.
+
+    What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
+    """
+    weight = incident.weight[..., None]
+    arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
+    return splat(camera, surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
+
+
+@torch.no_grad()
 def split_sum_maps(
     camera: Camera, surfels: Surfels, environment: Float[Tensor, "rows columns 3"]
 ) -> dict[str, Float[Tensor, "height width _"]]:

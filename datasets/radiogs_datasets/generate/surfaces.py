@@ -1,59 +1,48 @@
-"""Surfels laid over the solids of a recipe, with their true materials: geometry that no reconstruction has blurred.
+"""The surfaces of a recipe's solids as samples: points, frames and materials that are known exactly.
 
-For comparing light transport through surfels with a path tracer's through the same solids.
+For comparing light transport through surfels with a path tracer's through the same solids, and for giving a method the
+true geometry.
 """
 
 import itertools
+import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
 
 import torch
 from jaxtyping import Bool, Float
-from scipy.spatial.transform import Rotation
 from torch import Tensor
 
-from radiogs_core.surfels.harmonics import COEFFICIENTS
-from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
+from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
-from .catalogue import GAP, Box, Material, Solid, Sphere
-
-OPACITY = 0.99
-OVERLAP = 0.65
-"""Standard deviation in steps of the grid: inside a face less of a ray's light passes than a solid surface lets through
-(2.7 %, where four cells meet). More would blur: of coplanar surfels the one whose centre is nearer to the camera comes
-first, which moves what is seen by about a third of a step."""
-
-ROUGH = 0.99
-"""Roughness of a room's walls; the logit of 1 is infinite."""
+from .catalogue import GAP, RECIPES, Box, Solid, Sphere
 
 TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
 
 
-@dataclass(frozen=True)
-class Patch:
-    """Equal surfels in the world: centres, orthonormal frames (columns t_u, t_v, n; n outwards), scales."""
+def surfaces_of_folder(folder: Path) -> Surfaces | None:
+    """The surfaces of the scene in a folder that ``generate`` has made, at any size of its images; None for any other.
 
-    centre: Float[Tensor, "surfels 3"]
-    frame: Float[Tensor, "surfels 3 3"]
-    scale: Float[Tensor, "surfels 2"]
-
-    def where(self, kept: Bool[Tensor, " surfels"]) -> "Patch":
-        """Some of them."""
-        return Patch(self.centre[kept], self.frame[kept], self.scale[kept])
-
-    def turned(self) -> "Patch":
-        """The same, seen from the other side."""
-        first, second, normal = self.frame.unbind(-1)
-        return Patch(self.centre, torch.stack([second, first, -normal], -1), self.scale.flip(-1))
+    What was generated is read from ``metadata.json``. Other programs write files of that name too: one that does not
+    name a recipe says nothing.
+    """
+    try:
+        about = json.loads((folder / "metadata.json").read_bytes())
+    except (OSError, ValueError):
+        return None
+    name = about.get("scene") if isinstance(about, dict) else None
+    return partial(surfaces_of, RECIPES[name].solids) if isinstance(name, str) and name in RECIPES else None
 
 
-def surfels_over(solids: Sequence[Solid], spacing: float) -> Surfels:
-    """Nearly opaque surfels, about ``spacing`` (world units) apart, all over the solids; radiance grey 1/2.
+def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
+    """Samples about ``spacing`` (world units) apart, all over the solids, facing outwards. Float64.
 
-    Parts of a face on which another solid stands are left out. Float32.
+    Parts of a face on which another solid stands are left out.
     """
     parts = []
     for place, solid in enumerate(solids):
@@ -62,43 +51,50 @@ def surfels_over(solids: Sequence[Solid], spacing: float) -> Surfels:
             covered = torch.zeros(len(patch.centre), dtype=torch.bool)
             for other in others:
                 covered |= _inside(other, patch.centre, TOUCHING)
-            parts.append(_surfels(patch.where(~covered), solid))
-    return _joined(parts)
-
-
-def surfels_of_room(half_side: float, spacing: float, albedo: float) -> Surfels:
-    """The inside of a closed cube around the origin: surfels that look inwards."""
-    low, high = (-half_side,) * 3, (half_side,) * 3
-    box = Box(low, high, Material((albedo, albedo, albedo), ROUGH))
-    return _joined([_surfels(patch.turned(), box) for patch in _patches(box, [], spacing)])
-
-
-def _joined(parts: Sequence[Surfels]) -> Surfels:
-    return Surfels.of({name: torch.cat([part.parameters()[name] for part in parts]) for name in parts[0].parameters()})
-
-
-def _surfels(patch: Patch, solid: Solid) -> Surfels:
-    count = len(patch.centre)
-    albedo = torch.tensor(solid.material.albedo, dtype=torch.float64)
-    surfels = Surfels(
-        centre=patch.centre,
-        rotation=torch.from_numpy(Rotation.from_matrix(patch.frame.numpy()).as_quat(scalar_first=True)),
-        log_scale=patch.scale.log(),
-        opacity_logit=torch.full((count,), inverse_sigmoid(OPACITY)),
-        sh=torch.zeros(count, COEFFICIENTS, 3),
-        albedo_logit=torch.logit(albedo).expand(count, 3),
-        roughness_logit=torch.full((count,), roughness_to_logit(solid.material.roughness)),
+            parts.append((solid.material, patch.where(~covered)))
+    patches = [patch for _, patch in parts]
+    return SurfaceSamples(
+        centre=torch.cat([patch.centre for patch in patches]),
+        frame=torch.cat([patch.frame for patch in patches]),
+        size=torch.cat([patch.size for patch in patches]),
+        albedo=torch.cat([_repeated(material.albedo, patch) for material, patch in parts]),
+        roughness=torch.cat([_repeated((material.roughness,), patch)[:, 0] for material, patch in parts]),
     )
-    return Surfels.of({name: value.float().contiguous() for name, value in surfels.parameters().items()})
 
 
-def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[Patch]:
+def turned(samples: SurfaceSamples) -> SurfaceSamples:
+    """The same surfaces, facing the other way."""
+    patch = _Patch(samples.centre, samples.frame, samples.size).turned()
+    return replace(samples, frame=patch.frame, size=patch.size)
+
+
+@dataclass(frozen=True)
+class _Patch:
+    """Cells of one surface; see ``SurfaceSamples``."""
+
+    centre: Float[Tensor, "cells 3"]
+    frame: Float[Tensor, "cells 3 3"]
+    size: Float[Tensor, "cells 2"]
+
+    def where(self, kept: Bool[Tensor, " cells"]) -> "_Patch":
+        return _Patch(self.centre[kept], self.frame[kept], self.size[kept])
+
+    def turned(self) -> "_Patch":
+        first, second, normal = self.frame.unbind(-1)
+        return _Patch(self.centre, torch.stack([second, first, -normal], -1), self.size.flip(-1))
+
+
+def _repeated(values: Sequence[float], patch: _Patch) -> Float[Tensor, "cells values"]:
+    return torch.tensor([values], dtype=torch.float64).repeat(len(patch.centre), 1)
+
+
+def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Patch]:
     if isinstance(solid, Sphere):
         return [_sphere(solid, spacing)]
     return [_face(solid, others, spacing, axis, side) for axis, side in itertools.product(range(3), (0, 1))]
 
 
-def _sphere(solid: Sphere, spacing: float) -> Patch:
+def _sphere(solid: Sphere, spacing: float) -> _Patch:
     """A spherical Fibonacci lattice."""
     count = math.ceil(4 * math.pi * solid.radius**2 / spacing**2)
     place = torch.arange(count, dtype=torch.float64)
@@ -107,10 +103,10 @@ def _sphere(solid: Sphere, spacing: float) -> Patch:
     normal = torch.stack([sine * (place * GOLDEN_ANGLE).cos(), sine * (place * GOLDEN_ANGLE).sin(), height], -1)
     step = solid.radius * math.sqrt(4 * math.pi / count)
     centre = torch.tensor(solid.centre, dtype=torch.float64) + solid.radius * normal
-    return Patch(centre, tangent_frame(normal), torch.full((count, 2), OVERLAP * step, dtype=torch.float64))
+    return _Patch(centre, tangent_frame(normal), torch.full((count, 2), step, dtype=torch.float64))
 
 
-def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> Patch:
+def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> _Patch:
     """One side of a box; its grid has lines where boxes that touch it begin, so that cells are covered whole or not."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
     plane = (solid.low, solid.high)[side][axis]
@@ -126,11 +122,11 @@ def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: 
     (u, du), (v, dv) = steps
     centre = torch.empty(len(u), len(v), 3, dtype=torch.float64)
     centre[..., first], centre[..., second], centre[..., axis] = u[:, None], v, plane
-    scale = OVERLAP * torch.stack(torch.broadcast_tensors(du[:, None], dv), -1)
+    size = torch.stack(torch.broadcast_tensors(du[:, None], dv), -1)
     unit = torch.eye(3, dtype=torch.float64)
     frame = torch.stack([unit[first], unit[second], unit[axis]], -1)
     count = len(u) * len(v)
-    outwards = Patch(centre.view(count, 3), frame.expand(count, 3, 3), scale.reshape(count, 2))
+    outwards = _Patch(centre.view(count, 3), frame.expand(count, 3, 3), size.reshape(count, 2))
     return outwards if side == 1 else outwards.turned()
 
 

@@ -1,8 +1,9 @@
-"""Stage 3, fine-tuning: the surfels' radiance alone learns to be consistent with a given light (paper, relighting).
+"""The radiance of fixed surfels under a given light, by minimising radiometric inconsistency.
 
-With geometry, materials and light fixed, L_rad is zero where the radiance solves the rendering equation. The side of
-the residual that is traced and shaded, L_PBR, is a target without gradient: every step moves the radiance towards one
-more application of the light transport operator, whose only fixed point is global illumination.
+With geometry, materials and light fixed, the radiometric consistency loss is zero where the surfels' radiance solves
+the rendering equation. The side of the residual that is traced and shaded, L_PBR, is a target without gradient: every
+step moves the radiance towards one more application of the light transport operator, whose only fixed point is global
+illumination.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,17 +14,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.kernels.shade.shade import shade
-from radiogs_core.learning.backward import backward
-from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.surfels.harmonics import surfel_radiance, unclamped_radiance
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
-from radiogs_core.transport.splatting import towards
-from radiogs_core.transport.tracer import SELF_OFFSET, SurfelTracer
-
-from ..budget import Budget
+from ..kernels.shade.shade import shade
+from ..scene.camera import Camera
+from ..scene.light import EnvironmentMap
+from ..surfels.harmonics import surfel_radiance, unclamped_radiance
+from ..surfels.surfels import Surfels
+from ..transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
+from ..transport.splatting import towards
+from ..transport.tracer import SELF_OFFSET, SurfelTracer
+from .backward import backward
 
 RATE = 0.3
 """Largest step of degree 0, in units of the scene's mean radiance."""
@@ -34,7 +33,7 @@ LAST_RATE = 0.02
 
 
 @dataclass(frozen=True)
-class Lighting:
+class RenderingEquation:
     """What surfels are lit by, and how they scatter it.
 
     albedo: linear, given apart because relighting scales it. emission: linear radiance that the surfels send out by
@@ -48,34 +47,44 @@ class Lighting:
     parts: tuple[int, ...] = (0, 1, 2, 3)
 
 
-class FineTuning:
-    """Stage 3. ``surfels`` give geometry, roughness and the radiance to start from; only their radiance is learnt.
+@dataclass(frozen=True)
+class SolverBudget:
+    """Steps, surfels drawn for each step, and rays traced from each of those."""
 
-    Each step draws ``budget.finetune_surfels`` surfels without replacement, traces ``budget.finetune_samples`` rays
-    from each (three quarters over its hemisphere, the rest drawn from the light, joined by the balance heuristic), and
-    takes the l1 residual towards a camera and towards one random direction of its hemisphere.
+    iterations: int
+    surfels: int
+    samples: int
+
+
+class RadianceSolver:
+    """Solves a rendering equation for the radiance of surfels, step by step.
+
+    The ``surfels`` give geometry, roughness and the radiance to start from; only their radiance is learnt. Each step
+    draws ``budget.surfels`` surfels without replacement, traces ``budget.samples`` rays from each (three quarters over
+    its hemisphere, the rest drawn from the light, joined by the balance heuristic), and takes the l1 residual towards
+    a camera and towards one random direction of its hemisphere. ``offset``: where rays start (see ``SurfelTracer``).
     """
 
-    name = "finetune"
+    name = "radiance"
 
     def __init__(
         self,
         surfels: Surfels,
-        lighting: Lighting,
+        equation: RenderingEquation,
         cameras: Sequence[Camera],
-        budget: Budget,
+        budget: SolverBudget,
         seed: int,
         offset: float = SELF_OFFSET,
     ) -> None:
         device = surfels.centre.device
         self.fixed = surfels.take(torch.arange(len(surfels), device=device))
-        self.lighting, self.budget = lighting, budget
+        self.equation, self.budget = equation, budget
         self.cameras = [camera.to(device, surfels.centre.dtype) for camera in cameras]
-        self.iteration, self.iterations = 0, budget.finetune_iterations
+        self.iteration, self.iterations = 0, budget.iterations
         self.generator = torch.Generator(device).manual_seed(seed)
-        self.sampler = LightSampler(lighting.light)
+        self.sampler = LightSampler(equation.light)
         self.tracer = SurfelTracer(self.fixed, offset)
-        self.drawn = budget.finetune_samples // 4
+        self.drawn = budget.samples // 4
         self.sh = {"sh": self.fixed.sh[:, :1].clone(), "sh_rest": self.fixed.sh[:, 1:].clone()}
         for value in self.sh.values():
             value.requires_grad_()
@@ -92,7 +101,7 @@ class FineTuning:
         """One optimisation step; returns the loss by name."""
         self._set_rates()
         surfels = self.surfels
-        count = min(self.budget.finetune_surfels, len(surfels))
+        count = min(self.budget.surfels, len(surfels))
         index = torch.randperm(len(surfels), generator=self.generator, device=surfels.centre.device)[:count]
         camera = self.cameras[int(torch.randint(len(self.cameras), (), generator=self.generator, device=index.device))]
         normal = surfels.frame[index, :, 2]
@@ -113,23 +122,23 @@ class FineTuning:
     @torch.no_grad()
     def reflected(self, index: Tensor, outgoing: Float[Tensor, "chosen views 3"]) -> Float[Tensor, "chosen views 3"]:
         """L_PBR (Eq. 8) of the surfels ``index`` towards their own ``outgoing`` directions, plus their emission."""
-        lighting, samples = self.lighting, self.budget.finetune_samples
+        equation, samples = self.equation, self.budget.samples
         normal = self.fixed.frame[index, :, 2]
         direction, weight = relighting_directions(
             normal, self.sampler, samples - self.drawn, self.drawn, self.generator
         )
         incident = self.tracer.incident(index, direction, weight)
         parts = shade(
-            normal, lighting.albedo[index], self.fixed.roughness[index], outgoing,
-            direction, weight, incident.visibility, incident.radiance, lighting.light.radiance,
+            normal, equation.albedo[index], self.fixed.roughness[index], outgoing,
+            direction, weight, incident.visibility, incident.radiance, equation.light.radiance,
         )  # fmt: skip
-        sent = parts[:, :, list(lighting.parts)].sum(2)
-        return sent if lighting.emission is None else sent + lighting.emission[index][:, None]
+        sent = parts[:, :, list(equation.parts)].sum(2)
+        return sent if equation.emission is None else sent + equation.emission[index][:, None]
 
     def _mean_radiance(self) -> float:
         """Over a sample of surfels, along their normals: the unit in which steps are taken."""
         index = torch.randperm(len(self.fixed), generator=self.generator, device=self.fixed.centre.device)
-        index = index[: self.budget.finetune_surfels]
+        index = index[: self.budget.surfels]
         along = self.fixed.frame[index, None, :, 2]
         own = surfel_radiance(self.fixed.sh[index], along)
         return max(float(self.reflected(index, along).mean()), float(own.mean()))

@@ -1,37 +1,37 @@
-"""Fine-tuning solves the rendering equation: furnaces, dark and brighter lights, and bitwise resumption."""
+"""The solver solves the rendering equation: furnaces, dark and brighter lights, and bitwise resumption."""
 
-import dataclasses
 import math
+from dataclasses import replace
 
 import pytest
 import torch
 
 from method.test_stages import through_a_file
-from radiogs.budget import Budget, budget
+from radiogs.budget import budget
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.stages.finetune import FineTuning, Lighting
+from radiogs.variant import Variant
+from radiogs_core.contract import Run
+from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
-from radiogs_datasets.generate.surfels import surfels_of_room, surfels_over
+from scenes import surfels_of_room, surfels_over
 
 CAMERAS = [view.camera for view in furnace("furnace-0.5").train]
 DARK = EnvironmentMap(torch.zeros(4, 8, 3))
 
 
-def costing(iterations: int, surfels: int = 500, samples: int = 48) -> Budget:
-    return dataclasses.replace(
-        budget("smoke"), finetune_iterations=iterations, finetune_surfels=surfels, finetune_samples=samples
-    )
+def steps(iterations: int) -> SolverBudget:
+    return SolverBudget(iterations, surfels=500, samples=48)
 
 
-def solved(stage: FineTuning) -> Surfels:
-    while stage.iteration < stage.iterations:
-        stage.step()
-    return stage.surfels
+def solved(solver: RadianceSolver) -> Surfels:
+    while solver.iteration < solver.iterations:
+        solver.step()
+    return solver.surfels
 
 
 def along_normals(surfels: Surfels) -> torch.Tensor:
@@ -43,8 +43,8 @@ def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float
     room = surfels_of_room(1.0, 0.3, albedo)
     emission = torch.full_like(room.centre, 0.1)
     room.sh[:, 0] = radiance_to_sh(emission)
-    lighting = Lighting(DARK, room.albedo, emission, parts=(0, 1))
-    found = along_normals(solved(FineTuning(room, lighting, CAMERAS, costing(120), 0, offset=0.1)))
+    equation = RenderingEquation(DARK, room.albedo, emission, parts=(0, 1))
+    found = along_normals(solved(RadianceSolver(room, equation, CAMERAS, steps(120), 0, offset=0.1)))
     assert float(found.mean()) == pytest.approx(0.1 / (1 - albedo), rel=0.02)
 
 
@@ -56,7 +56,7 @@ def white_ball() -> Surfels:
 
 def test_without_light_all_radiance_dies_out() -> None:
     ball = white_ball()
-    found = along_normals(solved(FineTuning(ball, Lighting(DARK, ball.albedo), CAMERAS, costing(80), 0)))
+    found = along_normals(solved(RadianceSolver(ball, RenderingEquation(DARK, ball.albedo), CAMERAS, steps(80), 0)))
     assert float(found.mean()) < 0.03  # from 0.5
 
 
@@ -66,7 +66,9 @@ def test_a_light_ten_times_brighter_is_solved_in_as_many_steps() -> None:
     for radiance in (0.5, 5.0):
         ball = white_ball()
         light = EnvironmentMap(torch.full((4, 8, 3), radiance))
-        found = along_normals(solved(FineTuning(ball, Lighting(light, ball.albedo), CAMERAS, costing(80), 0)))
+        found = along_normals(
+            solved(RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, steps(80), 0))
+        )
         # A convex body under constant light sends out albedo times it, and a little in its specular lobe.
         errors.append(float((found / radiance).mean()))
     assert errors[0] == pytest.approx(errors[1], rel=0.05)
@@ -75,7 +77,7 @@ def test_a_light_ten_times_brighter_is_solved_in_as_many_steps() -> None:
 
 def test_only_radiance_learns() -> None:
     ball = white_ball()
-    stage = FineTuning(ball, Lighting(DARK, ball.albedo), CAMERAS, costing(3), 0)
+    stage = RadianceSolver(ball, RenderingEquation(DARK, ball.albedo), CAMERAS, steps(3), 0)
     found = solved(stage).parameters()
     for name, value in ball.parameters().items():
         assert torch.equal(found[name], value) == (name != "sh"), name
@@ -83,31 +85,33 @@ def test_only_radiance_learns() -> None:
 
 def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
     ball = white_ball()
+    cost = replace(budget("smoke"), finetune_iterations=5, finetune_surfels=500, finetune_samples=48)
     model = Model(ball, torch.zeros(4, 8, 3))
-    steps: list[None] = []
+    run = Run(furnace("furnace-0.5"), Variant(relighting="surfels"), cost, 0, torch.device("cpu"))
+    done: list[None] = []
 
     def count() -> None:
-        steps.append(None)
+        done.append(None)
 
     def stop() -> None:
         count()
-        if len(steps) == 2:
+        if len(done) == 2:
             raise InterruptedError
 
-    relight(model, DARK, torch.ones(3), CAMERAS, costing(5), 0, "surfels", after_step=count)
-    assert len(steps) == 5
-    steps.clear()
+    relight(model, DARK, torch.ones(3), run, after_step=count)
+    assert len(done) == 5
+    done.clear()
     with pytest.raises(InterruptedError):
-        relight(model, DARK, torch.ones(3), CAMERAS, costing(5), 0, "surfels", after_step=stop)
-    assert len(steps) == 2
+        relight(model, DARK, torch.ones(3), run, after_step=stop)
+    assert len(done) == 2
 
 
 def test_it_resumes_bit_for_bit() -> None:
     ball = white_ball()
     light = EnvironmentMap(torch.rand(4, 8, 3, generator=torch.Generator().manual_seed(1)))
 
-    def stage() -> FineTuning:
-        return FineTuning(ball, Lighting(light, ball.albedo), CAMERAS, costing(12), 5)
+    def stage() -> RadianceSolver:
+        return RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, steps(12), 5)
 
     whole = stage()
     for step in range(12):

@@ -1,0 +1,141 @@
+"""Which effects RadioGS needs on a scene as it truly is, or for a trained model: in training, or relit by a light."""
+
+from dataclasses import replace
+
+import torch
+
+from radiogs_core.contract import EffectRecord, Probe, Run
+from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.surfels import Surfels
+
+from .budget import Budget
+from .effects.decide.difference_maps import difference_maps
+from .effects.decide.evidence import Evidence
+from .effects.decide.probe import Findings, probe
+from .effects.decide.relighting import IN_RELIGHTING, settle_light_sampling
+from .effects.measure.prices import Step
+from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
+from .effects.measure.subject import Subject, subject_of
+from .model import Model
+from .relighting import probed_under, training_share, training_sights
+
+EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
+"""What a probe of a scene looks at: the radiance that its surfels are given is the same to all sides."""
+
+EFFECTS_OF_MODELS = (*EFFECTS, "view-dependence")
+"""What a probe of a trained model looks at."""
+
+SPACING = 0.08
+"""World units between the surfels that are laid on a scene's true surfaces; generated scenes are 2 to 3 across."""
+
+
+def probed(run: Run, model: Model | None, light: EnvironmentMap | None) -> Probe:
+    """What stage 2 with the run's budget needs, or relighting by ``light``: on the run's scene, or for a trained model.
+
+    Without a model, the scene is probed as it truly is. Raises DataError (see ``true_model``).
+    """
+    if light is not None:
+        return shown(*findings_under(run, model, light), IN_RELIGHTING)
+    if model is not None:
+        subject = subject_of_model(run, model)
+        return shown(subject, findings_of(subject, run, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)
+    subject, decay = subject_of_scene(run)
+    found = findings_of(subject, run)
+    found = with_record(found, sampling_of(run, subject, found))
+    return shown(subject, found, EFFECTS, bounces_needed(found, decay))
+
+
+def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, EnvironmentMap]:
+    """Surfels on the true surfaces of a scene with their true materials, and its true light.
+
+    Raises DataError where those are not known, and where surfaces emit light or have no specular lobe.
+    """
+    samples = None if scene.surfaces is None else scene.true_surfaces(spacing)
+    # A probe lights surfels by the environment alone, and gives all of them a lobe.
+    if samples is None or samples.emission is not None or not samples.specular or scene.training_light is None:
+        raise DataError(
+            f"scene '{scene.name}' has no known solids and light to be probed by",
+            "Only the generated scenes do; of others only a trained model can be probed.",
+            f"Train one, and probe its folder:  radiogs-bench train {scene.name} --out DIR",
+        )
+    return surfels_on(samples), scene.training_light
+
+
+def subject_of_scene(run: Run) -> tuple[Subject, Decay]:
+    """The scene as surfels that are true to it, seen from its training views. Raises DataError (see ``true_model``)."""
+    samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
+    surfels, decay = solved(surfels, light, samples, run.seed)
+    sights, share = training_sights(run.scene, torch.device("cpu")), training_share(run.scene, surfels)
+    generator = torch.Generator().manual_seed(run.seed)
+    return subject_of(surfels, light.radiance, sights, share, samples, generator, bounces=True, offset=OFFSET), decay
+
+
+def subject_of_model(run: Run, model: Model) -> Subject:
+    """A trained model, seen from training views of its scene."""
+    surfels, samples = model.surfels, run.budget.incident_samples
+    generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
+    sights, share = training_sights(run.scene, surfels.centre.device), training_share(run.scene, surfels)
+    return subject_of(surfels, model.environment, sights, share, samples, generator, bounces=True)
+
+
+def findings_of(subject: Subject, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
+    """What stage 2 with the run's budget would leave out of a subject."""
+    budget: Budget = run.budget
+    step = Step(len(subject.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+    return probe(subject, step, run.seed, effects=effects)
+
+
+def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[Subject, Findings]:
+    """What relighting a model by ``light`` would leave out, and what was looked at; None: the scene as it truly is."""
+    if model is not None:
+        return probed_under(model, light, torch.ones(3), run)
+    subject, _ = subject_of_scene(run)
+    true = Model(subject.surfels, subject.environment.log())
+    on_cpu = replace(run, device=torch.device("cpu"))
+    return probed_under(true, light, torch.ones(3), on_cpu, offset=OFFSET)
+
+
+def sampling_of(run: Run, subject: Subject, found: Findings) -> Evidence:
+    """Whether relighting by the scene's own light needs directions that are drawn from it."""
+    light, budget = run.scene.training_light, run.budget
+    if light is None:
+        raise DataError(f"the light of scene '{run.scene.name}' is not known", "There is nothing to draw from.")
+    return settle_light_sampling(
+        subject.surfels, light, found.tolerance,
+        budget.relight_hemisphere_samples, budget.relight_light_samples, run.seed,
+    )  # fmt: skip
+
+
+def with_record(found: Findings, record: Evidence) -> Findings:
+    """The findings with one more record, of light sampling."""
+    plan = replace(found.plan, light_sampling=record.verdict == "on")
+    return replace(found, plan=plan, evidence=(*found.evidence, record))
+
+
+def bounces_needed(found: Findings, decay: Decay) -> int:
+    """How many surfaces light has to be followed over, from what leaving out all but the first costs."""
+    record = next(each for each in found.evidence if each.effect == "bounces")
+    if record.measured is None:
+        return BOUNCES
+    # dB back to squared errors, in units of the method's own.
+    first, tolerated = (10 ** (decibel / 10) - 1 for decibel in (record.measured.bound, found.tolerance.decibel / 2))
+    return decay.needed(first, tolerated)
+
+
+def shown(subject: Subject, found: Findings, effects: tuple[str, ...], bounces: int | None = None) -> Probe:
+    """Findings as plain data, with pictures of what leaving out each of ``effects`` changes in the first sight."""
+    full, differences = difference_maps(subject, effects)
+    taken = subject.sights[0].target
+    return Probe(
+        tolerance=found.tolerance.decibel,
+        mse=found.tolerance.mse,
+        records=tuple(EffectRecord(**each.plain()) for each in found.evidence),
+        plan=found.plan.plain(),
+        bounces=bounces,
+        reference=(full if taken is None else taken).cpu(),
+        pictured=taken is not None,
+        differences={effect: change.cpu() for effect, change in differences.items()},
+    )
