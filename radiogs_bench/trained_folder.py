@@ -15,11 +15,11 @@ import torch
 from radiogs.model import Model
 from radiogs.variant import Variant
 from radiogs_core.errors import DataError
+from radiogs_core.plain import from_plain
 from radiogs_core.surfels.ply import write_ply
 from radiogs_datasets.image_files import write_exr
 
 from .cell import Cell
-from .experiments.stages import model_of
 from .store.atomic import write_atomically
 from .store.folder import Store, strict_json
 
@@ -62,9 +62,8 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Model) -> list[Pa
 
 
 def variant_of(fields: dict[str, Any]) -> Variant:
-    """A variant from its fields as JSON has them, which has no tuples."""
-    tuples: dict[str, Any] = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
-    return Variant(**fields | tuples)
+    """A variant from its fields as JSON has them."""
+    return from_plain(Variant, fields)
 
 
 def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:
@@ -89,4 +88,4 @@ def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:
     stored = Store(folder).tensors(f"trained/{about['training_key']}", device)
     if stored is None:
         raise DataError(f"the model of '{folder}' is gone", "Its file in trained/ is missing.", "Train it again.")
-    return about, model_of(stored["product"])
+    return about, Model.of(stored["product"])

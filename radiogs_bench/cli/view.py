@@ -55,8 +55,9 @@ def model_in(folder: Path, row: str | None) -> "Model":
     """The model that ``train`` left in a folder, or that of a row of a run. Raises DataError where there is none."""
     import torch
 
+    from radiogs.model import Model
+
     from ..engines.sweep import read_sweep
-    from ..experiments.stages import model_of
     from ..store.folder import Store
     from ..trained_folder import read_trained
 
@@ -69,7 +70,7 @@ def model_in(folder: Path, row: str | None) -> "Model":
     for place in places:
         stored = Store(folder).tensors(f"trained/{place['training_key']}", cpu)
         if stored is not None:
-            return model_of(stored["product"])
+            return Model.of(stored["product"])
     raise DataError(
         f"no model is trained in '{folder}'" + (f" for the row '{row}'" if row else ""),
         "Its files would lie in trained/.",

@@ -11,8 +11,6 @@ from radiogs.model import Model
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import EffectPlan
 
 from ..cell import Cell
 from ..engines.interruption import Interruption
@@ -87,10 +85,10 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
         return method.invert(scene, cell.variant, cell.budget, cell.seed, device, first["product"])
 
     name = f"trained/{cell.training_key}"
-    asked = None if score is None else lambda stage: score(model_of(model_tensors(stage.model)))
-    inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model), asked)
+    asked = None if score is None else lambda stage: score(Model.of(stage.model.tensors()))
+    inverted = completed(bench, name, INVERT, invert, lambda stage: stage.model.tensors(), asked)
     ledgers = {"initialise": first["ledger"], "invert": inverted["ledger"]}
-    return model_of(inverted["product"]), ledgers
+    return Model.of(inverted["product"]), ledgers
 
 
 def initialised(bench: Bench, cell: Cell, scene: Scene) -> Outcome:
@@ -213,21 +211,3 @@ def _step(bench: Bench, name: str, stage: Stage, ledger_now: Callable[[], Ledger
 
 def _checkpoint(name: str) -> str:
     return f"{name}.checkpoint"
-
-
-def model_tensors(model: Model) -> dict[str, Any]:
-    """A model as plain tensors, without gradient history."""
-    surfels = {name: value.detach() for name, value in model.surfels.parameters().items()}
-    effects = {"plan": model.plan.state(), "evidence": [dict(each) for each in model.evidence]}
-    return {"surfels": surfels, "log_environment": model.log_environment.detach(), "effects": effects}
-
-
-def model_of(tensors: dict[str, Any]) -> Model:
-    """The inverse of ``model_tensors``."""
-    effects = tensors["effects"]
-    return Model(
-        Surfels.of(tensors["surfels"]),
-        tensors["log_environment"],
-        EffectPlan(**effects["plan"]),
-        tuple(effects["evidence"]),
-    )

@@ -7,20 +7,19 @@ import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields, replace
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
 
 from radiogs.budget import Budget
-from radiogs.variant import Variant
 from radiogs_baselines.published import published_tables
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import known_names
 
 from ..experiments.registry import EXPERIMENTS
 from .registry import SUITES
-from .suite import MEASURES, TASKS, Metric, Row, Suite
+from .suite import MEASURES, TASKS, Metric, Suite
 
 SUFFIX = ".toml"
 NAME = re.compile(r"[\w.-]+")
@@ -75,10 +74,10 @@ class _Reader:
     def convert(self, hint: Any, value: Any, where: str) -> Any:
         """A value as its field's type asks for it."""
         origin, arguments = get_origin(hint), get_args(hint)
-        if hint in (Row, Variant):
-            return self.build(hint, value, where)
         if hint is Metric:
             return self.metric(value, where)
+        if is_dataclass(hint):
+            return self.build(hint, value, where)  # type: ignore[arg-type]
         if origin is Literal:
             if value not in arguments:
                 self.fail(where, f"{value!r} is none of its values", f"There are: {', '.join(map(repr, arguments))}.")

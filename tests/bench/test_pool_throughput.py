@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs.model import Model
 from radiogs_bench.engines.sweep import read_sweep
-from radiogs_bench.experiments.stages import model_of
 from radiogs_bench.store.folder import Store
 
 SEEDS = 4
@@ -76,7 +76,7 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
         with np.load(store.arrays_path(result["key"])) as arrays:
             maps = {name: arrays[name].tobytes() for name in arrays.files}
         model = torch.load(folder / f"trained/{place['training_key']}.pt", weights_only=True)["product"]
-        surfels = [value.numpy().tobytes() for value in model_of(model).surfels.parameters().values()]
+        surfels = [value.numpy().tobytes() for value in Model.of(model).surfels.parameters().values()]
         said: dict[str, Any] = {name: value for name, value in result.items() if name not in MEASURED}
         said["trail"] = {
             stage: [{name: value for name, value in point.items() if name not in MEASURED} for point in points]
