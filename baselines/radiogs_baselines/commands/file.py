@@ -60,7 +60,7 @@ class TrainCommand:
 
 @dataclass(frozen=True)
 class RenderCommand:
-    """Rendering the test views under the light of the training views; ``maps`` are those that must be there after it."""
+    """Rendering the test views under the light of the training views; ``maps`` must be there after it."""
 
     arguments: tuple[str, ...]
     maps: tuple[str, ...] = ("image",)
@@ -94,8 +94,10 @@ class MethodFile:
 
     ``reader`` is the layout of its results (``radiogs_baselines.outputs``), ``results`` the folder that they are in.
     ``layouts`` are those of scenes that the code can read. Without ``render``, training writes the test views itself;
-    without ``relight``, nothing is relit. ``resumes``: a command that was cut short is run again in the folder as it
-    is; otherwise what it wrote is removed first. ``traps`` are sentences on what one must know of this code.
+    without ``relight``, nothing is relit. ``settings`` are lists of arguments by name, to stand in those of commands
+    as ``{name}``; ``scenes`` gives other values for scenes of some names. ``resumes``: a command that was cut short is
+    run again in the folder as it is; otherwise what it wrote is removed first. ``traps`` are sentences on what one
+    must know of this code.
     """
 
     name: str
@@ -109,6 +111,8 @@ class MethodFile:
     results: str = "{output}"
     working_folder: str = "{code}"
     environment: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    scenes: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
     presets: Mapping[str, Iterations] = field(default_factory=dict)
     resumes: bool = False
     traps: tuple[str, ...] = ()
@@ -116,6 +120,10 @@ class MethodFile:
     def iterations(self, preset: str) -> Iterations:
         """The iterations of a preset."""
         return self.presets.get(preset, Iterations())
+
+    def settings_for(self, scene: str) -> Mapping[str, tuple[str, ...]]:
+        """The settings for a scene of that name."""
+        return {**self.settings, **self.scenes.get(scene, {})}
 
 
 def read_file(path: Path) -> MethodFile:
@@ -199,6 +207,7 @@ class _Checks:
         """Raise UsageError for the first thing that is wrong."""
         self._names()
         self._code()
+        self._settings()
         self._texts()
         self._limits()
         self._presets()
@@ -228,6 +237,16 @@ class _Checks:
         for where, name in (("code.variable", code.variable), ("code.python", code.python)):
             if name and not VARIABLE.fullmatch(name):
                 fail(where, f"'{name}' is no name of an environment variable")
+
+    def _settings(self) -> None:
+        settings, taken = self.file.settings, {**EVERYWHERE, **ONE_LIGHT, **LISTS}
+        for name in settings:
+            if name in taken or not name.isidentifier():
+                why = "It is a placeholder of its own, or no name at all."
+                self.reader.fail(f"settings.{name}", f"'{name}' cannot be the name of a setting", why)
+        for scene, values in self.file.scenes.items():
+            for name in values:
+                self.reader.known(f"scenes.{scene}", "setting", name, settings)
 
     def _texts(self) -> None:
         """Every placeholder stands where it means something."""
@@ -264,7 +283,7 @@ class _Checks:
         if where.endswith("arguments") and not texts:
             self.reader.fail(where, "the list is empty", "Its first is the program.")
         for place, text in enumerate(texts):
-            if text not in [f"{{{name}}}" for name in lists or ()]:
+            if text not in [f"{{{name}}}" for name in (*(lists or ()), *self.file.settings)]:
                 self._text(f"{where}[{place}]", text, {**EVERYWHERE, **(further or {})})
 
     def _result(self, where: str, text: str) -> None:

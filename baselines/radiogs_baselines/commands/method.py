@@ -77,16 +77,17 @@ class CommandMethod:
                 owner=self.name,
                 reads=reads,
                 sources=(__name__,),
-                begin=partial(self._begin, place),
+                begin=partial(self._begin, number),
             )
-            for place, command in enumerate(self.file.train)
+            for number, command in enumerate(self.file.train)
         ]
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedCommand:
         """The model from the product of the last stage. Raises DataError if its files are gone or changed."""
         place = Place.of(self.file, self.home, run)
         self._require_whole(place, tensors)
-        return TrainedCommand(place, tensors, digest_of_order(*self._decides(run)))
+        made_by = digest_of_order(*self._decides(run), [Record.of(each).files for each in tensors.values()])
+        return TrainedCommand(place, tensors, made_by)
 
     def _begin(self, number: int, run: Run, product: Mapping[str, Any]) -> "CommandStage":
         place = Place.of(self.file, self.home, run)
@@ -108,7 +109,7 @@ class CommandMethod:
 
     def _arguments(self, place: Place, number: int, resuming: bool) -> Sequence[str]:
         train = self.file.train
-        taken = [place for place, each in enumerate(train) if "{arguments}" in each.arguments]
+        taken = any("{arguments}" in each.arguments for each in train)
         command, further = train[number], place.run.variant.arguments
         texts = list(command.arguments)
         if not taken and number == len(train) - 1:
@@ -116,8 +117,9 @@ class CommandMethod:
         if "{resume}" not in texts:
             texts.append("{resume}")
         values = place.values()
-        resume = filled_list(command.resume, values) if resuming else ()
-        return filled_list(texts, values, {"arguments": further, "resume": resume})
+        lists = place.settings
+        resume = filled_list(command.resume, values, lists) if resuming else ()
+        return filled_list(texts, values, {**lists, "arguments": further, "resume": resume})
 
     def _decides(self, run: Run) -> list[Sequence[str]]:
         """What a workspace's files are made by, as text."""
@@ -193,7 +195,7 @@ class CommandStage:
                 "What a command has found is known when it has ended.",
                 "Leave this method out of what is scored along the way.",
             )
-        return self._product | {self._task.name: self._record.plain()}
+        return {**self._product, self._task.name: self._record.plain()}
 
 
 def read_method(path: Path) -> CommandMethod:

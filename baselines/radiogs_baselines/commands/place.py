@@ -2,7 +2,7 @@
 
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,6 +100,11 @@ class Place:
         if light and self.file.relight is not None:
             values |= {"light": light, "light_file": str(self.lights / f"{light}{self.file.relight.light_suffix}")}
         return values
+
+    @property
+    def settings(self) -> Mapping[str, Sequence[str]]:
+        """The file's lists of arguments, as they are for this scene."""
+        return self.file.settings_for(self.run.scene.name)
 
     def environment(self, values: Mapping[str, str]) -> dict[str, str]:
         """The file's variables."""

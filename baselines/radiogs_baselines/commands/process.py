@@ -110,10 +110,9 @@ class Running:
         """End it with all its children, if it has not ended; what outlives a command that has ended is ended too."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
-            if SUPPORTED or self._process.poll() is None:
-                survivors = self._family.end(self.grace)
-            else:
-                survivors = []
+            # Without /proc the group's number may be another's once the command is gone.
+            reachable = SUPPORTED or self._process.poll() is None
+            survivors = self._family.end(self.grace) if reachable else []
             try:
                 code = self._process.wait(1)
             except subprocess.TimeoutExpired:  # it sleeps in the kernel and cannot be ended

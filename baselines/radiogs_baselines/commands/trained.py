@@ -174,7 +174,7 @@ class TrainedCommand:
             place=self.place,
             name="render",
             order=self.order + digest_of_order(["render"]),
-            arguments=lambda resuming: filled_list(command.arguments, self.place.values()),
+            arguments=lambda resuming: filled_list(command.arguments, self.place.values(), self.place.settings),
             wrote=self._views_written,
             time_limit=command.time_limit,
             before=self.place.write_lights,
@@ -190,7 +190,7 @@ class TrainedCommand:
             place=self.place,
             name=f"relight-{light}" if one else "relight",
             order=self.order + digest_of_order(["relight", one]),
-            arguments=lambda resuming: filled_list(command.arguments, self.place.values(one)),
+            arguments=lambda resuming: filled_list(command.arguments, self.place.values(one), self.place.settings),
             wrote=partial(self._relit_written, lights),
             light=one,
             time_limit=command.time_limit,
@@ -229,7 +229,8 @@ class TrainedCommand:
         for light in lights:
             relit = self._relit(light)
             files |= {(light, name): found for name, found in relit.items()}
-            wanted = [view.name for scene in self._lit_views()[light] for view in scene.test]
+            views = [view for scene in self._lit_views()[light] for view in scene.test]
+            wanted = [view.name for view in views if view.has(f"relit/{light}")]
             missing += [f"{name} under {light}" for name in wanted if name not in relit]
         _require_none(missing)
         return self._listed(files.values())
