@@ -125,6 +125,22 @@ class MethodFile:
         """The settings for a scene of that name."""
         return {**self.settings, **self.scenes.get(scene, {})}
 
+    @property
+    def reads_lights(self) -> bool:
+        """Whether a command reads the scene's lights from the files that are made for it."""
+        names = {name for text in self.texts for name in placeholders(text)}
+        return not names.isdisjoint({"lights", "light_file"})
+
+    @property
+    def texts(self) -> list[str]:
+        """Every text that may hold placeholders, but settings."""
+        texts = [self.results, self.working_folder, *self.environment.values()]
+        for each in self.train:
+            texts += [*each.arguments, *each.resume, *each.writes]
+        for command in (self.render, self.relight):
+            texts += command.arguments if command is not None else ()
+        return texts
+
 
 def read_file(path: Path) -> MethodFile:
     """The method of a file. Raises DataError where there is none, UsageError for what is wrong in it."""
@@ -311,7 +327,7 @@ class _Checks:
             self.reader.known("presets", "preset", name, PRESETS)
             if min(each.iterations, each.further) < 0:
                 self.reader.fail(f"presets.{name}", "a number of iterations is below zero")
-        asked = {name for text in _every_text(file) for name in placeholders(text)} & ITERATIONS
+        asked = {name for text in file.texts for name in placeholders(text)} & ITERATIONS
         needed = {"total": ("iterations", "further")}
         for name in sorted({part for each in asked for part in needed.get(each, (each,))}):
             for preset in PRESETS:
@@ -321,12 +337,3 @@ class _Checks:
                         f"the field '{name}' is missing",
                         f"A command asks for it ({', '.join(f'{{{each}}}' for each in sorted(asked))}).",
                     )
-
-
-def _every_text(file: MethodFile) -> list[str]:
-    texts = [file.results, file.working_folder, *file.environment.values()]
-    for each in file.train:
-        texts += [*each.arguments, *each.resume, *each.writes]
-    for command in (file.render, file.relight):
-        texts += command.arguments if command is not None else ()
-    return texts

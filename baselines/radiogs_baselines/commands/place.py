@@ -14,7 +14,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets.image_files import write_exr, write_hdr
 
 from .errors import CommandFailed
-from .file import MethodFile
+from .file import MethodFile, RelightCommand
 from .placeholders import filled
 
 
@@ -97,8 +97,8 @@ class Place:
     def values(self, light: str = "") -> dict[str, str]:
         """What all placeholders stand for. Raises UsageError where the code cannot be found."""
         values = self.named() | {"code": str(self._checkout()), "python": self._python()}
-        if light and self.file.relight is not None:
-            values |= {"light": light, "light_file": str(self.lights / f"{light}{self.file.relight.light_suffix}")}
+        if light:
+            values |= {"light": light, "light_file": str(self.lights / f"{light}{self._light_suffix}")}
         return values
 
     @property
@@ -119,11 +119,11 @@ class Place:
 
     def write_lights(self) -> None:
         """Put the scene's lights where commands read them: latitude-longitude, Z up, centre column towards +X."""
-        if self.file.relight is None:
+        if not self.file.reads_lights:
             return
         self.make(self.lights)
         for name, light in self.run.scene.lights.items():
-            _write_light(self.lights / f"{name}{self.file.relight.light_suffix}", light)
+            _write_light(self.lights / f"{name}{self._light_suffix}", light)
 
     def make(self, folder: Path) -> None:
         """Make a folder of the workspace. Raises CommandFailed where the disk refuses."""
@@ -144,6 +144,10 @@ class Place:
         except (OSError, subprocess.SubprocessError, UsageError):
             return None
         return said.stdout.strip()
+
+    @property
+    def _light_suffix(self) -> str:
+        return (self.file.relight or RelightCommand(())).light_suffix
 
     def _checkout(self) -> Path:
         code = self.file.code

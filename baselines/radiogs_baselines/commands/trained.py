@@ -219,7 +219,7 @@ class TrainedCommand:
         missing = [each for each in found.missing if not each.startswith("relit ")]
         there = {name for maps in found.maps.values() for name in maps}
         missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
-        _require_none(missing)
+        _require_none(missing, found.ignored)
         return self._listed(found for maps in found.maps.values() for found in maps.values())
 
     def _relit_written(self, lights: Sequence[str]) -> Listing:
@@ -311,7 +311,9 @@ def _inspect(files: Any) -> None:
             image_size(path, read_bytes(path))
 
 
-def _require_none(missing: Sequence[str]) -> None:
+def _require_none(missing: Sequence[str], unread: Sequence[str] = ()) -> None:
+    """Raise CommandFailed for what is missing; what is there and not read may be the reason."""
     if missing:
         more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
-        raise CommandFailed(f"{len(missing)} missing: {', '.join(missing[:SHOWN])}{more}")
+        beside = f"There and not read: {'; '.join(unread[:SHOWN])}." if unread else ""
+        raise CommandFailed(f"{len(missing)} missing: {', '.join(missing[:SHOWN])}{more}", beside)

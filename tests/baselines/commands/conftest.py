@@ -5,8 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from public_outputs import WRITERS, Maps, noisy
 
+from public_outputs import WRITERS, Maps, noisy
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 

@@ -32,11 +32,15 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=1000)
     arguments = parser.parse_args()
     frames = json.loads((arguments.scene / "transforms_test.json").read_text())["frames"]
-    print(f"{arguments.script}: {len(frames)} test views", flush=True)
+    say(f"{arguments.script}: {len(frames)} test views")
     if arguments.note is not None:
         with arguments.note.open("a") as file:
             file.write(" ".join(sys.argv[1:]) + "\n")
     {"train": train, "render": render, "relight": relight}[arguments.script](arguments)
+
+
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
 
 
 def train(arguments: Namespace) -> None:
@@ -84,7 +88,7 @@ def behave(arguments: Namespace) -> None:
         if habit == "crash after half":
             arguments.output.mkdir(parents=True, exist_ok=True)
             (arguments.output / "half.pth").write_text("half")
-        print("RuntimeError: CUDA error: an illegal memory access was encountered", file=sys.stderr)
+        sys.stderr.write("RuntimeError: CUDA error: an illegal memory access was encountered\n")
         raise SystemExit(3)
     if habit == "abort":
         os.kill(os.getpid(), signal.SIGKILL)
@@ -107,7 +111,7 @@ def behave(arguments: Namespace) -> None:
                 file.flush()
     if habit == "talk":
         for number in range(20_000):
-            print(f"iteration {number} " + "." * 80)
+            say(f"iteration {number} " + "." * 80)
     if habit == "take memory":
         block = bytearray(b"x") * (200 * 2**20)
         time.sleep(0.6)

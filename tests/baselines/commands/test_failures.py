@@ -9,9 +9,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from baselines.commands.bench import Bench, method_of, toml
 from bench.test_full_disk import UNSHARE, why_nothing_can_be_mounted
-
+from public_outputs import Maps, write_svg_ir
 from radiogs_baselines.commands import CommandFailed, family, process, task
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
@@ -207,6 +208,17 @@ def test_what_must_be_rendered_and_is_not_is_an_error(
     assert "1 missing: indirect of all views" in failure.value.why
 
 
+def test_views_of_another_size_are_named_as_the_reason(
+    convex: Scene, predicted: dict[str, Maps], tmp_path: Path
+) -> None:
+    write_svg_ir(tmp_path / "pantry", predicted, step=4)
+    text = toml([FIRST], f"--pantry|{tmp_path / 'pantry'}", reader="svg-ir")
+    trained = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train()
+    with pytest.raises(CommandFailed) as failure:
+        trained.prepare()
+    assert "a quarter of the resolution" in failure.value.why
+
+
 def test_a_command_that_leaves_nothing_is_an_error(convex: Scene, tmp_path: Path) -> None:
     with pytest.raises(CommandFailed) as failure:
         cell(tmp_path, convex, "--name|another").train()
@@ -270,6 +282,8 @@ FULL_DISK = """
 import sys
 from pathlib import Path
 from baselines.commands.bench import Bench, method_of, toml
+from public_outputs import Maps, write_svg_ir
+
 from radiogs_baselines.commands import CommandFailed
 from radiogs_datasets import load_scene
 import subprocess

@@ -1,15 +1,17 @@
 """A stand-in code is trained, rendered and relit through the contract, in the layout of every published code."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
+
 from baselines.commands.bench import Bench, method_of, toml
 from public_outputs import Maps
-
 from radiogs_baselines.commands import CommandBudget, CommandVariant
 from radiogs_core import contract
+from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets.image_files import read_image
 
@@ -54,6 +56,17 @@ def test_a_code_is_trained_rendered_and_relit(
         assert set(relit.offers) == {"image"}
         for view in (view for view in convex.test if view.has(f"relit/{name}")):
             assert (relit.render(view.camera)["image"] - predicted[view.name][f"relit/{name}"]).abs().max() < 0.02
+
+
+def test_a_camera_that_was_not_rendered_is_refused(
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    text = toml(["--name|model-1"], f"--pantry|{pantry('irgs')}", reader="irgs")
+    prepared = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train().prepare()
+    with pytest.raises(DataError, match="was not rendered from this camera"):
+        prepared.render(convex.train[0].camera)
+    with pytest.raises(DataError, match="was not rendered from this camera"):
+        prepared.render(replace(convex.test[0].camera, fx=1.0))
 
 
 def test_facts_say_what_was_run_and_what_it_took(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
@@ -113,7 +126,7 @@ def test_all_lights_at_once_are_one_command(convex: Scene, pantry: Callable[[str
 def test_the_lights_that_a_code_reads_are_those_of_the_scene(
     convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
 ) -> None:
-    shelf = f"--pantry|{pantry('plain')}|--light|{{light}}"
+    shelf = f"--pantry|{pantry('plain')}|--light|{{light}}|--light_file|{{light_file}}"
     bench = Bench(method_of(tmp_path, toml(["--name|model-1"], "", shelf)), convex, tmp_path / "work")
     trained = bench.train()
     name, light = next(iter(convex.lights.items()))
