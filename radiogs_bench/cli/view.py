@@ -10,7 +10,7 @@ from .options import add_verbose, positive
 
 if TYPE_CHECKING:
     from radiogs.model import Model
-    from radiogs_reports.surfel_view import Disks
+    from radiogs_reports.figures.surfel_view import Disks
 
     from .options import Commands
 
@@ -31,7 +31,7 @@ def add_to(commands: "Commands") -> None:
 
 def view(options: argparse.Namespace) -> int:
     """Write figures/surfels.png and figures/surfels.gif into the folder. Raises UsageError where VTK cannot draw."""
-    from radiogs_reports.surfel_view import draw, why_not
+    from radiogs_reports.figures.surfel_view import draw, why_not
 
     from .reporter import say
 
@@ -83,7 +83,7 @@ def disks_of(model: "Model", colour: str) -> "Disks":
 
     from radiogs_core.scene.colour import srgb_encode
     from radiogs_core.surfels.harmonics import surfel_radiance
-    from radiogs_reports.surfel_view import Disks
+    from radiogs_reports.figures.surfel_view import Disks
 
     with torch.no_grad():
         surfels = model.surfels

@@ -12,9 +12,9 @@ from radiogs.budget import budget, scaled
 from radiogs.variant import Variant
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.errors import UsageError
+from radiogs_reports.statistics import Estimate, Sample, estimate, paired_difference
 from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
 
-from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.cell import TRAINING, plain

@@ -11,14 +11,16 @@ import pytest
 from scipy import stats
 
 from made_up_run import cell, run, summary, write_run
-from radiogs_reports import texts, write_reports
-from radiogs_reports.audit import AuditReport, audit_csv, audit_latex, audit_markdown, audit_report
-from radiogs_reports.audit.lines import Line, judged
-from radiogs_reports.audit.words import left_out, over_seeds
+from radiogs_reports import write_reports
+from radiogs_reports.analysis.audit import AuditReport, audit_report
+from radiogs_reports.analysis.audit.lines import Line, judged
+from radiogs_reports.analysis.audit.plan_text import left_out, over_seeds
+from radiogs_reports.analysis.paired import Estimate
 from radiogs_reports.figures.audit import audit_figure
-from radiogs_reports.grids import Item
-from radiogs_reports.paired import Estimate
+from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
+from radiogs_reports.write.audit import audit_csv, audit_latex, audit_markdown
+from radiogs_reports.write.grid import Item
 
 SEEDS = (0, 1, 2)
 COLUMNS = ("nvs/psnr", "albedo/psnr", "relight/psnr")

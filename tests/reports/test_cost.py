@@ -11,16 +11,17 @@ import pytest
 from scipy import stats
 
 from made_up_run import run, summary
-from radiogs_reports import texts
-from radiogs_reports.cost import CostReport, cost_csv, cost_latex, cost_markdown, cost_report
-from radiogs_reports.cost.along import Point, figure_at, seconds_to, to_equal_quality
+from radiogs_reports.analysis.cost import CostReport, cost_report
+from radiogs_reports.analysis.cost.progress import Point, figure_at, seconds_to, to_equal_quality
+from radiogs_reports.analysis.paired import figures_of
+from radiogs_reports.analysis.pareto import points
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.knobs import knob_figures
-from radiogs_reports.front import points
-from radiogs_reports.grids import Item
-from radiogs_reports.paired import figures_of
-from radiogs_reports.plain import signed_figure
+from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
+from radiogs_reports.write.cost import cost_csv, cost_latex, cost_markdown
+from radiogs_reports.write.grid import Item
+from radiogs_reports.write.plain import signed_figure
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
 ROWS: dict[str, dict[str, int]] = {

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from made_up_run import paper_table, summary, write_run
-from radiogs_reports import texts, write_reports
-from radiogs_reports.latex import as_formula, escape
-from radiogs_reports.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.paper.reading import caption, measured, ranks
+from radiogs_reports import write_reports
+from radiogs_reports.run_folder import texts
+from radiogs_reports.write.latex import as_formula, escape
+from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
+from radiogs_reports.write.paper.reading import caption, measured, ranks
 
 TABLE, SUMMARY = paper_table(), summary()
 LATEX = paper_latex(TABLE, SUMMARY)

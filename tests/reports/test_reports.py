@@ -13,10 +13,10 @@ from PIL import Image
 
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
-from radiogs_reports.latex import escape, table
-from radiogs_reports.plain import csv, markdown
-from radiogs_reports.ranks import ranks
+from radiogs_reports.analysis.ranks import ranks
 from radiogs_reports.summary import read_summary
+from radiogs_reports.write.latex import escape, table
+from radiogs_reports.write.plain import csv, markdown
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from radiogs_reports import surfel_view
-from radiogs_reports.surfel_view import FACETS, REACH, SMALLEST_OPACITY, Disks, draw, mesh_of, why_not
+from radiogs_reports.figures import surfel_view
+from radiogs_reports.figures.surfel_view import FACETS, REACH, SMALLEST_OPACITY, Disks, draw, mesh_of, why_not
 
 
 def disks() -> Disks:

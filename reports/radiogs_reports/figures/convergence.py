@@ -9,8 +9,8 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..plain import ARROWS
 from ..summary import RunSummary, Summary, TrailPoint
+from ..write.plain import ARROWS
 from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain, plain_numbers
 
 STAGES = {"initialise": "stage 1", "invert": "stage 2"}

@@ -4,9 +4,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..front import COSTS, Point, cost_of, points
-from ..plain import ARROWS
+from ..analysis.pareto import COSTS, Point, cost_of, points
 from ..summary import ColumnSummary, Summary
+from ..write.plain import ARROWS
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
 
 PANELS_ACROSS = 3

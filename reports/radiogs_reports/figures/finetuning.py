@@ -8,9 +8,9 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..finetuning import MODES, Times, Tuned, times_of, tunings
-from ..plain import ARROWS
+from ..analysis.finetuning import MODES, Times, Tuned, times_of, tunings
 from ..summary import ColumnSummary, Summary, reference_of
+from ..write.plain import ARROWS
 from .canvas import (
     COLOURS,
     STYLE,

@@ -5,11 +5,11 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ..cost.knobs import Knob, knobs
-from ..cost.marginal import doublings
-from ..front import COSTS, Point, points
-from ..plain import ARROWS
+from ..analysis.cost.knobs import Knob, knobs
+from ..analysis.cost.marginal import doublings
+from ..analysis.pareto import COSTS, Point, points
 from ..summary import ColumnSummary, Summary, reference_of
+from ..write.plain import ARROWS
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
 
 ACROSS = 2

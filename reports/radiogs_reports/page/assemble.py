@@ -11,11 +11,11 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import maps
-from ..audit import audit_report
-from ..cost import cost_report
-from ..front import COSTS, cost_of, points
-from ..plain import note
+from ..analysis.audit import audit_report
+from ..analysis.cost import cost_report
+from ..analysis.pareto import COSTS, cost_of, points
 from ..summary import Summary
+from ..write.plain import note
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
 from .tables import cells_table, grid_table, paper_table, suite_table

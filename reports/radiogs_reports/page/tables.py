@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..front import cost_of
-from ..grids import Grid
-from ..paper.layout import as_printed
-from ..paper.reading import change, measured
-from ..paper.reading import ranks as paper_ranks
-from ..plain import ARROWS, signed_figure
-from ..ranks import ranks
+from ..analysis.pareto import cost_of
+from ..analysis.ranks import ranks
 from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary
+from ..write.grid import Grid
+from ..write.paper.layout import as_printed
+from ..write.paper.reading import change, measured
+from ..write.paper.reading import ranks as paper_ranks
+from ..write.plain import ARROWS, signed_figure
 
 
 @dataclass(frozen=True)
