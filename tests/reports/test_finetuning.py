@@ -77,10 +77,10 @@ def test_when_a_row_is_ahead_is_where_the_lines_meet(mine: Times, other: Times, 
 
     assert mine.versus(other) == said
     if "frames" in said:
-        assert mine.meets(other) == pytest.approx(brentq(lead, 1, 1e9))
+        assert mine.break_even(other) == pytest.approx(brentq(lead, 1, 1e9))
         assert (lead(1) > 0) == ("for" in said)
     else:
-        assert mine.meets(other) is None
+        assert mine.break_even(other) is None
         assert (lead(1) > 0) == (lead(1e9) > 0) == ("always" in said)
 
 

@@ -6,7 +6,8 @@ import random
 import pytest
 
 from made_up_run import summary
-from radiogs_reports.analysis.pareto import cost_of, front, points
+from radiogs_reports.analysis.pareto import pareto_front, points
+from radiogs_reports.analysis.samples import cost_of
 
 
 def test_the_front_is_what_no_other_beats_at_both() -> None:
@@ -17,19 +18,19 @@ def test_the_front_is_what_no_other_beats_at_both() -> None:
         for (place, mine), (_, other) in itertools.permutations(enumerate(places), 2)
         if other[0] <= mine[0] and other[1] >= mine[1] and (other[0] < mine[0] or other[1] > mine[1])
     }
-    assert front(places, "up") == set(range(60)) - beaten
-    assert front([(cost, -quality) for cost, quality in places], "down") == front(places, "up")
+    assert pareto_front(places, "up") == set(range(60)) - beaten
+    assert pareto_front([(cost, -quality) for cost, quality in places], "down") == pareto_front(places, "up")
     signs = [generator.choice((-1.0, 1.0)) for _ in places]
     around = [(cost, sign * (9 - quality)) for sign, (cost, quality) in zip(signs, places, strict=True)]
-    assert front(around, "zero") == front(places, "up")
+    assert pareto_front(around, "zero") == pareto_front(places, "up")
 
 
 def test_a_point_is_the_mean_cost_and_quality_of_a_row() -> None:
     made = summary()
     ours, no_rad = points(made, made["columns"][0], "seconds")
-    assert (ours.row, ours.quality, ours.reach) == ("ours", 31.234, None)
+    assert (ours.row, ours.quality, ours.half_width) == ("ours", 31.234, None)
     assert ours.cost == pytest.approx(10 * 31 - 280 + 1)
-    assert no_rad.reach == pytest.approx(0.5)
+    assert no_rad.half_width == pytest.approx(0.5)
     assert ours.on_front
     assert no_rad.on_front
     made["cells"]["no-rad"]["nvs/psnr"]["mean"] = 32.0

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from radiogs_reports.stale import drop_leftovers
+from radiogs_reports.stale import drop_stale
 
 
 def files(folder: Path, *names: str) -> list[Path]:
@@ -20,16 +20,16 @@ def there(folder: Path) -> set[str]:
 def test_only_what_an_earlier_run_alone_had_is_deleted(tmp_path: Path) -> None:
     files(tmp_path, "tables/mine.md", "figures/notes.png", "cells/a.json")
     first = ["a.tex", "report.html", "tables/audit.md", "tables/cost.md", "figures/audit.png", "contact_sheet.png"]
-    drop_leftovers(tmp_path, files(tmp_path, *first))
+    drop_stale(tmp_path, files(tmp_path, *first))
     assert there(tmp_path) == {*first, "tables/mine.md", "figures/notes.png", "cells/a.json"}
     second = ["b.tex", "report.html", "tables/cost.md"]
-    drop_leftovers(tmp_path, files(tmp_path, *second))
+    drop_stale(tmp_path, files(tmp_path, *second))
     assert there(tmp_path) == {"a.tex", *second, "tables/mine.md", "figures/notes.png", "cells/a.json"}
 
 
 def test_a_table_that_a_user_put_where_one_was_deleted_stays(tmp_path: Path) -> None:
-    drop_leftovers(tmp_path, files(tmp_path, "tables/audit.md"))
-    drop_leftovers(tmp_path, files(tmp_path, "tables/cost.md"))
+    drop_stale(tmp_path, files(tmp_path, "tables/audit.md"))
+    drop_stale(tmp_path, files(tmp_path, "tables/cost.md"))
     files(tmp_path, "tables/audit.md")
-    drop_leftovers(tmp_path, files(tmp_path, "tables/cost.md"))
+    drop_stale(tmp_path, files(tmp_path, "tables/cost.md"))
     assert there(tmp_path) == {"tables/audit.md", "tables/cost.md"}

@@ -1,42 +1,26 @@
-"""What quality costs: a point for each row of the table, and which of them no other beats at both."""
+"""Quality against cost: a point for each row of the table, and which points lie on the Pareto front."""
 
 import math
-from collections.abc import Mapping
 from typing import Literal, NamedTuple
 
-from ..summary import ColumnSummary, RunSummary, Summary
-
-COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays traced in training"}
-"""What a row costs, by key: seconds differ between machines, rays do not."""
-
-
-EVALUATION = "evaluate"
-"""The stage that is no part of what a result cost; all others are."""
+from ..summary import ColumnSummary, Summary, half_width
+from .samples import cost_of
 
 Direction = Literal["up", "down", "zero"]
 
 
 class Point(NamedTuple):
-    """Cost and quality of a row; ``reach`` is the half-width of the interval of its difference to the reference."""
+    """Mean cost and quality of a row; ``half_width`` is that of the interval of its difference to the reference."""
 
     row: str
     cost: float
     quality: float
-    reach: float | None
+    half_width: float | None
     on_front: bool
 
 
-def cost_of(run: RunSummary, cost: str) -> float | None:
-    """What one finished cell cost in training; None where it is not known, or nothing."""
-    if cost == "seconds":
-        spent = sum(seconds for stage, seconds in run["seconds"].items() if stage != EVALUATION)
-    else:
-        spent = float(sum(work.get(cost, 0) for stage, work in run["work"].items() if stage != EVALUATION))
-    return spent or None
-
-
 def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
-    """Every row that has the figure and the cost, both means over its finished cells, in the table's order."""
+    """A point for every row with a value in the column and a known cost, in the table's order."""
     found = []
     for row in summary["rows"]:
         cell = summary["cells"][row["key"]][column["key"]]
@@ -44,23 +28,22 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
         known = [each for each in costs if each is not None]
         if cell["mean"] is None or not known:
             continue
-        interval = cell["difference"]
-        reach = None
-        if interval is not None and interval["low"] is not None and interval["high"] is not None:
-            reach = (interval["high"] - interval["low"]) / 2
-        found.append(Point(row["key"], math.fsum(known) / len(known), cell["mean"], reach, False))
-    best = front([(point.cost, point.quality) for point in found], column["direction"])
+        mean_cost = math.fsum(known) / len(known)
+        found.append(Point(row["key"], mean_cost, cell["mean"], half_width(cell["difference"]), False))
+    best = pareto_front([(point.cost, point.quality) for point in found], column["direction"])
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
 
 
-def front(places: list[tuple[float, float]], direction: Direction) -> set[int]:
-    """Indices of the (cost, quality) pairs that no other one dominates: cheaper or as cheap, better or as good,
-    and one of them strictly.
-    """  # fmt: skip
+def pareto_front(pairs: list[tuple[float, float]], direction: Direction) -> set[int]:
+    """Indices of the (cost, quality) pairs that no other pair dominates.
+
+    A pair dominates another if it is no worse in cost and quality, and better in one of them. ``direction`` says which
+    qualities are better; "zero": those of smaller magnitude.
+    """
     if direction == "zero":
-        places = [(cost, abs(quality)) for cost, quality in places]
+        pairs = [(cost, abs(quality)) for cost, quality in pairs]
     sign = -1.0 if direction == "up" else 1.0
-    signed = [(cost, sign * quality) for cost, quality in places]
+    signed = [(cost, sign * quality) for cost, quality in pairs]
     return {
         place
         for place, mine in enumerate(signed)

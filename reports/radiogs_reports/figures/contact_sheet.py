@@ -1,4 +1,4 @@
-"""One picture of a run: what was rendered and recovered beside the ground truth, a band for each row of the table."""
+"""One picture of a run: rendered and recovered maps below the ground truth, a band for each row of the table."""
 
 from pathlib import Path
 
@@ -54,7 +54,7 @@ def _band(summary: Summary, entry: SheetSummary, out: Path) -> Image.Image:
 
 
 def _tiles(arrays: dict[str, maps.Image], light: str) -> tuple[list[Tile], list[Tile]]:
-    """The upper line (ground truth) and the lower (rendered and recovered), column by column."""
+    """Labelled tiles of the upper line (ground truth) and of the lower (rendered and recovered)."""
     truth: list[Tile] = []
     render: list[Tile] = []
     for name, kind in KINDS.items():
@@ -77,16 +77,16 @@ def _tiles(arrays: dict[str, maps.Image], light: str) -> tuple[list[Tile], list[
 
 def _title(summary: Summary, entry: SheetSummary) -> str:
     row = next(row for row in summary["rows"] if row["key"] == entry["row"])
-    figures = []
+    means = []
     for column in summary["columns"]:
         mean = summary["cells"][entry["row"]][column["key"]]["mean"]
         if mean is not None and column["unit"] in ("dB", "degrees", "°", "deg"):
-            figures.append(f"{column['label']} {mean:.{column['decimals']}f} {column['unit']}")
-    return f"{row['text']}   {entry['scene']}, {entry['view']}   table means: {', '.join(figures)}"
+            means.append(f"{column['label']} {mean:.{column['decimals']}f} {column['unit']}")
+    return f"{row['text']}   {entry['scene']}, {entry['view']}   table means: {', '.join(means)}"
 
 
 def _font(size: int) -> ImageFont.FreeTypeFont:
-    """The font that comes with matplotlib: it has the Greek letters of the rows' names, on every machine."""
+    """Matplotlib's own font: it has the Greek letters of rows' names and is there on every machine."""
     return ImageFont.truetype(str(Path(get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"), size)
 
 

@@ -1,4 +1,4 @@
-"""Surfels in three dimensions by pyvista: a still, and a turntable; without a display where VTK can."""
+"""Surfels in 3D, drawn by pyvista: a still picture and a turntable. Needs no display if VTK can render offscreen."""
 
 import subprocess
 import sys
@@ -11,25 +11,27 @@ from numpy.typing import NDArray
 from PIL import Image
 
 FACETS = 12
-"""Corners of a disk: round enough at the size that a surfel has on the screen."""
+"""Corners of the polygon that stands for a disk."""
 
-REACH = 2.0
-"""Standard deviations that a disk reaches from the centre; at 2, a Gaussian is at 14 % of its peak."""
+RADIUS = 2.0
+"""Radius of a disk in standard deviations; at 2, a Gaussian is at 14 % of its peak."""
 
 SMALLEST_OPACITY = 0.1
-"""Surfels below are left out: they would hide what they hardly cover."""
+"""Surfels below it are left out: drawn as opaque disks, they would hide what they hardly cover."""
 
 ELEVATION = 25.0
-"""Degrees above the horizon from which surfels are seen."""
+"""Elevation of the camera in degrees."""
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Disks:
-    """Surfels as plain arrays: centres [N, 3], the two tangents scaled by their deviations [N, 2, 3] (world units),
-    opacities [N] and display colours [N, 3] in [0, 1].
-    """  # fmt: skip
+    """Surfels as plain arrays.
+
+    centres: [N, 3], world units. tangents: two per surfel, scaled by their standard deviations, [N, 2, 3], world units.
+    opacities: [N]. colours: [N, 3], display units in [0, 1].
+    """
 
     centres: Floats
     tangents: Floats
@@ -38,11 +40,11 @@ class Disks:
 
 
 def mesh_of(disks: Disks) -> pyvista.PolyData:
-    """A polygon for each surfel that is opaque enough, coloured by its own colour."""
+    """A polygon in its own colour for each surfel of at least ``SMALLEST_OPACITY``."""
     kept = disks.opacities >= SMALLEST_OPACITY
     count = int(kept.sum())
     angles = 2 * np.pi * np.arange(FACETS) / FACETS
-    circle = REACH * np.stack([np.cos(angles), np.sin(angles)])
+    circle = RADIUS * np.stack([np.cos(angles), np.sin(angles)])
     corners = disks.centres[kept][:, None] + np.einsum("ac,nad->ncd", circle, disks.tangents[kept])
     places = np.arange(count * FACETS).reshape(count, FACETS)
     faces = np.concatenate([np.full((count, 1), FACETS), places], 1)
@@ -52,7 +54,7 @@ def mesh_of(disks: Disks) -> pyvista.PolyData:
 
 
 def draw(disks: Disks, still: Path, turntable: Path, frames: int = 36, size: int = 640) -> list[Path]:
-    """Write a PNG, and a GIF of one turn around the vertical; returns both. World axes: Z is up."""
+    """Write a PNG, and a GIF of one turn around the Z axis (up); returns both paths. ``size`` is in pixels."""
     mesh = mesh_of(disks)
     plotter = pyvista.Plotter(off_screen=True, window_size=[size, size], lighting="none")
     plotter.background_color = pyvista.Color("white")
@@ -66,7 +68,7 @@ def draw(disks: Disks, still: Path, turntable: Path, frames: int = 36, size: int
         away = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)])
         plotter.camera_position = [tuple(middle + 4 * radius * away), tuple(middle), (0.0, 0.0, 1.0)]
         plotter.reset_camera_clipping_range()
-        plotter.render()  # a screenshot by itself would show the first frame again
+        plotter.render()  # without it, a screenshot shows the first frame again
         pictures.append(Image.fromarray(np.asarray(plotter.screenshot(return_img=True))))
     plotter.close()
     pictures[0].save(still)
@@ -75,9 +77,9 @@ def draw(disks: Disks, still: Path, turntable: Path, frames: int = 36, size: int
 
 
 def why_not() -> str | None:
-    """What VTK says where it cannot draw here; None where it can.
+    """VTK's error message if it cannot draw on this machine; None if it can.
 
-    Tried in a process of its own: where there is no way to draw, VTK may end the process that asks.
+    Tried in a separate process, because VTK may end the process in which it fails.
     """
     program = (
         "import pyvista; plotter = pyvista.Plotter(off_screen=True, window_size=[16, 16]);"
@@ -86,5 +88,5 @@ def why_not() -> str | None:
     tried = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     if tried.returncode == 0:
         return None
-    said = tried.stderr.strip().splitlines()
-    return said[-1] if said else f"VTK ended with {tried.returncode}"
+    messages = tried.stderr.strip().splitlines()
+    return messages[-1] if messages else f"VTK ended with {tried.returncode}"

@@ -1,52 +1,59 @@
-"""What a plan leaves out, in words."""
+"""What a plan leaves out, as plain text."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 HIGHEST_DEGREE = 3
+"""Spherical-harmonics degree of a surfel's own radiance with nothing left out."""
 
 
 def left_out(plan: Mapping[str, Any]) -> str:
-    """Such as: no rays; lobes on 34 % of the surfels. ``plan`` is as results keep it: of masks the share that is on."""
+    """Such as ``no rays, lobes on 34 % of the surfels``.
+
+    ``plan`` is as results store it: a mask is the share of surfels that it turns on. A field that it does not have
+    counts as nothing left out.
+    """
     parts = [*_rays(plan), *_lobes(plan)]
-    if not plan["bounces"]:
+    if not plan.get("bounces", True):
         parts.append("one bounce")
-    if not plan["light_sampling"]:
-        parts.append("nothing drawn from the light")
-    if plan["sh_degree"] < HIGHEST_DEGREE:
-        parts.append(f"own radiance of degree {plan['sh_degree']}")
-    if plan["samples"] > 1:
-        parts.append(f"1/{plan['samples']} of the directions")
-    if plan["refresh"] > 1:
-        parts.append(f"all traced anew 1/{plan['refresh']} as often")
+    if not plan.get("light_sampling", True):
+        parts.append("no light sampling")
+    if (degree := plan.get("sh_degree", HIGHEST_DEGREE)) < HIGHEST_DEGREE:
+        parts.append(f"own radiance of degree {degree}")
+    if (samples := plan.get("samples", 1)) > 1:
+        parts.append(f"1/{samples} of the directions")
+    if (refresh := plan.get("refresh", 1)) > 1:
+        parts.append(f"all surfels re-traced 1/{refresh} as often")
     return ", ".join(parts) or "nothing"
 
 
 def _rays(plan: Mapping[str, Any]) -> list[str]:
-    if not plan["visibility"] and not plan["indirect"]:
+    visibility, indirect, traced = plan.get("visibility", True), plan.get("indirect", True), plan.get("traced")
+    if not visibility and not indirect:
         return ["no rays"]
-    parts = [] if plan["traced"] is None else [f"rays from {100 * plan['traced']:.0f} % of the surfels"]
-    if not plan["visibility"]:
+    parts = [] if traced is None else [f"rays from {100 * traced:.0f} % of the surfels"]
+    if not visibility:
         parts.append("no visibility")
-    if not plan["indirect"]:
+    if not indirect:
         parts.append("no indirect light")
     return parts
 
 
 def _lobes(plan: Mapping[str, Any]) -> list[str]:
-    if not plan["specular"]:
+    if not plan.get("specular", True):
         return ["no lobes"]
-    return [] if plan["specular_at"] is None else [f"lobes on {100 * plan['specular_at']:.0f} % of the surfels"]
+    share = plan.get("specular_at")
+    return [] if share is None else [f"lobes on {100 * share:.0f} % of the surfels"]
 
 
 def over_seeds(texts: Mapping[int, str]) -> str:
-    """Texts by seed as one: what is the same in all is said once, the rest with its seeds."""
-    said: dict[str, list[int]] = {}
+    """Texts by seed as one: each different text once, with its seeds where there are several."""
+    seeds_by_text: dict[str, list[int]] = {}
     for seed in sorted(texts):
-        said.setdefault(texts[seed], []).append(seed)
-    if len(said) <= 1:
-        return "".join(said)
-    return "; ".join(f"{text} ({_seeds(seeds)})" for text, seeds in said.items())
+        seeds_by_text.setdefault(texts[seed], []).append(seed)
+    if len(seeds_by_text) <= 1:
+        return "".join(seeds_by_text)
+    return "; ".join(f"{text} ({_seeds(seeds)})" for text, seeds in seeds_by_text.items())
 
 
 def _seeds(seeds: Sequence[int]) -> str:

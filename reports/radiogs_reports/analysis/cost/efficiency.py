@@ -1,37 +1,38 @@
-"""Efficiency of a row, 1 / (MSE x seconds), as a multiple of the reference row's."""
+"""Efficiency of a row, 1 / (MSE x seconds), relative to the reference row's."""
 
 from typing import NamedTuple
 
+from ...statistics import Estimate, Pair, paired_ratio
 from ...summary import ColumnSummary, Summary, reference_of
-from ..paired import Estimate, Pair, costs_of, figures_of, ratio
+from ..samples import costs_of, values_of
 
 
 class Efficiency(NamedTuple):
-    """Of a row in a column that is in decibels."""
+    """Ratio of a row's efficiency to the reference row's, in one column."""
 
     row: str
     column: ColumnSummary
-    times: Estimate
+    ratio: Estimate
 
 
 def efficiencies(summary: Summary) -> list[Efficiency]:
-    """Of every row and every column that is a PSNR."""
+    """Ratios for every row and every column in decibels, the reference row included."""
     found = []
     for row in summary["rows"]:
         for column in summary["columns"]:
             if column["unit"] != "dB":
                 continue
-            times = ratio(*(_of(summary, key, column["key"]) for key in (row["key"], reference_of(summary))))
-            if times is not None:
-                found.append(Efficiency(row["key"], column, times))
+            ratio = paired_ratio(*(_efficiency(summary, key, column) for key in (row["key"], reference_of(summary))))
+            if ratio is not None:
+                found.append(Efficiency(row["key"], column, ratio))
     return found
 
 
-def _of(summary: Summary, row: str, column: str) -> dict[Pair, float]:
-    """1 / (MSE x seconds) by (scene, seed), where MSE = 10^(-PSNR / 10) of the mean PSNR, peak 1."""
+def _efficiency(summary: Summary, row: str, column: ColumnSummary) -> dict[Pair, float]:
+    """1 / (MSE x seconds) by (scene, seed), with MSE = 10^(-PSNR / 10) for peak 1."""
     seconds = costs_of(summary, row, "seconds")
     return {
-        pair: 10 ** (figure / 10) / seconds[pair]
-        for pair, figure in figures_of(summary, row, column).items()
+        pair: 10 ** (decibels / 10) / seconds[pair]
+        for pair, decibels in values_of(summary, row, column["key"]).items()
         if pair in seconds
     }

@@ -1,85 +1,87 @@
-"""What turning a knob gives and takes: from each setting to the next, and for each doubling over all of them."""
+"""What turning a knob gives and costs: from each setting to the next, and per doubling over all settings."""
 
 import math
+from collections.abc import Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
+from ...statistics import Estimate, Pair, estimate, exponential, paired_difference, paired_ratio
 from ...summary import ColumnSummary, Summary
-from ..paired import Estimate, Pair, costs_of, difference, estimate, exponential, figures_of, ratio
+from ..samples import costs_of, values_of
 from .knobs import Knob, Setting
 
 
 class Step(NamedTuple):
-    """From one setting to the next: difference of a figure, and by what time and rays are multiplied."""
+    """From one setting to the next: the difference in every metric, and the ratios of training time and rays."""
 
     knob: Knob
     low: Setting
     high: Setting
     differences: dict[str, Estimate]
-    """By column; a column without a shared figure is left out."""
-    times: Estimate | None
-    rays: Estimate | None
+    """By column; columns in which the two rows share no pair are absent."""
+    time_ratio: Estimate | None
+    ray_ratio: Estimate | None
 
 
 class Doubling(NamedTuple):
-    """The slope of a figure over the binary logarithm of the knob, and by what a doubling multiplies the time."""
+    """Slope of a metric over log2 of the knob, and the factor in training time per doubling."""
 
     knob: Knob
     column: ColumnSummary
     slope: Estimate
-    times: Estimate | None
+    time_ratio: Estimate | None
 
 
 def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
-    """Every pair of neighbouring settings."""
+    """Every pair of neighbouring settings of every knob."""
     found = []
     for knob in knobs:
-        for low, high in zip(knob.settings, knob.settings[1:], strict=False):
+        for low, high in pairwise(knob.settings):
             changes = {
-                column["key"]: difference(
-                    figures_of(summary, high.row, column["key"]), figures_of(summary, low.row, column["key"])
+                column["key"]: paired_difference(
+                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"])
                 )
                 for column in summary["columns"]
             }
-            times, rays = (
-                ratio(costs_of(summary, high.row, cost), costs_of(summary, low.row, cost))
+            time_ratio, ray_ratio = (
+                paired_ratio(costs_of(summary, high.row, cost), costs_of(summary, low.row, cost))
                 for cost in ("seconds", "rays")
             )
-            found.append(
-                Step(knob, low, high, {key: each for key, each in changes.items() if each is not None}, times, rays)
-            )
+            known = {key: change for key, change in changes.items() if change is not None}
+            found.append(Step(knob, low, high, known, time_ratio, ray_ratio))
     return found
 
 
 def doublings(summary: Summary, knobs: list[Knob]) -> list[Doubling]:
-    """Every knob and column of which some (scene, seed) has all settings."""
+    """Slopes for every knob and column, over the (scene, seed) pairs that have all settings."""
     found = []
     for knob in knobs:
-        seconds = _slope(
-            knob, {each.row: _logarithms(costs_of(summary, each.row, "seconds")) for each in knob.settings}
-        )
+        log_seconds = {
+            setting.row: {pair: math.log2(each) for pair, each in costs_of(summary, setting.row, "seconds").items()}
+            for setting in knob.settings
+        }
+        time_ratio = exponential(_slope(knob, log_seconds), 2.0)
         for column in summary["columns"]:
-            slope = _slope(knob, {each.row: figures_of(summary, each.row, column["key"]) for each in knob.settings})
+            values = {setting.row: values_of(summary, setting.row, column["key"]) for setting in knob.settings}
+            slope = _slope(knob, values)
             if slope is not None:
-                found.append(Doubling(knob, column, slope, exponential(seconds, 2.0)))
+                found.append(Doubling(knob, column, slope, time_ratio))
     return found
 
 
-def _logarithms(values: dict[Pair, float]) -> dict[Pair, float]:
-    return {pair: math.log2(value) for pair, value in values.items()}
-
-
-def _slope(knob: Knob, figures: dict[str, dict[Pair, float]]) -> Estimate | None:
-    """Mean over (scene, seed) of the least-squares slope over the settings' binary logarithms."""
-    whole = sorted(set.intersection(*(set(each) for each in figures.values())))
+def _slope(knob: Knob, samples: Mapping[str, Mapping[Pair, float]]) -> Estimate | None:
+    """Mean over (scene, seed) of the least-squares slope over log2 of the settings; ``samples`` are by row."""
+    complete = sorted(set.intersection(*(set(sample) for sample in samples.values())))
     places = [math.log2(setting.value) for setting in knob.settings]
     centre = math.fsum(places) / len(places)
     spread = math.fsum((place - centre) ** 2 for place in places)
     return estimate(
         [
             math.fsum(
-                (place - centre) * figures[each.row][pair] for place, each in zip(places, knob.settings, strict=True)
+                (place - centre) * samples[setting.row][pair]
+                for place, setting in zip(places, knob.settings, strict=True)
             )
             / spread
-            for pair in whole
+            for pair in complete
         ]
     )

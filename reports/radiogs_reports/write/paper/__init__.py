@@ -1,4 +1,4 @@
-"""The tables of the paper, with the same rows and columns: what was measured beside what was published."""
+"""The paper's tables with their own rows and columns: measured values beside published ones."""
 
 from .latex import paper_latex
 from .plain import paper_csv, paper_markdown

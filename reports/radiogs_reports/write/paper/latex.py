@@ -1,16 +1,20 @@
-"""A table of the paper in LaTeX: booktabs, the paper's rank colours, measured and published line below line."""
+"""A table of the paper in LaTeX: booktabs, the paper's rank colours, published values below the measured ones."""
 
 from ...summary import PaperColumn, PaperTable, Summary
-from ..latex import ARROWS, BOX_BEGIN, BOX_END, RANK_COLOURS, as_formula, escape, note_mark
+from ..latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape, note_mark, rank_colour
+from ..notes import note_index
 from .layout import as_printed
-from .reading import caption, change, groups, measured, ranks
+from .reading import caption, change, groups, measured, paper_ranks
+
+Ranks = dict[str, dict[str, int]]
+"""By column, then row."""
 
 
 def paper_latex(table: PaperTable, summary: Summary) -> str:
-    """The table environment, to be included where booktabs, graphicx, amsmath and xcolor (``table``) are loaded.
+    """The table environment, for documents that load booktabs, graphicx, amsmath and xcolor (option ``table``).
 
-    A row has a line of measured figures, one of their differences to the reference row if it has any, and one of the
-    paper's. A figure that does not exist is n/a with its reason in a note.
+    A row has a line of measured values, one of their differences to the reference row if it has any, and one of
+    published values. A value that does not exist is n/a, with its reason in a note.
     """
     notes: list[str] = []
     below = as_formula(caption(table, summary))
@@ -30,53 +34,47 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
         "Method & & " + " & ".join(_heading(column) for column in columns) + r" \\",
         r"\midrule",
     ]
-    for place, row in enumerate(table["rows"]):
-        lines += [r"\addlinespace"] * (place > 0) + _lines_of(table, row, notes)
-    lines += [
-        r"\bottomrule",
-        r"\end{tabular}}",
-        BOX_END,
+    ranks = [
+        {column["key"]: paper_ranks(table, column, of_published=of_published) for column in columns}
+        for of_published in (False, True)
     ]
+    for place, row in enumerate(table["rows"]):
+        lines += [r"\addlinespace"] * (place > 0) + _row_lines(table, row, ranks, notes)
+    lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [
-        rf"\par\smallskip\footnotesize {note_mark(place)} {as_formula(note)}." for place, note in enumerate(notes)
+        rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
     ]
     return "\n".join([*lines, r"\end{table}", ""])
 
 
-def _lines_of(table: PaperTable, row: dict[str, str], notes: list[str]) -> list[str]:
+def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes: list[str]) -> list[str]:
+    """Lines of measured values, of differences if there are any, and of published values."""
     upper, middle, lower = [], [], []
+    measured_ranks, published_ranks = ranks
     for column in table["columns"]:
-        figure = table["cells"][row["key"]][column["key"]]
-        text = measured(figure, column)
-        mine = ranks(table, column, of_published=False).get(row["key"])
-        theirs = ranks(table, column, of_published=True).get(row["key"])
-        upper.append(f"{_colour(mine)}{text}" if text else _missing(figure["reason"] or "not measured", notes))
-        difference = change(figure, column, r" \pm ")
+        value = table["cells"][row["key"]][column["key"]]
+        text = measured(value, column)
+        colour = rank_colour(measured_ranks[column["key"]].get(row["key"]))
+        upper.append(f"{colour}{text}" if text else _missing(value["reason"] or "not measured", notes))
+        difference = change(value, column, r" \pm ")
         middle.append(rf"\scriptsize ${difference}$" if difference else "")
-        printed = (figure["published"] or "").replace("-", "$-$")
-        published = printed or _missing(figure["absent"] or "not published", notes)
-        lower.append(rf"{_colour(theirs)}\textcolor{{darkgray}}{{{published}}}")
-    label = as_formula(row["text"])
-    remark = _noted(row["remark"], notes) if row["remark"] else ""
-    lines = [f"{label} & measured & {' & '.join(upper)} \\\\"]
+        printed = (value["published"] or "").replace("-", "$-$")
+        published = printed or _missing(value["absent"] or "not published", notes)
+        colour = rank_colour(published_ranks[column["key"]].get(row["key"]))
+        lower.append(rf"{colour}\textcolor{{darkgray}}{{{published}}}")
+    remark = _mark(row["remark"], notes) if row["remark"] else ""
+    lines = [f"{as_formula(row['text'])} & measured & {' & '.join(upper)} \\\\"]
     if any(middle):
         lines.append(f" & \\scriptsize difference & {' & '.join(middle)} \\\\")
     return [*lines, rf" & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(lower)} \\"]
 
 
 def _missing(reason: str, notes: list[str]) -> str:
-    return f"n/a{_noted(reason, notes)}"
+    return f"n/a{_mark(reason, notes)}"
 
 
-def _noted(reason: str, notes: list[str]) -> str:
-    reason = reason.rstrip(".")
-    if reason not in notes:
-        notes.append(reason)
-    return note_mark(notes.index(reason))
-
-
-def _colour(rank: int | None) -> str:
-    return "" if rank is None else rf"\cellcolor[HTML]{{{RANK_COLOURS[rank]}}}"
+def _mark(reason: str, notes: list[str]) -> str:
+    return note_mark(note_index(notes, reason.rstrip(".")))
 
 
 def _heading(column: PaperColumn) -> str:
@@ -90,7 +88,8 @@ def _spanning(group: str, count: int) -> str:
 
 
 def _spans(table: PaperTable) -> list[tuple[int, int]]:
-    spans, start = [], 3  # two columns stand before the figures
+    """First and last column that each group spans, counted from 1."""
+    spans, start = [], 3  # after the columns of the row's name and of "measured"
     for _, count in groups(table):
         spans.append((start, start + count - 1))
         start += count

@@ -1,13 +1,13 @@
-"""How the paper lays a table out, where that is not a line for each row."""
+"""Tables that the paper prints with its methods side by side instead of one line per row."""
 
-from ...summary import PaperColumn, PaperFigure, PaperTable
+from ...summary import PaperColumn, PaperTable, PaperValue
 
 SIDE_BY_SIDE = ("views",)
-"""Tables that print a line for each setting and their methods side by side; rows are stored as method-setting."""
+"""Keys of tables with a line per setting and the methods side by side; their rows are stored as method-setting."""
 
 
 def as_printed(table: PaperTable) -> PaperTable:
-    """The table with the lines and columns of the print; most are stored so."""
+    """The table with the lines and columns that the paper prints; most tables are stored that way."""
     if table["key"] not in SIDE_BY_SIDE:
         return table
     methods: dict[str, str] = {}
@@ -26,7 +26,7 @@ def as_printed(table: PaperTable) -> PaperTable:
         for column in table["columns"]
         for method, text in methods.items()
     ]
-    cells: dict[str, dict[str, PaperFigure]] = {
+    cells: dict[str, dict[str, PaperValue]] = {
         setting: {
             f"{column['key']} {method}": table["cells"][f"{method}-{setting}"][column["key"]]
             for column in table["columns"]

@@ -2,49 +2,40 @@
 
 import pandas as pd
 
-from ...summary import PaperColumn, PaperTable, Summary
-from ..plain import ARROWS, row_of
+from ...summary import PaperTable, Summary
+from ..markdown import table_head, table_line
+from ..notes import note_index
+from ..records import difference_fields
 from .layout import as_printed
-from .reading import caption, change, measured
-
-
-def heading(column: PaperColumn) -> str:
-    """The column's headings on one line, with the better direction."""
-    arrow = f" {ARROWS[column['direction']]}" if column["direction"] != "none" else ""
-    unit = f" ({column['unit']})" if column["unit"] else ""
-    return f"{column['group']} {column['label']}".strip() + arrow + unit
+from .reading import caption, change, heading, measured
 
 
 def paper_markdown(table: PaperTable, summary: Summary) -> str:
-    """A line of measured figures and one of the paper's for each row; reasons of what is lacking in notes below."""
+    """A line of measured values and one of published values for each row; reasons of missing ones in notes below."""
     notes: list[str] = []
     below = caption(table, summary)
     table = as_printed(table)
-    lines = [
-        f"# {table['title']}", "", row_of(["", "", *map(heading, table["columns"])]),
-        row_of(["---"] * (2 + len(table["columns"]))),
-    ]  # fmt: skip
+    lines = [f"# {table['title']}", "", *table_head(["", "", *map(heading, table["columns"])])]
     for row in table["rows"]:
         upper, lower = [], []
         for column in table["columns"]:
-            figure = table["cells"][row["key"]][column["key"]]
-            text, difference = measured(figure, column), change(figure, column, " ± ")
+            value = table["cells"][row["key"]][column["key"]]
+            text, difference = measured(value, column), change(value, column, " ± ")
             beside = f" ({difference})" if difference else ""
-            upper.append(f"{text}{beside}" if text else _missing(figure["reason"] or "not measured", notes))
-            lower.append(figure["published"] or _missing(figure["absent"] or "not published", notes))
-        remark = f" {_noted(row['remark'], notes)}" if row["remark"] else ""
-        lines += [row_of([row["text"], "measured", *upper]), row_of(["", f"paper{remark}", *lower])]
-    noted = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
-    return "\n".join([*lines, "", below, "", *noted, *([""] if noted else [])])
+            upper.append(f"{text}{beside}" if text else _missing(value["reason"] or "not measured", notes))
+            lower.append(value["published"] or _missing(value["absent"] or "not published", notes))
+        remark = f" {_mark(row['remark'], notes)}" if row["remark"] else ""
+        lines += [table_line([row["text"], "measured", *upper]), table_line(["", f"paper{remark}", *lower])]
+    numbered = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
+    return "\n".join([*lines, "", below, "", *numbered, *([""] if numbered else [])])
 
 
 def paper_csv(table: PaperTable) -> str:
-    """One line a figure: row, column, mean, count, difference, interval, published figure, reasons."""
+    """One record per value: row, column, mean, count, difference, interval, published value, reasons."""
     records = []
     for row in table["rows"]:
         for column in table["columns"]:
-            figure = table["cells"][row["key"]][column["key"]]
-            difference = figure["difference"] or {"mean": None, "low": None, "high": None}
+            value = table["cells"][row["key"]][column["key"]]
             records.append(
                 {
                     "table": table["key"],
@@ -52,24 +43,20 @@ def paper_csv(table: PaperTable) -> str:
                     "column": column["key"],
                     "unit": column["unit"],
                     "direction": column["direction"],
-                    "mean": figure["mean"],
-                    "count": figure["count"],
-                    "difference": difference["mean"],
-                    "difference_low": difference["low"],
-                    "difference_high": difference["high"],
-                    "published": figure["published"],
-                    "not_measured": figure["reason"],
-                    "not_published": figure["absent"],
+                    "mean": value["mean"],
+                    "count": value["count"],
+                    **difference_fields(value["difference"]),
+                    "published": value["published"],
+                    "not_measured": value["reason"],
+                    "not_published": value["absent"],
                 }
             )
     return pd.DataFrame.from_records(records).to_csv(index=False)
 
 
 def _missing(reason: str, notes: list[str]) -> str:
-    return f"n/a {_noted(reason, notes)}"
+    return f"n/a {_mark(reason, notes)}"
 
 
-def _noted(reason: str, notes: list[str]) -> str:
-    if reason not in notes:
-        notes.append(reason)
-    return f"[{notes.index(reason) + 1}]"
+def _mark(reason: str, notes: list[str]) -> str:
+    return f"[{note_index(notes, reason) + 1}]"

@@ -1,75 +1,72 @@
-"""What all forms of a table of the paper share: figures as text, ranks, and what stands below it."""
+"""What all forms of a table of the paper share: printed values, ranks, headings and the caption."""
 
 from itertools import groupby
 
-from ...summary import PaperColumn, PaperFigure, PaperTable, Summary
-from ..plain import count_of, signed_figure
+from ...analysis.ranks import ranked
+from ...summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
+from ...wording import ARROWS, count_of, plus_minus, signed
+
+LAST_RANK = 3
+"""The paper colours the first three."""
 
 
-def measured(figure: PaperFigure, column: PaperColumn) -> str | None:
-    """The measured figure with the paper's number of digits; two significant ones where those would be all zeros."""
-    mean = figure["mean"]
+def measured(value: PaperValue, column: PaperColumn) -> str | None:
+    """The measured mean with the paper's decimals; with two significant digits where those decimals would all be 0."""
+    mean = value["mean"]
     if mean is None:
         return None
     text = f"{mean:.{column['decimals']}f}"
     return f"{mean:.2g}" if float(text) == 0 and mean != 0 else text
 
 
-def reach(figure: PaperFigure) -> float | None:
-    """Half-width of the interval of the difference to the reference row."""
-    interval = figure["difference"]
-    if interval is None or interval["low"] is None or interval["high"] is None:
-        return None
-    return (interval["high"] - interval["low"]) / 2
-
-
-def change(figure: PaperFigure, column: PaperColumn, plus_minus: str) -> str:
-    """The paired difference with its half-width; empty where there is none."""
-    difference, half = figure["difference"], reach(figure)
+def change(value: PaperValue, column: PaperColumn, sign: str) -> str:
+    """The paired difference and, after ``sign``, the half-width of its interval; empty without a difference."""
+    difference, decimals = value["difference"], column["decimals"]
     if difference is None:
         return ""
-    text = signed_figure(difference["mean"], column["decimals"])
-    return text if half is None else f"{text}{plus_minus}{half:.{column['decimals']}f}"
+    return plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, sign)
 
 
-def ranks(table: PaperTable, column: PaperColumn, *, of_published: bool) -> dict[str, int]:
-    """First to third by row, of the figures as printed; equal print has equal rank. One row alone has no rank."""
-    if column["direction"] == "none":
+def paper_ranks(table: PaperTable, column: PaperColumn, *, of_published: bool) -> dict[str, int]:
+    """First to third by row, of the values as printed. Empty for a single row and for columns without a direction."""
+    direction = column["direction"]
+    if direction == "none":
         return {}
-    found = {}
+    printed = {}
     for row, cells in table["cells"].items():
-        figure = cells[column["key"]]
-        text = figure["published"] if of_published else measured(figure, column)
+        value = cells[column["key"]]
+        text = value["published"] if of_published else measured(value, column)
         if text is not None:
-            found[row] = float(text)
-    if len(found) < 2:
+            printed[row] = float(text)
+    if len(printed) < 2:
         return {}
-    order = sorted(set(found.values()), reverse=column["direction"] == "up")
-    return {row: order.index(value) + 1 for row, value in found.items() if order.index(value) < 3}
+    return {row: rank for row, rank in ranked(printed, direction).items() if rank <= LAST_RANK}
+
+
+def heading(column: PaperColumn) -> str:
+    """Group, label, arrow towards better values, unit."""
+    arrow = f" {ARROWS[column['direction']]}" if ARROWS[column["direction"]] else ""
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    return f"{column['group']} {column['label']}".strip() + arrow + unit
 
 
 def groups(table: PaperTable) -> list[tuple[str, int]]:
-    """The headings that neighbouring columns share, and how many columns each spans."""
+    """Headings that neighbouring columns share, and how many columns each spans."""
     return [(group, len(list(columns))) for group, columns in groupby(table["columns"], key=lambda each: each["group"])]
 
 
-def reference_text(table: PaperTable) -> str | None:
-    """What the row is called that differences are taken to."""
-    return next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
-
-
 def caption(table: PaperTable, summary: Summary) -> str:
-    """What the figures are: data, seeds, protocol, interval, and where the published ones come from; plain text."""
+    """Data, seeds, protocol, interval, and the source of published values; plain text."""
     seeds, scenes = summary["seeds"], summary["scenes"]
-    pairs = max(figure["count"] for row in table["cells"].values() for figure in row.values())
+    values = [value for row in table["cells"].values() for value in row.values()]
+    pairs = max(value["count"] for value in values)
     text = (
         f"{table['title']}. Measured: mean over {count_of(len(scenes), 'scene')} ({', '.join(scenes)}) and"
         f" {count_of(len(seeds), 'seed')} ({', '.join(map(str, seeds))}), preset {summary['preset']}, metric protocol"
         f" {summary['protocol']}."
     )
-    reference = reference_text(table)
-    compared = any(figure["difference"] for row in table["cells"].values() for figure in row.values())
-    if reference is not None and compared:
+    reference = next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
+    if reference is not None and any(value["difference"] for value in values):
         text += f" Below it: paired difference to {reference}"
         text += (
             f" and half-width of its 95 % t interval over {pairs} pairs of scene and seed."
