@@ -9,7 +9,7 @@ from radiogs_core.transport.splatting import shaded_maps, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident
 
 from .model import Model
-from .tracing import tracer_of
+from .tracing import Rays
 from .variant import Variant
 
 
@@ -24,8 +24,10 @@ class Renderer:
         self.model, self.incident = model, None
         if variant.shading == "monte-carlo":
             with torch.no_grad():
-                tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
-                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
+                rays, surfels = Rays.of(variant), model.surfels
+                self.incident = gather_incident(
+                    rays.tracer(surfels), surfels, samples, None, rays.floor, model.plan.at_once
+                )
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.

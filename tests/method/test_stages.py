@@ -86,7 +86,7 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
     while resumed.iteration < 14:
         resumed.step()
     assert same(whole, resumed)
-    assert torch.equal(whole.cache.incident.radiance, resumed.cache.incident.radiance)
+    assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
 
 
 def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
@@ -102,9 +102,9 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
     while resumed.iteration < 18:
         resumed.step()
     assert same(whole, resumed)
-    assert whole.planner.evidence == resumed.planner.evidence
-    assert {record.iteration for record in whole.planner.evidence} == {0, 10}
-    assert whole.plan == resumed.plan
+    assert whole.shader.planner.evidence == resumed.shader.planner.evidence
+    assert {record.iteration for record in whole.shader.planner.evidence} == {0, 10}
+    assert whole.shader.plan == resumed.shader.plan
 
 
 def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
@@ -112,7 +112,7 @@ def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, Variant(effects="auto"))
     with recording() as instruments:
         stage.step()
-        once = len(stage.optimiser.surfels) * stage.planner.samples
+        once = len(stage.optimiser.surfels) * stage.shader.planner.samples
         taken = dict(instruments.parts)
         assert instruments.work["probe_rays"] == once <= instruments.work["rays"]
         assert taken["probe"] > 0
@@ -158,11 +158,11 @@ def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fr
     initialised: dict[str, Any],
 ) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
-    before = stage.cache.incident.direction.clone()
+    before = stage.shader.cache.incident.direction.clone()
     loss = stage._consistency(stage.model, stage.views[0])
     assert not loss.requires_grad
     assert float(loss) == 0
-    assert not torch.equal(before, stage.cache.incident.direction)
+    assert not torch.equal(before, stage.shader.cache.incident.direction)
 
 
 def test_novel_view_initialisation_knows_no_shading() -> None:
