@@ -38,5 +38,5 @@ class Renderer:
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
             return split_sum_maps(camera, surfels, environment)
-        specular = self.model.plan.specular_among(surfels.albedo)
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular)
+        specular_at = self.model.plan.specular_among(surfels.albedo)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at)
