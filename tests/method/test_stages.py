@@ -8,8 +8,10 @@ import pytest
 import torch
 
 from radiogs.budget import INVERSE_ONLY, Budget, budget
+from radiogs.model import Model
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
+from radiogs_core.contract import Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from scenes import sphere_scene
@@ -192,3 +194,22 @@ def test_the_same_seed_does_the_same_work(initialised: dict[str, Any]) -> None:
         counts.append(dict(instruments.work))
     assert counts[0] == counts[1]
     assert counts[0]["rays"] > 0
+
+
+@pytest.mark.parametrize("variant", [Variant(effects="auto"), Variant(shading="split-sum")])
+def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], variant: Variant) -> None:
+    stage = inverse(initialised, variant)
+    stage.step()
+    restored = Model.of(through_a_file(stage.product()))
+    assert torch.equal(restored.environment, stage.model.environment)
+    assert restored.plan == stage.model.plan
+    assert list(restored.evidence) == list(stage.model.evidence)
+    for name, value in restored.surfels.parameters().items():
+        assert torch.equal(value, stage.model.surfels.parameters()[name]), name
+
+
+def test_both_stages_are_what_the_harness_calls_a_stage(initialised: dict[str, Any]) -> None:
+    first = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    second = inverse(first.product())
+    assert isinstance(first, Stage)
+    assert isinstance(second, Stage)
