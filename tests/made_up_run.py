@@ -16,7 +16,7 @@ from radiogs_reports.summary import (
     Summary,
 )
 
-EMPTY = ("figures", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
+EMPTY = ("metrics", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
 """Keys that are empty for an unfinished cell."""
 
 LIGHTS = ("sky", "night")
@@ -100,16 +100,17 @@ def trail(scale: float = 1.0) -> dict[str, Any]:
     }
 
 
-def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | None]) -> RunSummary:
+def run(row: str, scene: str, seed: int, key: str, metrics: dict[str, float | None]) -> RunSummary:
     """A finished cell; its first stage takes 10 s more per decibel of NVS PSNR."""
-    seconds = 10 * (figures.get("nvs/psnr") or 30.0) - 280
+    seconds = 10 * (metrics.get("nvs/psnr") or 30.0) - 280
     return {
         "row": row,
         "scene": scene,
         "seed": seed,
         "key": key,
         "state": "finished",
-        "figures": figures,
+        "metrics": metrics,
+        "stages": [{"name": "initialise", "title": "stage 1"}, {"name": "invert", "title": "stage 2"}],
         "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
         "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},
         "guards": {"invert": {"faint_surfels": 3}},
@@ -158,7 +159,7 @@ def unfinished(row: str, scene: str, seed: int, key: str) -> RunSummary:
     """A cell that is still to be run."""
     nothing: dict[str, Any] = {"effects": None, "surfels": None, "view": None, "light": None, "arrays": None}
     empty: dict[str, Any] = {name: {} for name in EMPTY}
-    place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do"}
+    place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do", "stages": []}
     return {**place, **nothing, **empty}  # type: ignore[typeddict-item]
 
 
