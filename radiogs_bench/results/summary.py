@@ -11,6 +11,7 @@ from radiogs_reports.summary import (
     RowSummary,
     RunSummary,
     SheetSummary,
+    StageSummary,
     Summary,
     TrailPoint,
 )
@@ -168,7 +169,8 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         seed=place["seed"],
         key=place["key"],
         state=state_of(store, place),
-        figures={},
+        metrics={},
+        stages=[],
         seconds={},
         work={},
         guards={},
@@ -185,7 +187,8 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     if result is None:
         return run
     metrics, arrays = result["metrics"] | result["timings"], store.arrays_path(result["key"])
-    run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]
     run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["guards"] = result["work"], result["losses"], result["guards"]
     run["surfels"] = result["facts"].get("surfels")
