@@ -1,63 +1,123 @@
-"""Digests of the sources: a result is only as good as the code that made it, so the code is part of its name."""
+"""Digests of the sources that decide a result, found by following imports: nobody keeps a list of them.
 
+From a module's text every import is followed, also those inside functions, as long as it stays within the packages of
+this project or of the module itself (a stranger's method). A module that cannot be told from the text, because its name
+is computed when the code runs, is not seen: entry points are resolved by name and count through what they lead to.
+"""
+
+import ast
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from .metrics.weights import FILES, missing_weights
-from .suites.cell import TRAINING
-
-EVALUATION_MODULES = (
-    "radiogs_bench.evaluation.evaluate",
-    "radiogs_bench.evaluation.figures",
-    "radiogs_bench.evaluation.light_maps",
-    "radiogs_bench.metrics",
-    "radiogs_bench.evaluation.scoring",
-)
-
-EXPERIMENT_MODULES: Mapping[str, tuple[str, ...]] = {
-    "forward-parity": (
-        "radiogs_bench.experiments.forward_parity",
-        "radiogs_datasets.furnace",
-        "radiogs_datasets.generate.catalogue",
-        "radiogs_datasets.generate.surfaces",
-    ),
-    "stability": ("radiogs_bench.experiments.stability", "radiogs_datasets.hard_cases"),
-}
-"""What decides an experiment's figures beside the method; others' results need not be made anew when it changes."""
+OURS = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_baselines", "radiogs_reports", "radiogs_bench")
+"""Packages that imports are followed into, beside the package of the module that is asked for."""
 
 
-def sources_of(module: str) -> dict[str, Path]:
-    """The Python files of a module or package, by their name within it."""
-    spec = find_spec(module)
+@dataclass(frozen=True)
+class SourceTree:
+    """The Python files of some top-level packages.
+
+    ``roots`` says where each package (its folder) or module (its file) lies.
+    """
+
+    roots: Mapping[str, Path]
+    _imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+
+    def file(self, module: str) -> Path | None:
+        """The file of a module or package; None for what is no module of these packages."""
+        top, *rest = module.split(".")
+        root = self.roots.get(top)
+        if root is None:
+            return None
+        if root.is_file():
+            return None if rest else root
+        place = root.joinpath(*rest)
+        if (place / "__init__.py").is_file():
+            return place / "__init__.py"
+        single = place.with_name(f"{place.name}.py")
+        return single if rest and single.is_file() else None
+
+    def closure(self, *modules: str) -> dict[str, Path]:
+        """The modules, the packages around them, and everything that these import within the tree, by name.
+
+        A package that is asked for counts with all its modules. Raises ModuleNotFoundError for what is not there.
+        """
+        waiting = []
+        for module in modules:
+            if self.file(module) is None:
+                raise ModuleNotFoundError(f"no module '{module}'")
+            waiting += [module, *self._within(module)]
+        found: dict[str, Path] = {}
+        while waiting:
+            module = waiting.pop()
+            path = self.file(module)
+            if module in found or path is None:
+                continue
+            found[module] = path
+            waiting += self.imports(module)
+            if "." in module:  # importing a module runs the packages around it
+                waiting.append(module.rpartition(".")[0])
+        return dict(sorted(found.items()))
+
+    def imports(self, module: str) -> frozenset[str]:
+        """What a module imports, wherever in its text, as far as it lies in the tree."""
+        if module not in self._imports:
+            path = self.file(module)
+            assert path is not None
+            package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+            tree = ast.parse(path.read_bytes(), path.as_posix())
+            self._imports[module] = frozenset(
+                name for node in ast.walk(tree) for name in _imported(node, package) if self.file(name) is not None
+            )
+        return self._imports[module]
+
+    def digest(self, *modules: str) -> str:
+        """SHA-256 prefix over names and bytes of the closure; independent of where the packages are installed."""
+        digest = hashlib.sha256()
+        for name, path in self.closure(*modules).items():
+            content = path.read_bytes()
+            digest.update(f"{name}\0{len(content)}\0".encode() + content)
+        return digest.hexdigest()[:20]
+
+    def _within(self, module: str) -> list[str]:
+        path = self.file(module)
+        if path is None or path.name != "__init__.py":
+            return []
+        inside = [each.relative_to(path.parent).with_suffix("") for each in path.parent.rglob("*.py")]
+        return [".".join([module, *each.parts]) for each in inside if each.name != "__init__"]
+
+
+def _imported(node: ast.AST, package: str) -> Iterator[str]:
+    """Names that a statement may import: modules, and what is taken from them, which may be modules too."""
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    elif isinstance(node, ast.ImportFrom):
+        above = package.split(".")
+        base = above[: len(above) - node.level + 1] if node.level else []
+        source = ".".join([*base, *([node.module] if node.module else [])])
+        yield source
+        yield from (f"{source}.{alias.name}" for alias in node.names)
+
+
+def _place(package: str) -> Path:
+    spec = find_spec(package)
     if spec is None or spec.origin is None:
-        raise ModuleNotFoundError(f"no module '{module}'")
-    if not spec.submodule_search_locations:
-        return {module: Path(spec.origin)}
-    root = Path(spec.origin).parent
-    return {f"{module}/{path.relative_to(root).as_posix()}": path for path in root.rglob("*.py")}
+        raise ModuleNotFoundError(f"no module '{package}'")
+    origin = Path(spec.origin)
+    return origin.parent if origin.name == "__init__.py" else origin
+
+
+@cache
+def installed(*packages: str) -> SourceTree:
+    """The tree of this project's packages and of others that are named, as they are installed."""
+    return SourceTree({package: _place(package) for package in dict.fromkeys((*OURS, *packages))})
 
 
 @cache
 def code_digest(*modules: str) -> str:
-    """SHA-256 over names and bytes of all sources of the modules; independent of where they are installed."""
-    digest = hashlib.sha256()
-    sources = {name: path for module in modules for name, path in sources_of(module).items()}
-    for name in sorted(sources):
-        content = sources[name].read_bytes()
-        digest.update(f"{name}\0{len(content)}\0".encode() + content)
-    return digest.hexdigest()[:20]
-
-
-def method_code() -> str:
-    """Digest of the method."""
-    return code_digest("radiogs")
-
-
-def evaluation_code(experiment: str = TRAINING) -> str:
-    """Digest of what scores a trained model, and which LPIPS it cannot score: once the weights are there, it can."""
-    digest = code_digest(*EVALUATION_MODULES, *EXPERIMENT_MODULES.get(experiment, ()))
-    missing = [net for net in FILES if missing_weights(net)]
-    return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest
+    """Digest of the sources that decide what the modules do, as they are installed; the same all through a process."""
+    return installed(*sorted({module.split(".")[0] for module in modules} - set(OURS))).digest(*modules)

@@ -29,6 +29,19 @@ class Model:
         """Linear radiance of the recovered light; its logarithm is what is learnt, so it is always positive."""
         return self.log_environment.exp()
 
+    def tensors(self) -> dict[str, Any]:
+        """The model as plain tensors and values, without gradient history."""
+        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
+        effects = {"plan": self.plan.state(), "evidence": [dict(each) for each in self.evidence]}
+        return {"surfels": surfels, "log_environment": self.log_environment.detach(), "effects": effects}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Any]) -> "Model":
+        """The inverse of ``tensors``."""
+        effects = tensors["effects"]
+        plan, evidence = EffectPlan(**effects["plan"]), tuple(effects["evidence"])
+        return cls(Surfels.of(tensors["surfels"]), tensors["log_environment"], plan, evidence)
+
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:
     """Log-radiance of a light that is the same from everywhere."""

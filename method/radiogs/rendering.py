@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import shaded_maps, split_sum_maps
+from radiogs_core.transport.splatting import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident
 
 from .model import Model
@@ -26,6 +26,11 @@ class Renderer:
             with torch.no_grad():
                 tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
                 self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
+
+    def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
+        """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
+        assert self.incident is not None
+        return incident_map(camera, self.model.surfels, self.incident)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.

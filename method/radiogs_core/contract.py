@@ -19,13 +19,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .errors import UsageError
+from .errors import ExplainedError, UsageError
 from .scene.camera import Camera
 from .scene.light import EnvironmentMap
 from .scene.scene import Scene
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 """Images of one camera by name, [height, width, channels]; ``MapKind`` says how each is to be read."""
+
+
+class NotOffered(ExplainedError):
+    """What a method cannot do by its nature, such as relighting; the metric reads n/a with this reason."""
 
 
 class Budget(Protocol):
@@ -57,7 +61,12 @@ class Run:
 
 @runtime_checkable
 class Stage(Protocol):
-    """A resumable optimisation: restoring a state and stepping on gives what stepping on would have given."""
+    """A resumable optimisation: restoring a state and stepping on gives what stepping on would have given.
+
+    A stage that waits for something else may return from ``step`` with ``iteration`` as it was, at least twice a
+    second, so that a request to stop is heard. One that holds more than memory may have a method ``close()``, which is
+    called when stepping ends, however it ends.
+    """
 
     iteration: int
     """Steps taken so far."""
@@ -88,7 +97,8 @@ class StageSpec:
     many it takes. owner: whose stage it is; methods that share a stage name the same owner and train it once.
     reads: the fields of variant and budget that decide its outcome, with their values. sources: names of modules;
     their files, and those of all modules that they import, decide its outcome too.
-    begin: makes the stage from a run and the product of the stage before it (empty for the first).
+    begin: makes the stage from a run and the product of the stage before it (empty for the first). compiles: whether
+    its first step compiles kernels, so that one is taken beforehand and charged to nobody.
     """
 
     name: str
@@ -98,6 +108,7 @@ class StageSpec:
     reads: Mapping[str, Any]
     sources: tuple[str, ...]
     begin: Callable[[Run, Mapping[str, Any]], Stage]
+    compiles: bool = False
 
 
 @dataclass(frozen=True)
@@ -147,7 +158,7 @@ class Trained(Protocol):
         """What ``Method.restore`` makes it from."""
 
     def export(self, folder: Path) -> list[Path]:
-        """Write the model for other programs; returns the files written. Raises OSError."""
+        """Write the model for other programs, without its light; returns the files written. Raises OSError."""
 
     def prepare(
         self,
@@ -159,7 +170,7 @@ class Trained(Protocol):
 
         albedo_scale: factor for each channel of the recovered albedo, which is known up to one. after_step: called
         between the steps of a long preparation; it may raise to end it. Raises DataError for a light that is not
-        finite.
+        finite, NotOffered where the method cannot be relit.
         """
 
 

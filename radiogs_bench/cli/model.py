@@ -1,23 +1,21 @@
 """``radiogs-bench train``, ``render`` and ``relight``: one model, outside any suite."""
 
 import argparse
-from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import UsageError
 
+from .device import chosen_device
 from .options import add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
-    import torch
-
-    from radiogs_core.scene.camera import Camera
+    from radiogs_core.contract import Prepared, Run
     from radiogs_core.scene.light import EnvironmentMap
-    from radiogs_core.scene.scene import Scene
 
     from .options import Commands
 
+METHOD = "radiogs"
 MODES = ("pbr", "finetuned", "surfels")
 
 
@@ -29,9 +27,8 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make, or to continue in")
     training.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     training.add_argument("--seed", type=int, default=0, help="(default: 0)")
-    training.add_argument(
-        "--profile", choices=["paper", "released"], default="paper", help="whose formulas (default: the paper's)"
-    )
+    training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
+    training.add_argument("--profile", default="paper", help="whose formulas: paper or released (default: paper)")
 
     add_effects(training)
 
@@ -67,15 +64,11 @@ def factors(text: str) -> tuple[float, float, float]:
 
 def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
-    from radiogs.budget import budget
-    from radiogs.profile import PROFILES
-    from radiogs.variant import Variant
     from radiogs_datasets import load_scene
 
-    from ..engines.run import RADIOGS
-    from ..sources import evaluation_code, method_code
+    from ..methods import budget_of, method
     from ..store.folder import Store
-    from ..suites.cell import Cell
+    from ..suites.cell import Work, cell_of
     from ..training.interruption import Interruption
     from ..training.preflight import read_everything
     from ..training.progress import progress_for_stderr
@@ -84,67 +77,69 @@ def train(options: argparse.Namespace) -> int:
     from .reporter import say
 
     device = chosen_device(options)
-    preset, scene, store = budget(options.preset), load_scene(options.scene), Store(options.out)
-    cell = Cell(
-        scene=scene.name,
-        checksum=scene.checksum,
-        variant=Variant(deviations=PROFILES[options.profile], effects=options.effects),
-        budget=preset,
-        seed=options.seed,
-        device=options.device,
-        protocol="default",
-        method_code=method_code(),
-        evaluation_code=evaluation_code(),
-    )
+    used, scene, store = method(options.method), load_scene(options.scene), Store(options.out)
+    work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
+    cell = cell_of(used, scene, work, options.method)
     with progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        model, ledgers = trained(Bench(store, RADIOGS, device, progress, interruption), cell, scene)
+        model, ledgers = trained(Bench(store, device, progress, interruption), cell, scene)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
-    say(f"{scene.name}: {len(model.surfels)} surfels in {seconds:.0f} s")
-    if model.plan.off:
-        say(f"not, or only in part, simulated: {', '.join(model.plan.off)}")
+    facts = model.facts()
+    size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
+    say(f"{scene.name}: {size}{seconds:.0f} s")
+    for remark in facts.get("remarks", ()):
+        say(remark)
     for path in write_trained(store, options.scene, cell, model):
         say(f"wrote {path}")
     return 0
 
 
+def variant_asked(options: argparse.Namespace) -> Any:
+    """The variant that ``train`` is asked for: the method's full form, with what the options turn."""
+    from dataclasses import fields
+
+    from ..methods import method, variant_of
+
+    used = method(options.method)
+    profiles = getattr(used, "profiles", {"paper": {}})
+    if options.profile not in profiles:
+        raise UsageError(
+            f"{used.name} has no profile '{options.profile}'", f"It has: {', '.join(profiles)}.", "Leave --profile out."
+        )
+    given = dict(profiles[options.profile])
+    if options.effects != "all":
+        if "effects" not in {field.name for field in fields(used.variant)}:
+            raise UsageError(f"{used.name} has no choice of effects", "", "Leave --effects out.")
+        given["effects"] = options.effects
+    return variant_of(used, given)
+
+
 def render(options: argparse.Namespace) -> int:
     """Write the maps of every view: images as PNG, everything as EXR."""
-    from radiogs.budget import budget
-    from radiogs.rendering import Renderer
+    from ..training.trained_folder import read_trained
 
-    from ..training.trained_folder import read_trained, variant_of
-
-    device = chosen_device(options)
-    about, model = read_trained(options.folder, device)
-    scene = scene_of(about["scene"], about["checksum"])
-    renderer = Renderer(model, budget(about["preset"]).incident_samples, variant_of(about["variant"]))
-    return write_views(renderer.render, scene, options.views, options.folder / "render", device)
+    run, model = read_trained(options.folder, chosen_device(options))
+    return write_views(model.prepare(), run, options.views, options.folder / "render")
 
 
 def relight(options: argparse.Namespace) -> int:
     """Write every view under another light."""
     import torch
 
-    from radiogs.budget import budget
-    from radiogs.relighting import relit_under
-    from radiogs.variant import Variant
-    from radiogs_core.contract import Run
-
-    from ..training.trained_folder import read_trained
+    from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     device = chosen_device(options)
     light = light_of(options.envmap)
-    about, model = read_trained(options.folder, device)
-    scene = scene_of(about["scene"], about["checksum"])
-    variant = Variant(relighting=options.mode, effects=options.effects)
-    run = Run(scene, variant, budget(about["preset"]), about["seed"], device)
-    relit = relit_under(model, light, torch.tensor(options.albedo_scale), run)
-    for record in relit.evidence:
-        say(f"{record.effect}: {record.verdict} ({record.why})")
+    given = read_about(options.folder)["variant"]
+    asked = {"relighting": options.mode, "effects": options.effects}
+    turned = {name: value for name, value in asked.items() if name in given}
+    run, model = read_trained(options.folder, device, turned)
+    relit = model.prepare(light, torch.tensor(options.albedo_scale))
+    for remark in getattr(relit, "remarks", ()):
+        say(remark)
     folder = options.folder / "relight" / options.envmap.stem / options.mode
-    return write_views(relit.render, scene, options.views, folder, device)
+    return write_views(relit, run, options.views, folder)
 
 
 def light_of(path: Path) -> "EnvironmentMap":
@@ -160,43 +155,7 @@ def light_of(path: Path) -> "EnvironmentMap":
     return EnvironmentMap(torch.from_numpy(readers[path.suffix.lower()](path)[..., :3]))
 
 
-def chosen_device(options: argparse.Namespace) -> "torch.device":
-    """The device, ready to be worked on with as many threads as asked for. Raises UsageError."""
-    import os
-
-    import torch
-
-    from radiogs_core.kernels.runtime import use_threads
-
-    if options.device == "cuda" and not torch.cuda.is_available():
-        raise UsageError(
-            "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
-        )
-    use_threads(options.threads or len(os.sched_getaffinity(0)))
-    return torch.device(options.device)
-
-
-def scene_of(name: str, checksum: str) -> "Scene":
-    """The scene that a model was trained on. Raises DataError if it is gone or another one now."""
-    from radiogs_datasets import load_scene
-
-    scene = load_scene(name)
-    if scene.checksum != checksum:
-        raise DataError(
-            f"scene '{name}' has changed since the model was trained",
-            "Its files have another checksum.",
-            "Put the old files back, or train again.",
-        )
-    return scene
-
-
-def write_views(
-    render: "Callable[[Camera], Mapping[str, torch.Tensor]]",
-    scene: "Scene",
-    split: str,
-    folder: Path,
-    device: "torch.device",
-) -> int:
+def write_views(prepared: "Prepared", run: "Run", split: str, folder: Path) -> int:
     """Render each view of a split into ``folder``: ``<view>.png`` and ``<view>_<map>.exr``; says what a frame took."""
     import statistics
 
@@ -205,17 +164,20 @@ def write_views(
     from radiogs_datasets.image_files import write_exr, write_png
 
     from ..evaluation.frame_cost import frame_milliseconds
+    from ..evaluation.maps import on_black
     from .reporter import say
 
-    views = scene.test if split == "test" else scene.train
+    views = run.scene.test if split == "test" else run.scene.train
     folder.mkdir(parents=True, exist_ok=True)
-    cameras = [view.camera.to(device, torch.float32) for view in views]
+    cameras = [view.camera.to(run.device, torch.float32) for view in views]
     for view, camera in zip(views, cameras, strict=True):
-        maps = {name: image.cpu().numpy() for name, image in render(camera).items()}
+        maps = {name: image.numpy() for name, image in on_black(prepared, prepared.render(camera)).items()}
         name = view.name.replace("/", "_")
         write_png(folder / f"{name}.png", maps.pop("image"))
         for kind, image in maps.items():
             write_exr(folder / f"{name}_{kind}.exr", image)
-    times = frame_milliseconds(render, cameras, device)
-    say(f"{len(views)} views in {folder}; {statistics.median(times):.2f} ms a frame")
+    said = f"{len(views)} views in {folder}"
+    if prepared.timed:
+        said += f"; {statistics.median(frame_milliseconds(prepared.render, cameras, run.device)):.2f} ms a frame"
+    say(said)
     return 0

@@ -22,9 +22,7 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> N
     """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
-    table = Table(
-        "cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.budget.name}"
-    )
+    table = Table("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
     for (place, _), each in zip(cells, expected, strict=True):
         row = ("", "") if each is None else (duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)

@@ -6,6 +6,8 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from radiogs_core.errors import UsageError
+
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "subject", metavar="SCENE|DIR", help="a generated scene (its true surfaces and light), or a folder of `train`"
     )
+    parser.add_argument("--method", default="radiogs", help="whose needs (default: radiogs; DIR: its own)")
     parser.add_argument("--preset", default="tiny", help="budget whose steps are weighed (default: tiny; DIR: its own)")
     parser.add_argument("--seed", type=int, help="(default: 0; DIR: its own)")
     parser.add_argument("--envmap", type=Path, metavar="FILE", help="relit by this light: .hdr or .exr, lat-long, Z up")
@@ -61,27 +64,30 @@ def probe(options: argparse.Namespace) -> int:
 
 
 def _probed(options: argparse.Namespace, device: "torch.device", light: "EnvironmentMap | None") -> "tuple[str, Probe]":
-    """What it is called, and what a probe of it has found."""
-    from radiogs.budget import budget
-    from radiogs.probing import probed
-    from radiogs.variant import Variant
-    from radiogs_core.contract import Run
+    """What it is called, and what a probe of it has found. Raises UsageError for a method that has no probes."""
+    from dataclasses import replace
+
+    from radiogs_core.contract import Probing, Run
+    from radiogs_datasets import load_scene
+
+    from ..methods import budget_of, method
+    from ..training.trained_folder import read_about, read_trained
 
     folder = Path(options.subject)
     if folder.is_dir() and (folder / "trained.json").exists():
-        from ..training.trained_folder import read_trained, variant_of
-        from .model import scene_of
-
-        about, model = read_trained(folder, device)
-        scene, seed = scene_of(about["scene"], about["checksum"]), options.seed
-        seed = about["seed"] if seed is None else seed
-        run = Run(scene, variant_of(about["variant"]), budget(about["preset"]), seed, device)
-        return folder.name, probed(run, model, light)
-    from radiogs_datasets import load_scene
-
-    scene = load_scene(options.subject)
-    run = Run(scene, Variant(), budget(options.preset), options.seed or 0, device)
-    return scene.name, probed(run, None, light)
+        using, name = method(read_about(folder)["method"]), folder.name
+        run, trained = read_trained(folder, device)
+        run = run if options.seed is None else replace(run, seed=options.seed)
+    else:
+        using, scene, trained = method(options.method), load_scene(options.subject), None
+        name, budget = scene.name, budget_of(using, options.preset)
+        run = Run(scene, using.variant(), budget, options.seed or 0, device)
+    if not isinstance(using, Probing):
+        raise UsageError(
+            f"method '{using.name}' has no probes", "It simulates all that it has, whatever the scene.",
+            "Probe the scene with RadioGS:  --method radiogs",
+        )  # fmt: skip
+    return name, using.probe(run, trained, light)
 
 
 def _show(name: str, found: "Probe") -> None:

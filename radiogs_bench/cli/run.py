@@ -25,6 +25,9 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
+    parser.add_argument(
+        "--method", type=names, metavar="A,B", help="methods to run (see `methods`), or TOML files (default: the rows')"
+    )
     add_effects(parser, default=None)
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
@@ -61,29 +64,32 @@ def _run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
-    if options.effects is not None:
-        from ..suites.suite import with_effects
-
-        chosen = with_effects(chosen, options.effects)
-    engine = choose(options.engine, options.workers, options.ray_address)
+    chosen = turned(chosen, options)
+    engine = choose(options.engine, options.workers, options.ray_address, options.threads)
     folder = options.out or Path("out") / chosen.name
 
-    from ..engines.run import bring_to_end, cells_and_threads, plan, work_along
     from ..store.folder import Store
+    from .sweeping import run_request, show_request, wanted, work_along_with
 
-    request, device = plan(options, chosen)
+    request, device = wanted(options, chosen)
     store = Store(folder)
     if options.dry_run:
-        from .planning import emit_plan, show_plan
-
-        if options.json:
-            emit_plan(request, store)
-        else:
-            show_plan(request, store, *cells_and_threads(engine))
-        return 0
+        return show_request(request, store, engine, options.json)
     if options.worker is not None:
-        return work_along(request, store, device, *options.worker)
-    return bring_to_end(request, store, device, engine, options)
+        return work_along_with(request, store, device, *options.worker)
+    return run_request(request, store, device, engine, options)
+
+
+def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
+    """The suite with the methods and the fields of their variants that the options ask for."""
+    from ..suites.suite import of_methods, with_field
+
+    if options.method:
+        suite = of_methods(suite, options.method)
+    if options.effects not in (None, "all"):
+        mark = options.effects if isinstance(options.effects, str) else "+".join(options.effects) or "none"
+        suite = with_field(suite, "effects", options.effects, mark)
+    return suite
 
 
 def _list(options: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from radiogs_core.errors import DataError, UsageError
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
-    from radiogs.model import Model
+    from radiogs_core.surfels.surfels import Surfels
     from radiogs_reports.surfel_view import Disks
 
     from .options import Commands
@@ -35,7 +35,7 @@ def view(options: argparse.Namespace) -> int:
 
     from .reporter import say
 
-    model = model_in(options.folder, options.row)
+    surfels = surfels_in(options.folder, options.row)
     reason = why_not()
     if reason is not None:
         raise UsageError(
@@ -46,39 +46,45 @@ def view(options: argparse.Namespace) -> int:
     folder = options.folder / "figures"
     folder.mkdir(exist_ok=True)
     places = folder / "surfels.png", folder / "surfels.gif"
-    for path in draw(disks_of(model, options.colour), *places, options.frames, options.size):
+    for path in draw(disks_of(surfels, options.colour), *places, options.frames, options.size):
         say(f"wrote {path}")
     return 0
 
 
-def model_in(folder: Path, row: str | None) -> "Model":
-    """The model that ``train`` left in a folder, or that of a row of a run. Raises DataError where there is none."""
+def surfels_in(folder: Path, row: str | None) -> "Surfels":
+    """The surfels that ``train`` left in a folder, or those of a run's row. Raises DataError where there are none."""
     import torch
 
-    from ..store.folder import Store
+    from radiogs_core.surfels.surfels import Surfels
+
+    from ..store.folder import Store, product_name
     from ..suites.sweep import read_sweep
-    from ..training.stages import model_of
-    from ..training.trained_folder import read_trained
+    from ..training.trained_folder import product_of, read_about
 
     cpu = torch.device("cpu")
     if (folder / "trained.json").exists():
-        return read_trained(folder, cpu)[1]
-    places = [place for place in read_sweep(folder)["cells"] if row in (None, place["row"])]
-    if not places:
-        raise UsageError(f"the run in '{folder}' has no row '{row}'", "", f"See them:  radiogs-bench status {folder}")
-    for place in places:
-        stored = Store(folder).tensors(f"trained/{place['training_key']}", cpu)
-        if stored is not None:
-            return model_of(stored["product"])
-    raise DataError(
-        f"no model is trained in '{folder}'" + (f" for the row '{row}'" if row else ""),
-        "Its files would lie in trained/.",
-        "Let the run go on until a cell is trained, or train one:  radiogs-bench train SCENE --out DIR",
-    )
+        products = [product_of(folder, read_about(folder)["training_key"], cpu)]
+    else:
+        places = [place for place in read_sweep(folder)["cells"] if row in (None, place["row"])]
+        if not places:
+            raise UsageError(
+                f"the run in '{folder}' has no row '{row}'", "", f"See them:  radiogs-bench status {folder}"
+            )
+        stored = (Store(folder).tensors(product_name(place["stages"][-1]), cpu) for place in places if place["stages"])
+        products = [each["product"] for each in stored if each is not None][:1]
+    if not products:
+        raise DataError(
+            f"no model is trained in '{folder}'" + (f" for the row '{row}'" if row else ""),
+            "Its files would lie in stages/.",
+            "Let the run go on until a cell is trained, or train one:  radiogs-bench train SCENE --out DIR",
+        )
+    if "surfels" not in products[0]:
+        raise DataError(f"the model in '{folder}' has no surfels", "Its method keeps something else.")
+    return Surfels.of(products[0]["surfels"])
 
 
-def disks_of(model: "Model", colour: str) -> "Disks":
-    """The model's surfels as plain arrays, coloured by their mean radiance (degree 0), albedo or normal."""
+def disks_of(surfels: "Surfels", colour: str) -> "Disks":
+    """Surfels as plain arrays, coloured by their mean radiance (degree 0), albedo or normal."""
     import torch
 
     from radiogs_core.scene.colour import srgb_encode
@@ -86,7 +92,6 @@ def disks_of(model: "Model", colour: str) -> "Disks":
     from radiogs_reports.surfel_view import Disks
 
     with torch.no_grad():
-        surfels = model.surfels
         frame = surfels.frame
         if colour == "albedo":
             shown = srgb_encode(surfels.albedo)

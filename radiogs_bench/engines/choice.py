@@ -6,19 +6,32 @@ from typing import Literal, cast
 from radiogs_core.errors import UsageError
 
 Name = Literal["inprocess", "pool", "ray"]
+ONE_THREAD = 1
+"""Threads of a cell on a cluster, unless more are asked for: one gets the most out of a cluster's cores."""
+
 ENGINES: tuple[Name, ...] = ("inprocess", "pool", "ray")
 
 
 @dataclass(frozen=True)
 class Engine:
-    """``workers`` of the pool, None for one a thread; ``address`` of the cluster, None for one of this machine."""
+    """What runs the cells, and with how much.
+
+    ``workers`` of the pool, None for one a thread; ``address`` of the cluster, None for one of this machine;
+    ``threads`` of each process, None for all cores of this machine (on a cluster: ONE_THREAD for each cell).
+    """
 
     name: Name
     workers: int | None = None
     address: str | None = None
+    threads: int | None = None
+
+    def cells_and_threads(self, cores: int) -> tuple[int, int]:
+        """How many cells are run at a time on this machine, and on how many of its threads each."""
+        together = (self.workers or cores) if self.name == "pool" else 1
+        return together, max(1, cores // together)
 
 
-def choose(name: str | None, workers: int | None, address: str | None) -> Engine:
+def choose(name: str | None, workers: int | None, address: str | None, threads: int | None = None) -> Engine:
     """The engine that the options ask for: several workers are a pool, an address is a cluster, else this process.
 
     Raises UsageError for options that do not go together.
@@ -32,4 +45,4 @@ def choose(name: str | None, workers: int | None, address: str | None) -> Engine
         )
     if address is not None and chosen != "ray":
         raise UsageError(f"--ray-address does not go with --engine {chosen}", "", "Leave one of the two out.")
-    return Engine(cast(Name, chosen), workers, address)
+    return Engine(cast(Name, chosen), workers, address, threads)

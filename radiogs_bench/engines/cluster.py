@@ -1,8 +1,8 @@
 """A sweep on a Ray cluster: stages as tasks, with resources and retries; this process alone writes to the store.
 
-Stage 1 is a task of its own whose delivery goes to the tasks of all cells that start from it. A machine that is lost
-takes with it what it was working on; Ray runs that again elsewhere. Claims are held for all cells that are on the
-cluster, so other processes leave them alone.
+The stages that cells share are a task of their own whose delivery goes to the tasks of all cells that start from
+them. A machine that is lost takes with it what it was working on; Ray runs that again elsewhere. Claims are held for
+all cells that are on the cluster, so other processes leave them alone.
 """
 
 import logging
@@ -22,19 +22,10 @@ from radiogs_core.errors import ExplainedError, UsageError
 from ..errors import CellFailed, Interrupted
 from ..store.claim import Claimed
 from ..store.folder import Store
-from ..suites.cell import TRAINING, Cell
+from ..suites.cell import Cell
 from ..training.interruption import STOPPING_SIGNALS, Interruption
 from ..training.progress import Progress
-from .delegate import (
-    Delivery,
-    Order,
-    Recipe,
-    deliver_cell,
-    deliver_initialisation,
-    file_of,
-    initialisation_names,
-    training_names,
-)
+from .delegate import Delivery, Order, Recipe, deliver_cell, deliver_shared, file_of, names_of, shared_stages
 from .in_process import STOPPING, Task, record_failure
 
 logger = logging.getLogger(__name__)
@@ -101,12 +92,12 @@ def _knock(address: str | None) -> None:
 
 @dataclass(frozen=True)
 class Flight:
-    """What is on the cluster: a cell, or a stage 1 (``task`` is None); and the claims that are held for it."""
+    """What is on the cluster: a cell, or the stages that cells share (``task`` is None); and the claims held for it."""
 
     task: Task | None
     held: ExitStack
-    checkpoint: str
-    """Name of the checkpoint that is of no use once it has landed."""
+    checkpoints: tuple[str, ...]
+    """Names of the checkpoints that are of no use once it has landed."""
 
 
 class Cluster:
@@ -116,24 +107,26 @@ class Cluster:
         self, ray: Any, recipe: Recipe, places: Mapping[str, str], threads: int, device: str, store: Store
     ) -> None:
         needs = {"num_cpus": threads, "num_gpus": 1 if device == "cuda" else 0, "max_retries": RETRIES}
-        self._initialise = ray.remote(**needs)(deliver_initialisation)
+        self._share = ray.remote(**needs)(deliver_shared)
         self._finish = ray.remote(**needs)(deliver_cell)
         self._needs = {"CPU": threads, "GPU": needs["num_gpus"]}
         self.ray, self.recipe, self.places, self.threads, self.store = ray, recipe, places, threads, store
         self.flights: dict[Any, Flight] = {}
         self.firsts: dict[str, Any] = {}
-        """Deliveries of stage 1 by key: on their way, or put there from the store."""
+        """Deliveries of shared stages by the key of the last of them: on their way, or put there from the store."""
 
     def send(self, task: Task) -> None:
-        """Put a cell on its way, unless it is finished; stage 1 before it, if that has to be run. Raises Claimed."""
+        """Put a cell on its way, unless it is finished, and before it the stages that it shares. Raises Claimed."""
         cell = task.cell
         with ExitStack() as held:
             held.enter_context(self.store.claim(cell.key))
             if self.store.result(cell.key) is not None:
                 return
-            held.enter_context(self.store.claim(f"trained-{cell.training_key}"))
-            flight = self._finish.remote(self._order(cell), self._given(training_names(cell)), self._first(cell))
-            self.flights[flight] = Flight(task, held.pop_all(), training_names(cell)[1])
+            for stage in cell.stages[-1:]:
+                held.enter_context(self.store.claim(f"stages-{stage.key}"))
+            names = [name for stage in cell.stages[-1:] for name in names_of(stage)]
+            flight = self._finish.remote(self._order(cell), self._given(names), self._first(cell))
+            self.flights[flight] = Flight(task, held.pop_all(), tuple(names[1::2]))
 
     def landed(self) -> list[tuple[Flight, Delivery]]:
         """What has come back since; waits a moment if nothing has. Its files are kept, its claims held until now."""
@@ -153,19 +146,21 @@ class Cluster:
         return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
 
     def _first(self, cell: Cell) -> Any:
-        if cell.experiment != TRAINING:
+        shared = shared_stages(cell)
+        if not shared:
             return Delivery({}, None, "")
-        key = cell.initialisation_key
+        key = shared[-1].key
         if key not in self.firsts:
-            names = initialisation_names(cell)
+            names = [name for stage in shared for name in names_of(stage)]
             with ExitStack() as held:
-                held.enter_context(self.store.claim(f"init-{key}"))
+                for stage in shared:
+                    held.enter_context(self.store.claim(f"stages-{stage.key}"))
                 given = self._given(names)
-                if file_of(names[0]) in given:
+                if file_of(names[-2]) in given:
                     self.firsts[key] = self.ray.put(Delivery(given, None, ""))
                 else:
-                    self.firsts[key] = self._initialise.remote(self._order(cell), given)
-                    self.flights[self.firsts[key]] = Flight(None, held.pop_all(), names[1])
+                    self.firsts[key] = self._share.remote(self._order(cell), given)
+                    self.flights[self.firsts[key]] = Flight(None, held.pop_all(), tuple(names[1::2]))
         return self.firsts[key]
 
     def _order(self, cell: Cell) -> Order:
@@ -186,7 +181,8 @@ class Cluster:
             delivery = Delivery({}, lost(error), "")
         self.store.take_over(delivery.files)
         if delivery.failure is None:
-            self.store.drop_tensors(flight.checkpoint)
+            for name in flight.checkpoints:
+                self.store.drop_tensors(name)
         if delivery.failure is None and flight.task is not None:
             self.store.drop_failure(flight.task.cell.key)
         del self.flights[arrived]
@@ -251,7 +247,7 @@ def report(
 ) -> None:
     """Say how a cell ended and remember a failure; raises one that all cells would share."""
     if flight.task is None:
-        return  # a stage 1 that failed fails the cells that wait for it
+        return  # shared stages that failed fail the cells that wait for them
     if delivery.failure is None:
         progress.say(f"{flight.task.label}: done on {delivery.node}")
         return

@@ -14,19 +14,16 @@ from tempfile import TemporaryDirectory
 
 import torch
 
-from radiogs.variant import Variant
+from radiogs_core.contract import Method
 from radiogs_core.errors import DataError, ExplainedError, UsageError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
-from radiogs_core.transport.plan import Effects
 
-from ..experiments.method import Method
-from ..sources import evaluation_code, method_code
-from ..store.folder import Store
-from ..suites.cell import Cell
+from ..store.folder import Store, checkpoint_name, product_name
+from ..suites.cell import Cell, StageKey, Work, cell_of
 from ..training.interruption import Interruption
 from ..training.progress import LogProgress
-from ..training.stages import Bench, initialised
+from ..training.stages import Bench, all_but_last
 from ..training.warm_up import compile_kernels
 
 Files = Mapping[str, bytes]
@@ -35,12 +32,12 @@ Files = Mapping[str, bytes]
 
 @dataclass(frozen=True)
 class Recipe:
-    """How any cell is run: the method, what is done for a cell, and how a scene is found by its name or path.
+    """How any cell is run: how methods are found, what is done for a cell, how a scene is found by its name or path.
 
     ``compiled_on`` is the scene that the kernels are compiled on beforehand.
     """
 
-    method: Method
+    method: Callable[[str], Method]
     experiment: Callable[[Bench, Cell, Scene], None]
     load: Callable[[str], Scene]
     compiled_on: str
@@ -65,16 +62,14 @@ class Delivery:
     node: str
 
 
-def initialisation_names(cell: Cell) -> tuple[str, str]:
-    """What stage 1 is called in a store: its outcome, and where it stands."""
-    name = f"init/{cell.initialisation_key}"
-    return name, f"{name}.checkpoint"
+def names_of(stage: StageKey) -> tuple[str, str]:
+    """What a stage is called in a store: its outcome, and where it stands."""
+    return product_name(stage.key), checkpoint_name(stage.key)
 
 
-def training_names(cell: Cell) -> tuple[str, str]:
-    """The same of stage 2."""
-    name = f"trained/{cell.training_key}"
-    return name, f"{name}.checkpoint"
+def shared_stages(cell: Cell) -> tuple[StageKey, ...]:
+    """The stages of a cell that others may share: all but the last."""
+    return cell.stages[:-1]
 
 
 def file_of(name: str) -> str:
@@ -82,18 +77,19 @@ def file_of(name: str) -> str:
     return f"{name}.pt"
 
 
-def deliver_initialisation(order: Order, given: Files) -> Delivery:
-    """Bring stage 1 to its end, from the checkpoint if one is given."""
-    wanted = [file_of(initialisation_names(order.cell)[0])]
-    return _deliver(order, given, wanted, lambda bench, scene: initialised(bench, order.cell, scene))
+def deliver_shared(order: Order, given: Files) -> Delivery:
+    """Bring the stages that several cells share to their end, from checkpoints if any are given."""
+    wanted = [file_of(product_name(stage.key)) for stage in shared_stages(order.cell)]
+    return _deliver(order, given, wanted, lambda bench, scene: all_but_last(bench, order.cell, scene))
 
 
 def deliver_cell(order: Order, given: Files, first: Delivery) -> Delivery:
-    """Do the experiment; ``first`` holds stage 1, which several cells share, if any. Its failure is the cell's."""
+    """Do the experiment; ``first`` holds the stages that several cells share, if any. Its failure is the cell's."""
     if first.failure is not None:
         return first
     cell = order.cell
-    wanted = [file_of(training_names(cell)[0]), f"cells/{cell.key}.npz", f"cells/{cell.key}.json"]
+    wanted = [file_of(product_name(stage.key)) for stage in cell.stages[-1:]]
+    wanted += [f"cells/{cell.key}.npz", f"cells/{cell.key}.json"]
     given = {**given, **first.files}
     return _deliver(order, given, wanted, lambda bench, scene: order.recipe.experiment(bench, cell, scene))
 
@@ -103,16 +99,16 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
     device = torch.device(order.cell.device)
     use_threads(order.threads)
     try:
-        _check_sources(order.cell, node)
-        _compile(order.recipe, device, order.cell.variant.effects)
         scene = _scene(order.recipe, order.place)
         _check_scene(order, scene, node)
+        _check_sources(order, scene, node)
+        _compile(order.recipe, order.cell, device)
         with TemporaryDirectory(prefix="radiogs-bench-") as folder:
             store = Store(Path(folder))
             store.take_over(given)
             # The folder goes with the process, so a checkpoint in it would help nobody.
             bench = Bench(
-                store, order.recipe.method, device, LogProgress(), Interruption(), checkpoint_seconds=math.inf
+                store, device, LogProgress(), Interruption(), order.recipe.method, checkpoint_seconds=math.inf
             )
             work(bench, scene)
             return Delivery(store.files(wanted), None, node)
@@ -120,10 +116,14 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
         return Delivery({}, failure, node)
 
 
-@cache
-def _compile(recipe: Recipe, device: torch.device, effects: Effects) -> None:
-    """The kernels: no cell is charged for that."""
-    compile_kernels(recipe.method, recipe.load(recipe.compiled_on), device, [Variant(effects=effects)])
+_compiled: list[tuple[str, object]] = []
+"""Methods and variants whose kernels this process has had compiled: no cell is charged for that."""
+
+
+def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
+    if (cell.method, cell.variant) not in _compiled and cell.stages:
+        compile_kernels(recipe.load(recipe.compiled_on), device, [(recipe.method(cell.found_as), cell.variant)])
+        _compiled.append((cell.method, cell.variant))
 
 
 @cache
@@ -131,13 +131,16 @@ def _scene(recipe: Recipe, place: str) -> Scene:
     return recipe.load(place)
 
 
-def _check_sources(cell: Cell, node: str) -> None:
-    """The sources are part of a cell's name: others would give a wrong figure under it."""
-    if (method_code(), evaluation_code(cell.experiment)) != (cell.method_code, cell.evaluation_code):
+def _check_sources(order: Order, scene: Scene, node: str) -> None:
+    """The sources are part of a cell's name: others would give a wrong value under it."""
+    cell = order.cell
+    work = Work(cell.variant, cell.budget, cell.seed, cell.device, cell.protocol, cell.experiment, cell.settings)
+    if cell_of(order.recipe.method(cell.found_as), scene, work, cell.found_as).key != cell.key:
         raise UsageError(
-            f"{node} has other sources of radiogs-bench, or other LPIPS weights, than the machine that asks",
-            "A figure would be kept under the name of code that did not make it.",
-            "Install the same version and the same weights on every machine (radiogs-bench datasets weights).",
+            f"{node} has other sources of radiogs-bench or of the method, or other LPIPS weights, than the machine that"
+            " asks",
+            "A value would be kept under the name of code that did not make it.",
+            "Install the same versions and the same weights on every machine (radiogs-bench datasets weights).",
         )
 
 

@@ -5,11 +5,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from ..store.folder import Store
+from ..store.folder import Store, product_name
 from ..store.schema import Result
-from ..suites.cell import TRAINED, Cell
-
-INITIALISE, INVERT = "initialise", "invert"
+from ..suites.cell import Cell
 
 
 @dataclass(frozen=True)
@@ -64,10 +62,11 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
         if store.result(cell.key) is not None:
             expected.append(None)
             continue
-        products = {INITIALISE: f"init/{cell.initialisation_key}", INVERT: f"trained/{cell.training_key}"}
-        there = [stage for stage, name in products.items() if name in to_come or store.has_tensors(name)]
-        expected.append(judge.expected(cell, there if cell.experiment in TRAINED else ()))
-        to_come |= set(products.values())
+        there = [
+            stage.name for stage in cell.stages if stage.key in to_come or store.has_tensors(product_name(stage.key))
+        ]
+        expected.append(judge.expected(cell, there))
+        to_come |= {stage.key for stage in cell.stages}
     return expected
 
 
@@ -80,7 +79,7 @@ def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
 
 def _kinds(cell: Mapping[str, Any]) -> list[str]:
     """What decides how much work a cell is, the nearest likeness first."""
-    named = ("experiment", "settings", "budget", "device", "protocol")
+    named = ("method", "experiment", "settings", "budget", "device", "protocol")
     common = [(name, sorted(cell[name].items()) if isinstance(cell[name], dict) else cell[name]) for name in named]
     variant = sorted(cell["variant"].items())
     return [

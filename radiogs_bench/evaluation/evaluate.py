@@ -2,32 +2,25 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs.model import Model
-from radiogs.relighting import Relit, relit_under, training_share
-from radiogs.rendering import Renderer
-from radiogs_core.contract import Run
-from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.scene import Scene
-from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import splat
+from radiogs_core.contract import NotOffered, Prepared, Trained
+from radiogs_core.scene.scene import Scene, View
 
-from ..experiments.train import Evaluation
-from ..metrics import Value, protocol
-from ..suites.cell import Cell
+from ..metrics import Protocol, Value
+from ..store.schema import MetricValue
 from .figures import Figures
 from .frame_cost import Costs
 from .light_maps import light_maps
+from .maps import Maps, on_black
 from .scoring import (
-    Image,
-    Maps,
     compared_indirect,
     coverage,
     lit_views,
@@ -41,132 +34,166 @@ from .scoring import (
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are kept beside the result."""
 
-
 STRIP = 4
 """Relit maps of the shown view are kept under this many lights, the first ones."""
 
+Advance = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A trained model's metrics, and the maps of one view.
+
+    ``metrics`` by ``task/measure``; ``timings`` likewise (milliseconds a frame, which no two runs share); ``views`` are
+    the test views' names in the order of every metric's values; ``albedo_scale`` aligns the recovered albedo with the
+    true one, None where that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view``
+    (relit: under ``shown_light``); ``protocol`` are the conventions in words.
+    """
+
+    metrics: dict[str, MetricValue]
+    timings: dict[str, MetricValue]
+    views: list[str]
+    shown_view: str
+    shown_light: str | None
+    albedo_scale: list[float] | None
+    arrays: dict[str, np.ndarray]
+    protocol: dict[str, Any]
+
 
 def evaluate(
-    model: Model,
-    scene: Scene,
-    cell: Cell,
-    device: torch.device,
-    advance: Callable[[int, int], None],
-    timed: bool = True,
+    trained: Trained, scene: Scene, rules: Protocol, device: torch.device, advance: Advance, timed: bool = True
 ) -> Evaluation:
     """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
 
-    ``advance`` is told (done, total) images, after every one and after every step of fine-tuning; it may raise to stop.
-    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test
-    view, on black, [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect
-    (linear), and relit (under the first light, and ``relit/<light>`` under the first few); those that the scene has no
-    truth for are left out under ``truth/``. ``render/incident`` is the indirect light that arrives (see
-    ``incident_map``). Beside them lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the
-    light is known. ``timed`` is whether frames are timed. Raises DataError for a damaged map.
+    ``advance`` is told (done, total) images, after every one and between the steps of a long preparation; it may raise
+    to stop. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black,
+    [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), and relit
+    (under the first light, and ``relit/<light>`` under the first few); those that the scene has no truth for are left
+    out under ``truth/``. ``render/incident`` is the indirect light that arrives, where the method knows it. Beside them
+    lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known. ``timed`` is
+    whether frames are timed. Raises DataError for a damaged map.
     """
-    rules = protocol(cell.protocol)
-    figures = Figures(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
-    shown = scene.test[len(scene.test) // 2]
-    lit = lit_views(scene, (*scene.test, *scene.relight))
-    shown_light = next((light for light, views in lit.items() if shown in views), None)
-    total = len(scene.test) + sum(map(len, lit.values()))
-    arrays = {f"truth/{name}": truth(shown, name) for name in SHOWN if shown.has(name)}
-
-    renderer = Renderer(model, cell.budget.incident_samples, cell.variant)
-    kept_maps = ("albedo", "alpha") if rules.depth is None else ("albedo", "alpha", "depth")
-    kept: dict[str, Maps] = {}
-    for done, view in enumerate(scene.test, start=1):
-        camera = view.camera.to(device, torch.float32)
-        maps = on_cpu(renderer.render(camera))
-        if renderer.incident is not None and (view is shown or compared_indirect(rules) == "incident"):
-            maps["incident"] = incident_map(model, renderer.incident, camera).cpu()
-        score_view(figures, view, maps)
-        kept[view.name] = {name: maps[name] for name in kept_maps}
-        if view is shown:
-            arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
-        advance(done, total)
-
-    costs = Costs(Figures(rules, *figures.groups), device)
-    if timed:
-        costs.measure("nvs", renderer.render, scene.test)
-    del renderer  # its rays are not to count as memory of what follows
-    found = EnvironmentMap(model.environment.detach().cpu())
-    score_light(figures, scene, found)
-    if scene.training_light is not None:
-        arrays |= light_maps(found, scene.training_light)
-    score_depth(figures, scene, kept)
-    scale = score_albedo(figures, scene, kept)
-    arrays["render/albedo"] = kept[shown.name]["albedo"] * (torch.ones(3) if scale is None else scale)
-    applied = torch.ones(3) if scale is None else rules.relighting_scale(scale)
-    done = len(scene.test)
-    prepared: list[float] = []
-
-    def still_there() -> None:
-        advance(done, total)
-
-    for light, relit, seconds in relit_models(model, scene, list(lit), applied, cell, device, still_there):
-        prepared.append(1e3 * seconds)
-        if timed:
-            costs.measure("render", relit.render, lit[light])
-        for view in lit[light]:
-            done += 1
-            maps = on_cpu(relit.render(view.camera.to(device, torch.float32)))
-            image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
-            figures.add("relight", view.name, rules.score_image(image, target, mask, maps["alpha"], "relight"))
-            if view is shown and light == shown_light:
-                arrays |= {"render/relit": image, "truth/relit": target}
-            if view is shown and list(lit).index(light) < STRIP:
-                arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
-            advance(done, total)
-    if timed and prepared:
-        costs.figures.add_whole("prepare", {"ms": Value(math.fsum(prepared) / len(prepared))})
-
+    course = _Course(scene, rules, device, advance, timed)
+    course.show_own(trained.prepare(after_step=course.still_there))
+    course.compare_light(trained)
+    scale = course.compare_whole()
+    course.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
+    figures = course.figures
     return Evaluation(
         metrics=figures.metrics(),
-        timings=costs.timings(),
+        timings=course.costs.timings(),
         views=list(figures.views),
-        shown_view=shown.name,
-        shown_light=shown_light,
+        shown_view=course.shown.name,
+        shown_light=course.shown_light,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays={name: image.numpy().astype(np.float32) for name, image in arrays.items()},
+        arrays={name: image.numpy().astype(np.float32) for name, image in course.arrays.items()},
         protocol=rules.describe(),
     )
 
 
-def relit_models(
-    model: Model,
-    scene: Scene,
-    lights: Sequence[str],
-    albedo_scale: Float[Tensor, "3"],
-    cell: Cell,
-    device: torch.device,
-    after_step: Callable[[], None],
-) -> Iterator[tuple[str, Relit, float]]:
-    """The model under each light, in the mode of the cell's variant, and the seconds that it took to be made ready.
+@dataclass
+class _Course:
+    """One evaluation on its way: what has been scored and kept so far."""
 
-    ``after_step`` is called after each step of fine-tuning.
-    """
-    run = Run(scene, cell.variant, cell.budget, cell.seed, device)
-    share = training_share(scene, model.surfels) if cell.variant.effects == "auto" else None
-    for light in lights:
-        started = time.perf_counter()
-        relit = relit_under(model, scene.lights[light], albedo_scale, run, after_step, share)
-        if device.type == "cuda":
-            torch.cuda.synchronize(device)
-        yield light, relit, time.perf_counter() - started
+    scene: Scene
+    rules: Protocol
+    device: torch.device
+    advance: Advance
+    timed: bool
+    kept: dict[str, Maps] = field(default_factory=dict)
+    done: int = 0
+
+    def __post_init__(self) -> None:
+        scene, rules = self.scene, self.rules
+        self.figures = Figures(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
+        self.costs = Costs(Figures(rules, *self.figures.groups), self.device)
+        self.shown = scene.test[len(scene.test) // 2]
+        self.lit = lit_views(scene, (*scene.test, *scene.relight))
+        self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
+        self.total = len(scene.test) + sum(map(len, self.lit.values()))
+        self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}
+
+    def still_there(self) -> None:
+        """Where a preparation may be stopped."""
+        self.advance(self.done, self.total)
+
+    def count(self) -> None:
+        """One image more is scored."""
+        self.done += 1
+        self.advance(self.done, self.total)
+
+    def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
+        """A view's maps in main memory, on black."""
+        return on_black(prepared, prepared.render(view.camera.to(self.device, torch.float32), *further))
+
+    def show_own(self, prepared: Prepared) -> None:
+        """Score every test view under the model's own light, and keep what is compared over all views."""
+        whole = ("albedo", "alpha") if self.rules.depth is None else ("albedo", "alpha", "depth")
+        for view in self.scene.test:
+            wanted = view is self.shown or compared_indirect(self.rules) == "incident"
+            further = ("incident",) if wanted and "incident" in prepared.offers else ()
+            maps = self.rendered(prepared, view, *further)
+            score_view(self.figures, view, maps)
+            self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
+            if view is self.shown:
+                self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
+            self.count()
+        if self.timed and prepared.timed:
+            self.costs.measure("nvs", prepared.render, self.scene.test)
+
+    def compare_light(self, trained: Trained) -> None:
+        """Score the recovered light where there is one and the true one is known."""
+        if trained.light is None:
+            return
+        score_light(self.figures, self.scene, trained.light)
+        if self.scene.training_light is not None:
+            self.arrays |= light_maps(trained.light, self.scene.training_light)
+
+    def compare_whole(self) -> Float[Tensor, "3"] | None:
+        """Score depth and albedo, which are compared over all views; returns the factor that aligned the albedo."""
+        score_depth(self.figures, self.scene, self.kept)
+        scale = score_albedo(self.figures, self.scene, self.kept)
+        if "albedo" in self.kept[self.shown.name]:
+            factor = torch.ones(3) if scale is None else scale
+            self.arrays["render/albedo"] = self.kept[self.shown.name]["albedo"] * factor
+        return scale
+
+    def relight(self, trained: Trained, albedo_scale: Float[Tensor, "3"]) -> None:
+        """Score the views under each light, with the albedo multiplied by ``albedo_scale``."""
+        prepared_in: list[float] = []
+        for light, views in self.lit.items():
+            started = time.perf_counter()
+            try:
+                relit = trained.prepare(self.scene.lights[light], albedo_scale, self.still_there)
+            except NotOffered as cannot:
+                self._withhold_relit(views, cannot.what)
+                continue
+            if self.device.type == "cuda":
+                torch.cuda.synchronize(self.device)
+            if relit.timed:
+                prepared_in.append(1e3 * (time.perf_counter() - started))
+            if self.timed and relit.timed:
+                self.costs.measure("render", relit.render, views)
+            for view in views:
+                self._score_relit(light, view, self.rendered(relit, view))
+                self.count()
+        if self.timed and prepared_in:
+            self.costs.figures.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
+
+    def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
+        for view in views:
+            self.figures.add("relight", view.name, dict.fromkeys(("psnr", "ssim", "lpips"), Value(None, reason)))
+            self.count()
+
+    def _score_relit(self, light: str, view: View, maps: Maps) -> None:
+        image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
+        self.figures.add("relight", view.name, self.rules.score_image(image, target, mask, maps["alpha"], "relight"))
+        if view is self.shown and light == self.shown_light:
+            self.arrays |= {"render/relit": image, "truth/relit": target}
+        if view is self.shown and list(self.lit).index(light) < STRIP:
+            self.arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
 
 
-@torch.no_grad()
-def incident_map(model: Model, incident: Incident, camera: Camera) -> Float[Tensor, "height width 3"]:
-    """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
-
-    What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
-    """
-    weight = incident.weight[..., None]
-    arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
-    return splat(camera, model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
-
-
-def on_cpu(maps: Maps) -> dict[str, Image]:
-    """The maps in main memory, where they are scored."""
-    return {name: image.cpu() for name, image in maps.items()}
+def few_views(scene: Scene, count: int) -> Sequence[View]:
+    """Test views, evenly spread over their list."""
+    return scene.test[:: -(-len(scene.test) // count)]

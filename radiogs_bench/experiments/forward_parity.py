@@ -17,7 +17,7 @@ from torch import Tensor
 from torch.nn.functional import max_pool2d
 
 from radiogs_core.errors import DataError
-from radiogs_core.instruments.counters import fired, work
+from radiogs_core.instruments import recording
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -119,37 +119,35 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     device, settings = bench.device, cell.settings
     made = setup(scene, settings.get("spacing", SPACING)).to(device)
     cameras = [view.camera for view in scene.train]
-    work.clear()
-    fired.clear()
     forget_peaks(device)
     started = time.perf_counter()
-    offset = settings.get("offset", OFFSET)
-    stage = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
-    losses: Mapping[str, float] = {}
-    trail = Trail(stage.iterations, [], {}, scored=False)
-    while stage.iteration < stage.iterations:
-        losses = stage.step()
-        trail.add(losses)
-        if trail.due(stage.iteration):
-            trail.close(stage.iteration, time.perf_counter() - started, {})
-        bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
-        bench.interruption.check()
-    solved, counted, guarded = time.perf_counter(), dict(work), dict(fired)
+    with recording() as solving:
+        offset = settings.get("offset", OFFSET)
+        stage = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
+        losses: Mapping[str, float] = {}
+        trail = Trail(stage.iterations, [], {}, scored=False)
+        while stage.iteration < stage.iterations:
+            losses = stage.step()
+            trail.add(losses)
+            if trail.due(stage.iteration):
+                trail.close(stage.iteration, time.perf_counter() - started, {})
+            bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
+            bench.interruption.check()
+    solved = time.perf_counter()
 
-    work.clear()
-    fired.clear()
-    figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
-    incident = shading_incident(stage)
-    arrays: dict[str, np.ndarray] = {}
-    for view in scene.test:
-        ours = transported(stage.surfels, made.equation, incident, view.camera.to(device, torch.float32))
-        true = traced(view)
-        for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
-            figures.add(name, view.name, scores)
-        if view is scene.test[0]:
-            for origin, maps in (("render", ours), ("truth", true)):
-                shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
-                arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
+    with recording() as evaluating:
+        figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
+        incident = shading_incident(stage)
+        arrays: dict[str, np.ndarray] = {}
+        for view in scene.test:
+            ours = transported(stage.surfels, made.equation, incident, view.camera.to(device, torch.float32))
+            true = traced(view)
+            for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
+                figures.add(name, view.name, scores)
+            if view is scene.test[0]:
+                for origin, maps in (("render", ours), ("truth", true)):
+                    shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
+                    arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
     here = [session(device)]
     bench.store.put_result(
         Result(
@@ -164,12 +162,14 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
             shown_view=scene.test[0].name,
             shown_light=None,
             albedo_scale=None,
-            surfels=len(made.surfels),
+            facts={"surfels": len(made.surfels)},
+            stages=[{"name": "solve", "title": SOLVE}],
             losses={"solve": dict(losses)},
             trail={"solve": trail.points},
             seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
-            work={"solve": counted, "evaluate": dict(work)},
-            guards={"solve": guarded, "evaluate": dict(fired)},
+            parts={},
+            work={"solve": dict(solving.work), "evaluate": dict(evaluating.work)},
+            guards={"solve": dict(solving.guards), "evaluate": dict(evaluating.guards)},
             sessions={"solve": here, "evaluate": here},
         ),
         arrays,

@@ -7,7 +7,7 @@ from statistics import median
 
 import torch
 
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 
 from .cases import Case, Yardstick, harmonics_case, rasterize_case, shade_case, split_sum_case, trace_case
@@ -68,9 +68,9 @@ def bench_kernels(
 def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Row, Row]:
     """The forward pass, the backward pass, and both."""
     yardstick = case.yardstick
-    work.clear()
-    case.forward()  # compiles, and counts
-    counters = {name: amount / case.items for name, amount in sorted(work.items())}
+    with recording() as instruments:
+        case.forward()  # compiles, and counts
+    counters = {name: amount / case.items for name, amount in sorted(instruments.work.items())}
     ours: dict[str, list[float]] = {"forward": [], "backward": []}
     theirs: dict[str, list[float]] = {"forward": [], "backward": []}
     for _ in range(repetitions):

@@ -8,21 +8,22 @@ fills the rows that other tables share with it.
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 
-from radiogs.budget import budget, scaled
-from radiogs.variant import Variant
 from radiogs_baselines.published import PublishedTable, published, published_tables
+from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
 
+from ..methods import budget_of, method, variant_of
+from ..plain_values import to_plain
 from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
-from ..suites.cell import TRAINING, plain
+from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
 from ..suites.suite import MEASURES, TASKS, Row, Suite
 from ..suites.sweep import Sweep
 
-OURS = Row("ours", "Ours", "Ours", Variant())
+OURS = Row("ours", "Ours", "Ours")
 """The full method: the one row that tables have which no suite runs yet."""
 
 MEASURED_APART = {"hours": "", "samples": "N", "change": "change"}
@@ -73,19 +74,21 @@ def belongs(result: Result, mine: Iterable[Result], seeds: Iterable[int]) -> boo
     return made_alike and result["cell"]["seed"] in seeds
 
 
-SHARED_BY_A_RUN = ("checksum", "device", "protocol", "method_code", "evaluation_code")
+SHARED_BY_A_RUN = ("checksum", "loader", "device", "protocol", "method", "method_code", "evaluation_code")
 
 
 def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str) -> Rows:
     """The results of each row of a suite; a row that the preset is too small for has none."""
     found = {}
     for row in rows:
+        used = method(row.method)
         try:
-            share = scaled(budget(preset), row.budget)
+            share = scaled(budget_of(used, preset), row.budget)
         except UsageError:
             continue
         made_from = {
-            "variant": plain(row.variant), "budget": asdict(share), "experiment": TRAINING, "settings": {},
+            "method": used.name, "variant": to_plain(variant_of(used, row.variant)), "budget": asdict(share),
+            "experiment": TRAINING, "settings": {},
         }  # fmt: skip
         found[row.key] = [
             result for result in results if all(result["cell"][name] == content for name, content in made_from.items())
@@ -168,8 +171,9 @@ def value_of(result: Result, task: str, measure: str) -> float | None:
     if measure == "hours":
         return training_seconds(result) / 3600
     if measure == "samples":
-        rays = sum(result["cell"]["budget"][name] for name in RELIGHT_RAYS)
-        return None if result["cell"]["variant"]["relighting"] == "surfels" else rays
+        budget, variant = result["cell"]["budget"], result["cell"]["variant"]
+        alone = variant.get("relighting") == "surfels" or not budget.keys() >= set(RELIGHT_RAYS)
+        return None if alone else sum(budget[name] for name in RELIGHT_RAYS)
     metric = (result["metrics"] | result["timings"]).get(f"{task}/{measure}")
     return None if metric is None else metric["value"]
 

@@ -162,8 +162,8 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     metrics, arrays = result["metrics"] | result["timings"], store.arrays_path(result["key"])
     run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
     run["seconds"] = result["seconds"]
-    run["work"], run["losses"], run["surfels"] = result["work"], result["losses"], result["surfels"]
-    run["guards"] = result.get("guards", {})
+    run["work"], run["losses"], run["guards"] = result["work"], result["losses"], result["guards"]
+    run["surfels"] = result["facts"].get("surfels")
     run["trail"] = {
         stage: [TrailPoint(iteration=p["iteration"], seconds=p["seconds"], losses=p["losses"], metrics=p["metrics"])
                 for p in points]
@@ -179,13 +179,17 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
 
 def plan_summary(result: Result) -> PlanSummary | None:
     """What was simulated, and on what evidence."""
-    effects = result.get("effects")
-    if effects is None:
+    effects = result["facts"].get("effects")
+    if effects is None or not result["stages"]:
         return None
+    last = result["stages"][-1]["name"]
     bound = result["metrics"].get("plan/bound")
     return PlanSummary(
         plan=effects["plan"],
         bound=None if bound is None else bound["value"],
         tolerance=max((each["tolerance"] for each in effects["evidence"]), default=None),
-        probing=effects.get("probing"),
+        probing={
+            "seconds": result["parts"][last].get("probe", 0.0),
+            "rays": result["work"][last].get("probe_rays", 0),
+        },
     )

@@ -62,7 +62,7 @@ def _of_cell(result: Result) -> dict[str, Any]:
         "budget": cell["budget"]["name"],
         **{name: cell[name] for name in ("seed", "device")},
         "protocol": result["protocol"]["name"],
-        "surfels": result["surfels"],
+        "surfels": result["facts"].get("surfels"),
         **{f"seconds.{stage}": seconds for stage, seconds in result["seconds"].items()},
         **{f"work.{name}": amount for name, amount in sorted(work.items())},
         **{f"guards.{name}": amount for name, amount in sorted(guards.items())},

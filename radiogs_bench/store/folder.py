@@ -1,8 +1,8 @@
 """The store: a folder in which every file is complete, named by its content's key, and never overwritten by less.
 
-    OUT/init/<key>.pt               result of stage 1, shared by all cells that start from it
-    OUT/trained/<key>.pt            trained model
-    OUT/{init,trained}/<key>.checkpoint.pt    where an unfinished stage stands
+    OUT/stages/<key>.pt             product of a stage of training, shared by all cells that begin alike
+    OUT/stages/<key>.checkpoint.pt  where an unfinished stage stands
+    OUT/work/<key>/                 files of a stage that keeps some (methods that are run as commands)
     OUT/cells/<key>.json            scored result (``schema.Result``): if it exists, the cell is done
     OUT/cells/<key>.npz             maps of one view, written before the JSON
     OUT/cells/<key>.failed.json     why a cell failed (``schema.Failure``), until it succeeds
@@ -141,7 +141,7 @@ class Store:
         return None
 
     def put_tensors(self, name: str, content: Mapping[str, Any]) -> None:
-        """Keep tensors and plain values under a name such as ``init/<key>``."""
+        """Keep tensors and plain values under a name such as ``stages/<key>``."""
         packed = io.BytesIO()
         torch.save(dict(content), packed)
         write_atomically(self.folder / f"{name}.pt", packed.getbuffer())
@@ -181,6 +181,16 @@ class Store:
         taken = sum(1 for other in aside.iterdir() if other.name.startswith(path.name))
         path.rename(aside / f"{path.name}.{taken}")
         logger.warning("%s is damaged (%s); it was moved to %s and will be made again", path, reason, aside)
+
+
+def product_name(key: str) -> str:
+    """What the product of a stage is called in a store."""
+    return f"stages/{key}"
+
+
+def checkpoint_name(key: str) -> str:
+    """What the checkpoint of an unfinished stage is called in a store."""
+    return f"{product_name(key)}.checkpoint"
 
 
 def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:

@@ -5,9 +5,9 @@ every key, and what each version changed.
 """
 
 import math
-from typing import Any, NotRequired, TypedDict
+from typing import Any, TypedDict
 
-RESULT_SCHEMA = "radiogs-bench/result/3"
+RESULT_SCHEMA = "radiogs-bench/result/4"
 
 
 class MetricValue(TypedDict):
@@ -48,6 +48,13 @@ class Session(TypedDict):
     """The stage's peaks in this process: ``host``, its resident set; ``device``, the CUDA allocator (with a GPU)."""
 
 
+class StageName(TypedDict):
+    """A stage of training: the name that results use, and the title for people."""
+
+    name: str
+    title: str
+
+
 class Result(TypedDict):
     """A finished cell. ``<key>.npz`` beside it holds the maps of one test view (see ``evaluate``)."""
 
@@ -55,7 +62,8 @@ class Result(TypedDict):
     key: str
     scene: str
     cell: dict[str, Any]
-    """Everything the key is the hash of: checksum, variant, budget, seed, device, protocol and code digests."""
+    """Everything the key is the hash of: checksum, loader, method, variant, budget, seed, device, protocol, keys of the
+    stages, and code digests."""
     protocol: dict[str, Any]
     """The conventions of the metric protocol, spelled out."""
     metrics: dict[str, MetricValue]
@@ -72,24 +80,24 @@ class Result(TypedDict):
     albedo_scale: list[float] | None
     """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None where
     the scene has no true albedo (relighting then uses 1)."""
-    surfels: int
-    """How many the trained model has."""
+    facts: dict[str, Any]
+    """What the method says of its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, how
+    many it has; RadioGS adds ``effects``: the plan, and the evidence for it."""
+    stages: list[StageName]
+    """The stages of training, in order."""
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
     """How the losses fell, by stage, at geometrically spaced steps (see ``experiments.trail``)."""
     seconds: dict[str, float]
-    """Wall-clock seconds by stage (``initialise``, ``invert``, ``solve``, ``evaluate``); work lost to a crash is not in
-    them. Stage 1 is counted in every cell that uses it, also where it was computed once for several cells."""
+    """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
+    share counts in every one of them."""
+    parts: dict[str, dict[str, float]]
+    """Those of a stage's seconds that named parts of it took, by stage (``radiogs_core.instruments.part``)."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
-    guards: NotRequired[dict[str, dict[str, int]]]
-    """How often each guard of ``radiogs_core.guards`` acted, by stage; absent in results from before it was counted."""
-    effects: NotRequired[dict[str, Any]]
-    """``plan``: what was simulated when training ended (``radiogs_core.transport.plan``; of masks the share of surfels
-    that are on). ``evidence``: the record of every decision, oldest first (``radiogs.effects.decide.evidence``).
-    ``probing``: what the probes took of stage 2, ``seconds`` and ``rays``; absent in results from before it was kept.
-    Absent in results of experiments that train nothing."""
+    guards: dict[str, dict[str, int]]
+    """How often each guard of ``radiogs_core.guards`` acted, by stage."""
     sessions: dict[str, list[Session]]
     """By stage, oldest first."""
 

@@ -7,76 +7,88 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
-from radiogs.budget import INVERSE_ONLY, RELIGHT_ONLY, Budget
-from radiogs.variant import Variant
+from radiogs_core.contract import Method
+from radiogs_core.scene.scene import Scene
+
+from ..plain_values import to_plain
+from ..sources import code_digest
+from .experiment import EXPERIMENTS, TRAINING
 
 KEY_LENGTH = 20
 """Hexadecimal digits of a key: 80 bits, so that a million cells collide with probability 4e-13."""
 
 
-TRAINING = "training"
-"""The experiment that trains a model and scores it."""
-
-COST = "cost"
-"""The same, and the model is scored along the way too."""
-
-AUDIT = "audit"
-"""The first, and what training cost and what its plan predicted stand among the figures."""
-
-TRAINED = (TRAINING, COST, AUDIT)
-"""The experiments whose cells go through both stages of training."""
-
-
-def content_key(content: dict[str, Any]) -> str:
+def content_key(content: Mapping[str, Any]) -> str:
     """SHA-256 prefix of the canonical JSON (sorted keys, no spaces, strict) of plain ``content``."""
     canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
     return hashlib.sha256(canonical.encode()).hexdigest()[:KEY_LENGTH]
 
 
-def plain(variant: Variant) -> dict[str, Any]:
-    """A variant's fields as a stored result gives them back, so that the two can be compared: JSON has no tuples."""
-    fields: dict[str, Any] = json.loads(json.dumps(asdict(variant)))
-    return fields
+@dataclass(frozen=True)
+class StageKey:
+    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product."""
+
+    name: str
+    title: str
+    steps: int
+    key: str
+
+
+@dataclass(frozen=True)
+class Work:
+    """What is to be done with a method on a scene; the fields are those of ``Cell``."""
+
+    variant: Any
+    budget: Any
+    seed: int = 0
+    device: str = "cpu"
+    protocol: str = "default"
+    experiment: str = TRAINING
+    settings: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One training and its evaluation: scene x variant x budget x seed, scored under a protocol.
+    """One training and its evaluation: scene x method x variant x budget x seed, scored under a protocol.
 
-    ``checksum`` digests the scene's files, ``method_code`` and ``evaluation_code`` the sources (see ``code_version``).
-    ``device`` is the kind of machine ("cpu" or "cuda"), because their seconds and last digits differ. The suite is
-    not part of a cell: two suites that share a row share its result. ``experiment`` is what is done with all this (see
-    ``experiments.registry``), ``settings`` what only that experiment knows.
+    ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
+    and ``evaluation_code`` those that score it (see ``sources``). ``device`` is the kind of machine ("cpu" or "cuda"),
+    because their seconds and last digits differ. The suite is not part of a cell: two suites that share a row share
+    its result. ``experiment`` is what is done with all this (see ``experiment``), ``settings`` what only that
+    experiment knows.
 
-    Three keys, each of what its product depends on and nothing else, so that cells share what they can:
-    ``initialisation_key`` for stage 1, ``training_key`` for the trained model, ``key`` for the scored result.
+    Each of ``stages`` has a key of what its product depends on and nothing else, so that cells share what they can;
+    ``key`` names the scored result. ``found_as`` is what the method is found by (``methods.method``): its
+    name, or the path of its file, which is no part of the key. Make cells with ``cell_of``.
     """
 
     scene: str
     checksum: str
-    variant: Variant
-    budget: Budget
+    loader: str
+    method: str
+    variant: Any
+    budget: Any
     seed: int
     device: str
     protocol: str
+    stages: tuple[StageKey, ...]
     method_code: str
     evaluation_code: str
     experiment: str = TRAINING
     settings: Mapping[str, float] = field(default_factory=dict)
+    found_as: str = ""
 
-    @cached_property
-    def initialisation_key(self) -> str:
-        """Names the result of stage 1, which reads only a part of the variant and of the budget."""
-        read = self._budget_but(INVERSE_ONLY)
-        return content_key(self._common() | self.variant.of_initialisation() | {"budget": read})
+    @property
+    def training_key(self) -> str | None:
+        """Names the trained model; None for an experiment that trains nothing."""
+        return self.stages[-1].key if self.stages else None
+        """Names the trained model; None for an experiment that trains nothing."""
+        return self.stages[-1].key if self.stages else None
 
-    @cached_property
-    def training_key(self) -> str:
-        """Names the trained model, whatever it is scored by; if scored along the way, the scores are a part of it."""
-        read: dict[str, Any] = {"variant": self.variant.of_training(), "budget": self._budget_but(RELIGHT_ONLY)}
-        if self.experiment == COST:
-            read |= {"experiment": COST, "protocol": self.protocol, "evaluation_code": self.evaluation_code}
-        return content_key(self._common() | read)
+    @property
+    def first_key(self) -> str:
+        """What cells have in common that begin alike: the key of the first stage, or of the cell if it has none."""
+        return self.stages[0].key if self.stages else self.key
 
     @cached_property
     def key(self) -> str:
@@ -84,20 +96,64 @@ class Cell:
         return content_key(self.content())
 
     def content(self) -> dict[str, Any]:
-        """Everything that the result depends on, as plain values."""
-        scored = {"protocol": self.protocol, "evaluation_code": self.evaluation_code}
-        done = {"experiment": self.experiment, "settings": dict(self.settings)}
-        return self._common() | {"variant": plain(self.variant)} | scored | done
+        """Everything that the result depends on, as plain values.
 
-    def _budget_but(self, unread: tuple[str, ...]) -> dict[str, Any]:
-        return {name: value for name, value in asdict(self.budget).items() if name not in ("name", *unread)}
-
-    def _common(self) -> dict[str, Any]:
-        # The checksum stands for the scene: the same files under another name or path are the same scene.
+        The checksum stands for the scene: the same files under another name or path are the same scene.
+        """
         return {
             "checksum": self.checksum,
+            "loader": self.loader,
+            "method": self.method,
+            "variant": to_plain(self.variant),
             "budget": asdict(self.budget),
             "seed": self.seed,
             "device": self.device,
+            "protocol": self.protocol,
+            "stages": {stage.name: stage.key for stage in self.stages},
             "method_code": self.method_code,
+            "evaluation_code": self.evaluation_code,
+            "experiment": self.experiment,
+            "settings": dict(self.settings),
         }
+
+
+def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cell:
+    """The cell of some work, with the keys of its stages chained: each over its own dependencies and the one before.
+
+    ``found_as`` is what the method is found by where that is not its name: the path of its file.
+    """
+    kind = EXPERIMENTS[work.experiment]
+    loader = code_digest(*scene.loaders)
+    evaluation = kind.evaluation_code(method)
+    specs = method.stages(work.variant, work.budget) if kind.trains else ()
+    begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}
+    stages: list[StageKey] = []
+    for spec in specs:
+        depends = {
+            **begin,
+            "before": stages[-1].key if stages else None,
+            "owner": spec.owner,
+            "stage": spec.name,
+            "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
+            "code": code_digest(*spec.sources),
+        }
+        if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
+            depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
+        stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends)))
+    return Cell(
+        scene=scene.name,
+        checksum=scene.checksum,
+        loader=loader,
+        method=method.name,
+        variant=work.variant,
+        budget=work.budget,
+        seed=work.seed,
+        device=work.device,
+        protocol=work.protocol,
+        stages=tuple(stages),
+        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources),
+        evaluation_code=evaluation,
+        experiment=work.experiment,
+        settings=work.settings,
+        found_as=found_as or method.name,
+    )

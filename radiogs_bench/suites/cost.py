@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-from radiogs.variant import Relighting, Variant
-
-from .cell import COST
+from .experiment import COST
 from .suite import Metric, Row, Suite
 
 
@@ -13,7 +11,7 @@ def _parts(factor: float) -> str:
     return {0.125: "eighth", 0.25: "quarter", 0.5: "half", 1.0: "whole", 2.0: "double", 4.0: "fourfold"}[factor]
 
 
-FINETUNED: tuple[tuple[Relighting, str], ...] = (("finetuned", "PBR finetuned"), ("surfels", "Surfel finetuned"))
+FINETUNED: tuple[tuple[str, str], ...] = (("finetuned", "PBR finetuned"), ("surfels", "Surfel finetuned"))
 
 FINETUNE = Suite(
     name="finetune",
@@ -21,11 +19,11 @@ FINETUNE = Suite(
     published=None,
     reference="split-sum",
     rows=(
-        Row("split-sum", "PBR split-sum", "PBR split-sum", Variant()),
+        Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
         *(
             Row(
                 f"{mode}-{_parts(factor)}", rf"{text}, $\times{factor:g}$", f"{text}, iterations x {factor:g}",
-                Variant(relighting=mode), {"finetune_iterations": factor},
+                {"relighting": mode}, {"finetune_iterations": factor},
             )
             for mode, text in FINETUNED
             for factor in (0.125, 0.25, 0.5, 1.0)
@@ -45,7 +43,7 @@ def _knob(key: str, latex: str, text: str, field: str, factors: Sequence[float])
             f"{key}-{_parts(factor)}",
             rf"{latex} $\times{factor:g}$",
             f"{text} x {factor:g}",
-            Variant(),
+            {},
             {field: factor},
         )
         for factor in factors
@@ -58,16 +56,16 @@ COST_OF_ACCURACY = Suite(
     published=None,
     reference="reference",
     rows=(
-        Row("reference", "All of the preset", "The preset as it is", Variant()),
+        Row("reference", "All of the preset", "The preset as it is", {}),
         *_knob("iterations", "Iterations", "iterations", "inverse_iterations", (0.125, 0.25, 0.5)),
         *_knob("ns", "$N_s$", "N_s", "incident_samples", (0.25, 0.5, 2.0)),
         *_knob("ng", "$N_g$", "N_g", "consistency_surfels", (0.25, 0.5, 2.0)),
         *_knob("refresh", "Refresh interval", "refresh interval", "refresh_interval", (0.25, 4.0)),
         Row(
-            "draft", "Draft", "draft: half of iterations, N_s and N_g", Variant(),
+            "draft", "Draft", "draft: half of iterations, N_s and N_g", {},
             {"inverse_iterations": 0.5, "incident_samples": 0.5, "consistency_surfels": 0.5},
         ),
-        Row("split-sum", "Split-sum", "no visibility, no indirect light (split sum)", Variant(shading="split-sum")),
+        Row("split-sum", "Split-sum", "no visibility, no indirect light (split sum)", {"shading": "split-sum"}),
     ),
     columns=(
         Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),

@@ -3,12 +3,10 @@
 The protocol of a suite that stands beside a table of the paper is that of RadioGS's own evaluation, which printed it.
 """
 
-from radiogs.variant import Variant
-
 from .suite import Metric, Row, Suite, knob_rows
 
-OURS = Row("ours", "Ours", "Ours", Variant())
-OURS_FINETUNED = Row("ours-finetuned", "Ours*", "Ours* (relit by fine-tuned surfels)", Variant(relighting="surfels"))
+OURS = Row("ours", "Ours", "Ours", {})
+OURS_FINETUNED = Row("ours-finetuned", "Ours*", "Ours* (relit by fine-tuned surfels)", {"relighting": "surfels"})
 
 SIMILARITY = ("psnr", "ssim", "lpips")
 

@@ -1,14 +1,13 @@
 """The audit of plans: training by what a scene calls for, beside training with everything on, same seeds."""
 
-from radiogs.variant import Variant
 from radiogs_core.transport.plan import EFFECTS
 
-from .cell import AUDIT
+from .experiment import AUDIT
 from .suite import Metric, Row, Suite
 
 
-def _without(*left_out: str) -> Variant:
-    return Variant(effects=tuple(name for name in EFFECTS if name not in left_out))
+def _without(*left_out: str) -> dict[str, tuple[str, ...]]:
+    return {"effects": tuple(name for name in EFFECTS if name not in left_out)}
 
 
 EFFECTS_SUITE = Suite(
@@ -17,8 +16,8 @@ EFFECTS_SUITE = Suite(
     published=None,
     reference="everything",
     rows=(
-        Row("everything", "Everything", "everything", Variant()),
-        Row("auto", "By evidence (auto)", "by evidence (effects: auto)", Variant(effects="auto")),
+        Row("everything", "Everything", "everything", {}),
+        Row("auto", "By evidence (auto)", "by evidence (effects: auto)", {"effects": "auto"}),
         Row("no-rays", "No rays", "no visibility, no indirect light", _without("visibility", "indirect")),
         Row("no-indirect", "No indirect light", "no indirect light", _without("indirect")),
         Row("no-specular", "No specular", "no specular part", _without("specular")),

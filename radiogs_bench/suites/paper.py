@@ -1,10 +1,6 @@
 """The suites of the paper's ablations and costs, and those that hold the method to account, on generated scenes."""
 
-from dataclasses import replace
-
-from radiogs.profile import PROFILES, RELEASED
-from radiogs.variant import Variant
-
+from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
 ABLATIONS = Suite(
@@ -13,11 +9,11 @@ ABLATIONS = Suite(
     published="ablation",
     reference="ours",
     rows=(
-        Row("ours", "Ours", "Ours", Variant()),
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
-        Row("detach-pbr", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", "Detach L_G^PBR", Variant(detach="pbr")),
-        Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", Variant(detach="surfel")),
-        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
+        Row("ours", "Ours", "Ours", {}),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("detach-pbr", r"Detach $L_\mathbf{G}^\mathbf{PBR}$", "Detach L_G^PBR", {"detach": "pbr"}),
+        Row("detach-surfel", r"Detach $L_\mathbf{G}$", "Detach L_G", {"detach": "surfel"}),
+        Row("nvs-init", "NVS init.", "NVS init.", {"initialise": "nvs"}),
     ),
     columns=(
         Metric("nvs", "psnr"),
@@ -39,12 +35,12 @@ VIEWS = Suite(
     rows=tuple(
         Row(
             f"{key}-{share}", rf"{latex}, {share}\,\%", f"{text}, {share} % of the views",
-            replace(variant, view_share=share / 100),
+            {**variant, "view_share": share / 100},
         )
         for share in (100, 50, 25)
         for key, latex, text, variant in (
-            ("ours", "Ours", "Ours", Variant()),
-            ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
+            ("ours", "Ours", "Ours", {}),
+            ("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         )
     ),
     columns=(Metric("nvs", "psnr"), Metric("indirect", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
@@ -58,11 +54,11 @@ INIT = Suite(
     rows=(
         Row(
             "nvs-init-no-rad", r"NVS init., $\lambda_{rad}=0$", "NVS init., λ_rad = 0",
-            Variant(radiometric_weight=0.0, initialise="nvs"),
+            {"radiometric_weight": 0.0, "initialise": "nvs"},
         ),
-        Row("nvs-init", "NVS init.", "NVS init.", Variant(initialise="nvs")),
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
-        Row("ours", "Ours", "Ours", Variant()),
+        Row("nvs-init", "NVS init.", "NVS init.", {"initialise": "nvs"}),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("ours", "Ours", "Ours", {}),
     ),
     columns=(Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("relight", "psnr"), Metric("indirect", "psnr")),
 )  # fmt: skip
@@ -73,8 +69,8 @@ INDIRECT = Suite(
     published="indirect",
     reference="ours",
     rows=(
-        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", Variant(radiometric_weight=0.0)),
-        Row("ours", "Ours", "Ours", Variant()),
+        Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
+        Row("ours", "Ours", "Ours", {}),
     ),
     columns=(
         *(Metric(task, measure) for task in ("nvs", "indirect") for measure in ("psnr", "ssim", "lpips")),
@@ -115,13 +111,18 @@ STRATEGIES = Suite(
     published="strategies",
     reference="ours",
     rows=(
-        Row("split-sum", "Split-sum", "Split-sum", Variant(shading="split-sum")),
-        Row("precomputed", "RT precompute", "RT precompute", Variant(incident="precomputed")),
-        Row("no-gradient", "RT w/o diff.", "RT w/o diff.", Variant(incident="detached")),
-        Row("ours", "Ours", "Ours", Variant()),
+        Row("split-sum", "Split-sum", "Split-sum", {"shading": "split-sum"}),
+        Row("precomputed", "RT precompute", "RT precompute", {"incident": "precomputed"}),
+        Row("no-gradient", "RT w/o diff.", "RT w/o diff.", {"incident": "detached"}),
+        Row("ours", "Ours", "Ours", {}),
     ),
     columns=(*QUALITY, Metric("nvs", "ssim"), Metric("nvs", "lpips")),
 )
+
+DEVIATIONS = (
+    "hemisphere-floor", "fixed-offset", "light-detached", "image-weight", "display-radiance", "start-light",
+)  # fmt: skip
+"""RadioGS's variant field ``deviations``: what of the released code can be reproduced (docs/paper_and_code.md)."""
 
 PROFILES_SUITE = Suite(
     name="profiles",
@@ -129,9 +130,9 @@ PROFILES_SUITE = Suite(
     published=None,
     reference="paper",
     rows=(
-        Row("paper", "Paper", "the paper", Variant()),
-        *(Row(name, name, name, Variant(deviations=(name,))) for name in RELEASED),
-        Row("released", "Released", "all of them", Variant(deviations=PROFILES["released"])),
+        Row("paper", "Paper", "the paper", {}),
+        *(Row(name, name, name, {"deviations": (name,)}) for name in DEVIATIONS),
+        Row("released", "Released", "all of them", {"deviations": DEVIATIONS}),
     ),
     columns=(*QUALITY, Metric("roughness", "mse")),
     scenes=("corner", "convex"),
@@ -143,9 +144,9 @@ RELIGHT_COST = Suite(
     published="relight-cost",
     reference="split-sum",
     rows=(
-        Row("split-sum", "PBR split-sum", "PBR split-sum", Variant()),
-        Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", Variant(relighting="finetuned")),
-        Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", Variant(relighting="surfels")),
+        Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
+        Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),
+        Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", {"relighting": "surfels"}),
     ),
     columns=(*(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")), Metric("render", "ms")),
 )
@@ -159,11 +160,11 @@ EFFICIENCY = Suite(
     published="efficiency",
     reference="traced-64",
     rows=(
-        Row("finetuned", "Ours (Finetuned)", "Surfel finetuned", Variant(relighting="surfels")),
+        Row("finetuned", "Ours (Finetuned)", "Surfel finetuned", {"relighting": "surfels"}),
         *(
             Row(
                 f"traced-{rays}", f"Ray tracing, $N={rays}$", f"Ray tracing, N x {rays}/{RELIGHT_RAYS} (paper: {rays})",
-                Variant(),
+                {},
                 dict.fromkeys(
                     ("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS
                 ),
@@ -174,22 +175,22 @@ EFFICIENCY = Suite(
     columns=(Metric("render", "ms"), Metric("render", "megabytes"), Metric("relight", "psnr")),
 )  # fmt: skip
 
-FORWARD_PARITY = Suite(
+FORWARD_PARITY_SUITE = Suite(
     name="forward-parity",
     title="Light transport through surfels against a path tracer",
     published=None,
     reference="fine",
     rows=(
         Row(
-            "fine", "3 cm", "surfels 0.03 apart", Variant(),
+            "fine", "3 cm", "surfels 0.03 apart", {},
             {"finetune_iterations": 1.5, "finetune_surfels": 8.0}, {"spacing": 0.03, "offset": 0.1},
         ),
         Row(
-            "coarse", "6 cm", "surfels 0.06 apart", Variant(),
+            "coarse", "6 cm", "surfels 0.06 apart", {},
             {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 0.1},
         ),
         Row(
-            "offset", "6 cm, offset", "0.06 apart, rays offset as in training", Variant(),
+            "offset", "6 cm, offset", "0.06 apart, rays offset as in training", {},
             {"finetune_iterations": 1.5, "finetune_surfels": 2.0}, {"spacing": 0.06, "offset": 1.0},
         ),
     ),
@@ -197,16 +198,16 @@ FORWARD_PARITY = Suite(
         Metric(part, measure) for measure in ("psnr", "bias") for part in ("total", "surfels", "direct", "indirect")
     ),
     scenes=("corner-128", "red_white-128", "bowl-128", "furnace-0.2", "furnace-0.5", "furnace-0.8"),
-    experiment="forward-parity",
+    experiment=FORWARD_PARITY,
 )  # fmt: skip
 
-STABILITY = Suite(
+STABILITY_SUITE = Suite(
     name="stability",
     title="Hard cases: float32 against float64",
     published=None,
     reference=None,
     rows=tuple(
-        Row(key, text, text, Variant(), settings={key: points})
+        Row(key, text, text, {}, settings={key: points})
         for key, text, points in (
             ("grazing", "Grazing angle", 25.0),
             ("aspect", "Aspect ratio", 25.0),
@@ -223,5 +224,5 @@ STABILITY = Suite(
         Metric("guards", "fired"),
     ),
     scenes=("hard-cases",),
-    experiment="stability",
+    experiment=STABILITY,
 )

@@ -1,14 +1,15 @@
 """What a suite is: the types of its rows and columns, and the measures and tasks that columns are made of."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
-from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.transport.plan import Effects
 
-from .cell import TRAINING
+from ..methods import DEFAULT, method, variant_of
+from .experiment import TRAINING
+from .labels import latex_text
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,9 @@ class Metric:
 
 @dataclass(frozen=True)
 class Row:
-    """A row of a table: a key, its label in LaTeX and in plain text, and the method variant it runs.
+    """A row of a table: a key, its label in LaTeX and in plain text, and the method and variant that it runs.
 
+    ``variant`` holds the fields in which the method's variant differs from the full method, as plain values.
     ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
     ``settings`` are for experiments that have some of their own.
     """
@@ -114,9 +116,10 @@ class Row:
     key: str
     latex: str
     text: str
-    variant: Variant
+    variant: Mapping[str, Any] = field(default_factory=dict)
     budget: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, float] = field(default_factory=dict)
+    method: str = DEFAULT
 
 
 @dataclass(frozen=True)
@@ -125,7 +128,7 @@ class Suite:
 
     ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
     paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
-    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiments.registry``).
+    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiment``).
     ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
     with the package.
     """
@@ -152,20 +155,44 @@ class Suite:
             )
 
 
-def with_effects(suite: Suite, effects: Effects) -> Suite:
-    """The suite with every row that simulates light by rays doing so for these effects, and saying so in its label.
+def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:
+    """The suite with a field of the variant turned in every row, whose label says so by ``mark``.
 
-    A row that has made its own choice keeps it, as do those of split-sum shading, which has nothing to leave out.
+    A row that has made its own choice keeps it, and so does one whose method has no such field or refuses the value
+    in its variant.
     """
 
     def changed(row: Row) -> Row:
-        if row.variant.effects != "all" or row.variant.shading == "split-sum" or effects == "all":
+        variant = {**row.variant, name: value}
+        if name in row.variant or not _accepted(row.method, variant):
             return row
-        mark = effects if isinstance(effects, str) else "+".join(effects) or "none"
-        variant = replace(row.variant, effects=effects)
-        return replace(row, variant=variant, latex=f"{row.latex} ({mark})", text=f"{row.text} (effects: {mark})")
+        return replace(row, variant=variant, latex=f"{row.latex} ({mark})", text=f"{row.text} ({name}: {mark})")
 
     return replace(suite, rows=tuple(map(changed, suite.rows)))
+
+
+def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
+    try:
+        variant_of(method(name), variant)
+    except UsageError:
+        return False
+    return True
+
+
+def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
+    """The suite's columns and scenes for these methods: its rows of them, and one row for each that it has none of.
+
+    Differences are taken against the suite's reference row if it is still there, else against the first row.
+    """
+    rows: list[Row] = []
+    for name in names:
+        found = method(name)
+        own = [row for row in suite.rows if row.method == found.name]
+        key = re.sub(r"[^\w.-]", "-", found.name)
+        rows += own or [Row(key, latex_text(found.title), found.title, method=name)]
+    keys = [row.key for row in rows]
+    reference = suite.reference if suite.reference in keys else keys[0]
+    return replace(suite, rows=tuple(rows), reference=reference if len(rows) > 1 else None)
 
 
 def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:
@@ -179,7 +206,7 @@ def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> 
             f"{key}-{paper}",
             f"{FRACTIONS.get(factor, f'{factor:g}')} ${symbol}$",
             f"{symbol} x {factor:g} (paper: {paper})",
-            Variant(),
+            {},
             {name: factor},
         )
         for paper, factor in values.items()

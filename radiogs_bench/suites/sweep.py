@@ -2,21 +2,21 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypedDict, cast
 
-from radiogs.budget import Budget, scaled
+from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-from ..sources import evaluation_code, method_code
+from ..methods import budget_of, method, variant_of
 from ..store.atomic import write_atomically
-from ..store.folder import Store, strict_json
-from .cell import TRAINED, Cell
+from ..store.folder import Store, checkpoint_name, product_name, strict_json
+from .cell import Cell, Work, cell_of
 from .suite import Row, Suite
 
-SWEEP_SCHEMA = "radiogs-bench/sweep/1"
+SWEEP_SCHEMA = "radiogs-bench/sweep/2"
 
 
 class Place(TypedDict):
@@ -26,8 +26,8 @@ class Place(TypedDict):
     scene: str
     seed: int
     key: str
-    training_key: str
-    initialisation_key: str
+    stages: list[str]
+    """The keys of its stages, in order; empty for an experiment that trains nothing."""
 
 
 class Sweep(TypedDict):
@@ -52,15 +52,19 @@ class Sweep(TypedDict):
 
 @dataclass(frozen=True)
 class Request:
-    """How a suite is to be run; ``shard`` (i, n) is which part of it, of how many, is run here."""
+    """How a suite is to be run; ``shard`` (i, n) is which part of it, of how many, is run here.
+
+    ``places`` says where another process finds each scene: the name or path it was loaded from.
+    """
 
     suite: Suite
     scenes: Mapping[str, Scene]
     seeds: int
-    budget: Budget
+    preset: str
     protocol: str
     device: str
     shard: tuple[int, int] = (0, 1)
+    places: Mapping[str, str] = field(default_factory=dict)
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place: scene by scene and seed by seed, so that whole comparisons finish early."""
@@ -70,33 +74,24 @@ class Request:
     def own_cells(self) -> list[tuple[Place, Cell]]:
         """The cells of this shard. Cells that share stage 1 are in one shard, so that it is computed once."""
         cells = self.cells()
-        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.initialisation_key for _, cell in cells))}
+        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
         number, count = self.shard
-        return [(place, cell) for place, cell in cells if groups[cell.initialisation_key] % count == number]
+        return [(place, cell) for place, cell in cells if groups[cell.first_key] % count == number]
 
     def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
-        cell = Cell(
-            scene=scene,
-            checksum=self.scenes[scene].checksum,
-            variant=row.variant,
-            budget=scaled(self.budget, row.budget),
+        used = method(row.method)
+        work = Work(
+            variant=variant_of(used, row.variant),
+            budget=scaled(budget_of(used, self.preset), row.budget),
             seed=seed,
             device=self.device,
             protocol=self.protocol,
-            method_code=method_code(),
-            evaluation_code=evaluation_code(self.suite.experiment),
             experiment=self.suite.experiment,
             settings=row.settings,
         )
-        place = Place(
-            row=row.key,
-            scene=scene,
-            seed=seed,
-            key=cell.key,
-            training_key=cell.training_key,
-            initialisation_key=cell.initialisation_key,
-        )
-        return place, cell
+        cell = cell_of(used, self.scenes[scene], work, row.method)
+        keys = [stage.key for stage in cell.stages]
+        return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
     def manifest(self, places: Sequence[Place]) -> Sweep:
         """The request as the store keeps it."""
@@ -109,7 +104,7 @@ class Request:
             "reference": suite.reference,
             "rows": [{"key": row.key, "latex": row.latex, "text": row.text} for row in suite.rows],
             "columns": [metric.key for metric in suite.columns],
-            "preset": self.budget.name,
+            "preset": self.preset,
             "protocol": self.protocol,
             "device": self.device,
             "seeds": list(range(self.seeds)),
@@ -130,22 +125,20 @@ def state_of(store: Store, place: Place) -> str:
     failure = store.failure(place["key"])
     if failure is not None:
         return f"failed: {failure['what']}"
-    trained, initialised = f"trained/{place['training_key']}", f"init/{place['initialisation_key']}"
-    if store.has_tensors(trained):
+    done = [store.has_tensors(product_name(key)) for key in place["stages"]]
+    begun = [store.has_tensors(checkpoint_name(key)) for key in place["stages"]]
+    if done and done[-1]:
         return "trained, not scored"
-    if store.has_tensors(f"{trained}.checkpoint"):
-        return "begun: in stage 2"
-    if store.has_tensors(initialised):
-        return "to do: stage 1 is there"
-    return "begun: in stage 1" if store.has_tensors(f"{initialised}.checkpoint") else "to do"
+    if any(begun):
+        return f"begun: in stage {1 + begun.index(True)}"
+    last = max((number for number, there in enumerate(done, start=1) if there), default=0)
+    return f"to do: stage {last} is there" if last else "to do"
 
 
 def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
     """Optimisation steps of all stages that are not in the store; a stage that several cells share counts once."""
-    trained = [cell for cell in cells if cell.experiment in TRAINED]
-    stages = {f"init/{cell.initialisation_key}": cell.budget.initialise_iterations for cell in trained}
-    stages |= {f"trained/{cell.training_key}": cell.budget.inverse_iterations for cell in trained}
-    return sum(steps for name, steps in stages.items() if not store.has_tensors(name))
+    steps = {stage.key: stage.steps for cell in cells for stage in cell.stages}
+    return sum(count for key, count in steps.items() if not store.has_tensors(product_name(key)))
 
 
 def write_sweep(store: Store, sweep: Sweep) -> None:

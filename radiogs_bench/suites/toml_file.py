@@ -3,114 +3,25 @@
 The dataclasses are the schema: a field that they get can be written in a file at once.
 """
 
-import math
 import re
 import tomllib
-from collections.abc import Mapping
-from dataclasses import MISSING, Field, fields, replace
-from difflib import get_close_matches
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NoReturn, get_args, get_origin, get_type_hints
+from typing import Any
 
-from radiogs.budget import Budget
-from radiogs.variant import Variant
 from radiogs_baselines.published import published_tables
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import known_names
 
-from ..experiments.registry import EXPERIMENTS
+from ..methods import method, whole_numbers
+from ..plain_values import PlainReader
+from .experiment import EXPERIMENTS
+from .labels import latex_text
 from .registry import SUITES
 from .suite import MEASURES, TASKS, Metric, Row, Suite
 
-SUFFIX = ".toml"
 NAME = re.compile(r"[\w.-]+")
-SCALED = tuple(field.name for field in fields(Budget) if field.type is int)
-"""What a row's budget may multiply: the preset's whole numbers."""
-
-WORDS: Mapping[Any, str] = {
-    str: "text",
-    int: "a whole number",
-    bool: "true or false",
-    type(None): "nothing",
-    tuple[str, ...]: "a list of text",
-}
-
-SPECIAL = {
-    "\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}",
-    ">": r"\textgreater{}", **{character: f"\\{character}" for character in "&%$#_{}"},
-}  # fmt: skip
-
-
-class _Reader:
-    """Turns a file's tables into the dataclasses, and says where in the file something is wrong."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def fail(self, where: str, what: str, why: str = "", remedy: str = "") -> NoReturn:
-        raise UsageError(f"{self.path}: {where}: {what}", why, remedy or "What a suite's file may say: docs/suites.md")
-
-    def known(self, where: str, kind: str, given: str, names: Mapping[str, object] | tuple[str, ...]) -> None:
-        """Fail unless ``given`` is one of the names, with the nearest one."""
-        if given not in names:
-            near = get_close_matches(given, names, 1)
-            self.fail(
-                where,
-                f"there is no {kind} '{given}'",
-                f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(names)}.",
-            )
-
-    def build(self, kind: type, table: object, where: str) -> Any:
-        """An instance of a dataclass, from a table with its fields."""
-        if not isinstance(table, dict):
-            self.fail(where, f"{table!r} is no table", "It has fields of its own.")
-        hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
-        for name in table:
-            self.known(where, "field", name, declared)
-        missing = [name for name, each in declared.items() if name not in table and _required(each)]
-        if missing:
-            self.fail(where, f"the field '{missing[0]}' is missing")
-        return kind(**{name: self.convert(hints[name], value, f"{where}.{name}") for name, value in table.items()})
-
-    def convert(self, hint: Any, value: Any, where: str) -> Any:
-        """A value as its field's type asks for it."""
-        origin, arguments = get_origin(hint), get_args(hint)
-        if hint in (Row, Variant):
-            return self.build(hint, value, where)
-        if hint is Metric:
-            return self.metric(value, where)
-        if origin is Literal:
-            if value not in arguments:
-                self.fail(where, f"{value!r} is none of its values", f"There are: {', '.join(map(repr, arguments))}.")
-            return value
-        if set(arguments) == {str, tuple[str, ...]} and isinstance(value, list):
-            return self.convert(tuple[str, ...], value, where)
-        if origin is tuple:
-            self.expect(isinstance(value, list), where, value, "a list")
-            return tuple(self.convert(arguments[0], each, f"{where}[{place}]") for place, each in enumerate(value))
-        if origin is not None and issubclass(origin, Mapping):
-            self.expect(isinstance(value, dict), where, value, "a table")
-            return {name: self.convert(arguments[1], each, f"{where}.{name}") for name, each in value.items()}
-        if hint is float:
-            self.expect(isinstance(value, int | float) and not isinstance(value, bool), where, value, "a number")
-            self.expect(math.isfinite(value), where, value, "a finite number")
-            return float(value)
-        kinds = arguments or (hint,)
-        self.expect(type(value) in kinds, where, value, " or ".join(WORDS.get(each, str(each)) for each in kinds))
-        return value
-
-    def expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
-        """Fail unless the value is what is wanted."""
-        if not holds:
-            self.fail(where, f"{value!r} is not {wanted}")
-
-    def metric(self, value: Any, where: str) -> Metric:
-        """A column, written ``task/measure``."""
-        self.expect(isinstance(value, str) and value.count("/") == 1, where, value, 'a metric such as "nvs/psnr"')
-        metric = Metric.of(value)
-        self.known(where, "task", metric.task, TASKS)
-        self.known(where, "measure", metric.measure, MEASURES)
-        return metric
 
 
 def read_suite(path: Path) -> Suite:
@@ -125,7 +36,8 @@ def read_suite(path: Path) -> Suite:
         raise DataError(f"cannot read the suite {path}", f"{error.strerror}.", "Name a suite's file.") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} is no TOML: {error}", "", "What a suite's file may say: docs/suites.md") from error
-    reader = _Reader(path)
+    reader = PlainReader(str(path), "What a suite's file may say: docs/suites.md")
+    reader.special[Metric] = partial(_metric, reader)
     content.setdefault("published", None)
     for row in content.get("rows", ()) if isinstance(content.get("rows"), list) else ():
         _complete(row)
@@ -134,19 +46,23 @@ def read_suite(path: Path) -> Suite:
     return _with_places(suite, path.parent)
 
 
-def _required(field: "Field[Any]") -> bool:
-    return field.default is MISSING and field.default_factory is MISSING
-
-
 def _complete(row: object) -> None:
-    """Fill in what a row may leave out: the full method, and its text as LaTeX."""
+    """Fill in what a row may leave out: its text as LaTeX."""
     if isinstance(row, dict):
-        row.setdefault("variant", {})
         text = row.get("text")
-        row.setdefault("latex", "".join(SPECIAL.get(each, each) for each in text) if isinstance(text, str) else "")
+        row.setdefault("latex", latex_text(text) if isinstance(text, str) else "")
 
 
-def _check(suite: Suite, reader: _Reader) -> None:
+def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
+    """A column, written ``task/measure``."""
+    reader.expect(isinstance(value, str) and value.count("/") == 1, where, value, 'a metric such as "nvs/psnr"')
+    metric = Metric.of(value)
+    reader.known(where, "task", metric.task, TASKS)
+    reader.known(where, "measure", metric.measure, MEASURES)
+    return metric
+
+
+def _check(suite: Suite, reader: PlainReader) -> None:
     """What types do not say."""
     reader.expect(NAME.fullmatch(suite.name) is not None, "suite.name", suite.name, "a name of letters, digits and .-_")
     if suite.name in SUITES:
@@ -157,13 +73,17 @@ def _check(suite: Suite, reader: _Reader) -> None:
     if suite.published is not None:
         reader.known("suite.published", "published table", suite.published, published_tables())
     for place, row in enumerate(suite.rows):
-        where = f"suite.rows[{place}]"
-        for name, factor in row.budget.items():
-            reader.known(f"{where}.budget", "field", name, SCALED)
-            reader.expect(factor > 0, f"{where}.budget.{name}", factor, "above zero")
-        weight, share = row.variant.radiometric_weight, row.variant.view_share
-        reader.expect(weight >= 0, f"{where}.variant.radiometric_weight", weight, "zero or above")
-        reader.expect(0 < share <= 1, f"{where}.variant.view_share", share, "above 0 and at most 1")
+        _check_row(row, reader, f"suite.rows[{place}]")
+
+
+def _check_row(row: Row, reader: PlainReader, where: str) -> None:
+    """That the row's method is there, and has the fields of variant and budget that it turns."""
+    used = method(row.method)
+    reader.build(used.variant, row.variant, f"{where}.variant")
+    scaled = whole_numbers(next(iter(used.presets.values())))
+    for name, factor in row.budget.items():
+        reader.known(f"{where}.budget", "field", name, scaled)
+        reader.expect(factor > 0, f"{where}.budget.{name}", factor, "above zero")
 
 
 def _with_places(suite: Suite, folder: Path) -> Suite:

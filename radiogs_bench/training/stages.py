@@ -2,24 +2,21 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, TypedDict, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, TypedDict
 
 import torch
 
-from radiogs.model import Model
+from radiogs_core.contract import Method, Run, Stage, Trained
 from radiogs_core.errors import NumericalFailure
-from radiogs_core.instruments.counters import fired, work
-from radiogs_core.instruments.parts import spent
+from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import EffectPlan
 
-from ..experiments.method import Method, ModelStage, Stage
-from ..store.folder import Store
+from .. import methods
+from ..store.folder import Store, checkpoint_name, product_name
 from ..store.provenance import forget_peaks, session
 from ..store.schema import Session, TrailPoint
-from ..suites.cell import Cell
+from ..suites.cell import Cell, StageKey
 from .interruption import Interruption
 from .progress import Progress
 from .trail import Sums, Trail
@@ -30,30 +27,26 @@ CHECKPOINT_SECONDS = 20.0
 CHECKPOINT_SHARE = 0.02
 """And checkpoints cost at most this share of the time: large states are written less often."""
 
-INITIALISE, INVERT = "stage 1, initialisation", "stage 2, inverse rendering"
-
-SomeStage = TypeVar("SomeStage", bound=Stage)
-
 
 @dataclass(frozen=True)
 class Bench:
-    """Where and how cells are run."""
+    """Where and how cells are run; ``method`` finds a method by its name."""
 
     store: Store
-    method: Method
     device: torch.device
     progress: Progress
     interruption: Interruption
+    method: Callable[[str], Method] = methods.method
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     checkpoint_share: float = CHECKPOINT_SHARE
 
 
 class Ledger(TypedDict):
-    """What a stage cost and how it ended; kept beside its outcome, and in every checkpoint so far."""
+    """What a stage cost and how it ended; kept beside its product, and in every checkpoint so far."""
 
     seconds: float
     parts: dict[str, float]
-    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.parts``)."""
+    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.part``)."""
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]
@@ -64,173 +57,192 @@ class Ledger(TypedDict):
 
 
 class Outcome(TypedDict):
-    """A stage that has ended: ``product`` is its state (stage 1) or the model's tensors (stage 2)."""
+    """A stage that has ended: what the next one begins from, or the model is restored from, and what it cost."""
 
     product: dict[str, Any]
     ledger: Ledger
 
 
-Score = Callable[[Model], dict[str, float]]
-"""Scores a model along the way: figures by ``task/measure``."""
+Score = Callable[[Trained], dict[str, float]]
+"""Scores a model along the way: values by ``task/measure``."""
+
+StageScore = Callable[[Stage], dict[str, float]]
 
 
-def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Model, dict[str, Ledger]]:
-    """The cell's model, trained now or before, and the ledgers of its two stages by name.
+def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Trained, dict[str, Ledger]]:
+    """The cell's model, trained now or before, and the ledgers of its stages by name, in order.
 
-    ``score`` is asked at geometric shares of stage 2, while its clock and its counters stand still.
+    ``score`` is asked at geometric shares of the last stage, while its clock and its counters stand still.
     Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and whatever
     the method raises; the last checkpoint is kept in every case.
     """
-    method, device = bench.method, bench.device
-    first = initialised(bench, cell, scene)
+    method = bench.method(cell.found_as)
+    product: Mapping[str, Any] = {}
+    ledgers: dict[str, Ledger] = {}
 
-    def invert() -> ModelStage:
-        return method.invert(scene, cell.variant, cell.budget, cell.seed, device, first["product"])
+    def scored(stage: Stage) -> dict[str, float]:
+        assert score is not None
+        return score(method.restore(run_of(bench, cell, scene, cell.stages[-1]), stage.product()))
 
-    name = f"trained/{cell.training_key}"
-    asked = None if score is None else lambda stage: score(model_of(model_tensors(stage.model)))
-    inverted = completed(bench, name, INVERT, invert, lambda stage: model_tensors(stage.model), asked)
-    ledgers = {"initialise": first["ledger"], "invert": inverted["ledger"]}
-    return model_of(inverted["product"]), ledgers
-
-
-def initialised(bench: Bench, cell: Cell, scene: Scene) -> Outcome:
-    """The outcome of the cell's stage 1, run now or before. Raises as ``trained`` does."""
-
-    def initialise() -> Stage:
-        return bench.method.initialise(scene, cell.variant, cell.budget, cell.seed, bench.device)
-
-    name = f"init/{cell.initialisation_key}"
-    return completed(bench, name, INITIALISE, initialise, lambda stage: stage.state())
+    for place, stage in enumerate(cell.stages):
+        asked = scored if score is not None and stage is cell.stages[-1] else None
+        outcome = stage_outcome(bench, cell, scene, place, product, asked)
+        product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
+    return method.restore(run_of(bench, cell, scene, cell.stages[-1]), product), ledgers
 
 
-def completed(
-    bench: Bench,
-    name: str,
-    title: str,
-    begin: Callable[[], SomeStage],
-    product: Callable[[SomeStage], dict[str, Any]],
-    score: Callable[[SomeStage], dict[str, float]] | None = None,
+def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Bring the stages that other cells may share to their end, and keep them. Raises as ``trained`` does."""
+    product: Mapping[str, Any] = {}
+    for place in range(len(cell.stages) - 1):
+        product = stage_outcome(bench, cell, scene, place, product)["product"]
+
+
+def stage_outcome(
+    bench: Bench, cell: Cell, scene: Scene, place: int, before: Mapping[str, Any], score: StageScore | None = None
 ) -> Outcome:
-    """The outcome stored under ``name``; where there is none yet, the stage is run and its ``product`` stored.
+    """The outcome of one of a cell's stages, run now or before; ``before`` is the product of the stage before it."""
+    stage = cell.stages[place]
+    spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
+    run = run_of(bench, cell, scene, stage)
+    return completed(bench, stage, lambda: spec.begin(run, before), score)
 
-    ``title`` is what progress calls it; ``score`` is as in ``trained``.
+
+def run_of(bench: Bench, cell: Cell, scene: Scene, stage: StageKey) -> Run:
+    """What a method is given to run a stage of a cell."""
+    workspace = bench.store.folder / "work" / stage.key
+    return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
+
+
+def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: StageScore | None = None) -> Outcome:
+    """The stored outcome of a stage; where there is none yet, the stage is run and its outcome stored.
+
+    ``score`` is as in ``trained``, asked of the stage itself.
     """
-    stored = _stored_outcome(bench, name)
+    stored = _stored_outcome(bench, key.key)
     if stored is not None:
         return stored
+    name = product_name(key.key)
     with bench.store.claim(name.replace("/", "-")):
-        stored = _stored_outcome(bench, name)  # somebody else may have finished it meanwhile
+        stored = _stored_outcome(bench, key.key)  # somebody else may have finished it meanwhile
         if stored is not None:
             return stored
-        started = time.perf_counter()
-        work.clear()
-        fired.clear()
-        spent.clear()
         forget_peaks(bench.device)
-        stage = begin()
-        ledger = _run(bench, name, title, stage, started, score)
-        outcome = Outcome(product=product(stage), ledger=ledger)
+        with recording() as instruments:
+            started = time.perf_counter()
+            stage = begin()
+            try:
+                ledger = _Course(bench, key, stage, instruments, started, score).to_the_end()
+            finally:
+                close_stage(stage)
+            outcome = Outcome(product=stage.product(), ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
-        bench.store.drop_tensors(_checkpoint(name))
+        bench.store.drop_tensors(checkpoint_name(key.key))
     bench.interruption.check()
     return outcome
 
 
-def _stored_outcome(bench: Bench, name: str) -> Outcome | None:
-    stored = bench.store.tensors(name, bench.device)
+def close_stage(stage: Stage) -> None:
+    """Let a stage that holds more than memory (a process, a file) let it go, if it says how: by a method ``close``."""
+    close = getattr(stage, "close", None)
+    if close is not None:
+        close()
+
+
+def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
+    stored = bench.store.tensors(product_name(key), bench.device)
     if stored is None:
         return None
-    bench.store.drop_tensors(_checkpoint(name))  # left by a process that died between storing and dropping
+    bench.store.drop_tensors(checkpoint_name(key))  # left by a process that died between storing and dropping
     return Outcome(product=stored["product"], ledger=stored["ledger"])
 
 
-def _run(
-    bench: Bench,
-    name: str,
-    title: str,
-    stage: SomeStage,
-    started: float,
-    score: Callable[[SomeStage], dict[str, float]] | None,
-) -> Ledger:
-    """Step until the end, from the checkpoint where there is one, leaving checkpoints on the way."""
-    ledger = Ledger(seconds=0.0, parts={}, work={}, guards={}, losses={}, trail=[], since={}, sessions=[])
-    stored = bench.store.tensors(_checkpoint(name), bench.device)
-    if stored is not None:
-        ledger = stored["ledger"]
-        stage.restore(stored["state"])
+@dataclass
+class _Course:
+    """One stage on its way: from its checkpoint where there is one, leaving checkpoints and a trail."""
+
+    bench: Bench
+    key: StageKey
+    stage: Stage
+    instruments: Instruments
+    started: float
+    score: StageScore | None
+    losses: dict[str, float] = field(default_factory=dict)
+    earlier: list[Session] = field(default_factory=list)
+
+    def to_the_end(self) -> Ledger:
+        """Step until the stage is over; returns what it cost. Raises Interrupted after saving a checkpoint."""
+        bench, stage = self.bench, self.stage
+        self.trail = Trail(stage.iterations, [], {}, scored=self.score is not None)
+        self._resume()
+        due = time.perf_counter() + bench.checkpoint_seconds
+        while stage.iteration < stage.iterations:
+            self._step()
+            bench.progress.advance(self.key.title, stage.iteration, stage.iterations)
+            over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
+            if not over and (bench.interruption.requested or time.perf_counter() >= due):
+                begun = time.perf_counter()
+                self._keep(checkpoint_name(self.key.key))
+                bench.interruption.check()
+                ended = time.perf_counter()
+                due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
+        return self._ledger()
+
+    def _resume(self) -> None:
+        stored = self.bench.store.tensors(checkpoint_name(self.key.key), self.bench.device)
+        if stored is None:
+            return
+        ledger: Ledger = stored["ledger"]
+        self.stage.restore(stored["state"])
         # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
-        started = time.perf_counter() - ledger["seconds"]
-        for counter, counted in ((work, ledger["work"]), (fired, ledger["guards"])):
-            counter.clear()
-            counter.update(counted)
-        spent.clear()
-        spent.update(ledger["parts"])
-    earlier = ledger["sessions"]
-    losses = ledger["losses"]
-    trail = Trail(stage.iterations, ledger["trail"], ledger["since"], scored=score is not None)
+        self.started = time.perf_counter() - ledger["seconds"]
+        self.instruments.restore(ledger)
+        self.losses, self.earlier = ledger["losses"], ledger["sessions"]
+        scored = self.score is not None
+        self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
 
-    def ledger_now() -> Ledger:
-        seconds = time.perf_counter() - started
-        sessions = [*earlier, session(bench.device)]
-        return Ledger(
-            seconds=seconds, parts=dict(spent), work=dict(work), guards=dict(fired), losses=losses,
-            trail=trail.points, since=trail.since, sessions=sessions,
-        )  # fmt: skip
-
-    due = time.perf_counter() + bench.checkpoint_seconds
-    while stage.iteration < stage.iterations:
-        losses = dict(_step(bench, name, stage, ledger_now))
+    def _step(self) -> None:
+        """One step; where a point of the trail is due, it is closed, and the model scored if that is asked for."""
+        stage, trail, before = self.stage, self.trail, self.stage.iteration
+        try:
+            losses = dict(stage.step())
+        except NumericalFailure as failure:
+            raise self._broken(failure) from failure
+        if stage.iteration == before:  # a stage that waits for something else has taken no step
+            return
+        self.losses = losses
         trail.add(losses)
         if trail.due(stage.iteration):
-            reached, counted = time.perf_counter(), dict(work)
-            metrics = score(stage) if score is not None and trail.to_be_scored(stage.iteration) else {}
-            trail.close(stage.iteration, reached - started, metrics)
-            work.clear()
-            work.update(counted)
-            started += time.perf_counter() - reached
-        bench.progress.advance(title, stage.iteration, stage.iterations)
-        over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
-        if not over and (bench.interruption.requested or time.perf_counter() >= due):
-            begun = time.perf_counter()
-            bench.store.put_tensors(_checkpoint(name), {"state": stage.state(), "ledger": ledger_now()})
-            bench.interruption.check()
-            ended = time.perf_counter()
-            due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
-    return ledger_now()
+            reached = time.perf_counter()
+            metrics: dict[str, float] = {}
+            if self.score is not None and trail.to_be_scored(stage.iteration):
+                with recording():  # the stage's own counters stand still
+                    metrics = self.score(stage)
+            trail.close(stage.iteration, reached - self.started, metrics)
+            self.started += time.perf_counter() - reached
 
-
-def _step(bench: Bench, name: str, stage: Stage, ledger_now: Callable[[], Ledger]) -> Mapping[str, float]:
-    """One step; a non-finite value in it is raised again after the state that leads to it was kept."""
-    try:
-        return stage.step()
-    except NumericalFailure as failure:
-        kept = f"{name}.broken"
-        bench.store.put_tensors(kept, {"state": stage.state(), "ledger": ledger_now()})
-        raise NumericalFailure(
+    def _broken(self, failure: NumericalFailure) -> NumericalFailure:
+        """The failure of a step, told again after the state that leads to it was kept."""
+        kept = f"{product_name(self.key.key)}.broken"
+        self._keep(kept)
+        return NumericalFailure(
             failure.what,
             failure.why,
-            f"{failure.remedy} The state in which that step began is kept as {bench.store.folder / kept}.pt.",
-        ) from failure
+            f"{failure.remedy} The state in which that step began is kept as {self.bench.store.folder / kept}.pt.",
+        )
 
+    def _keep(self, name: str) -> None:
+        self.bench.store.put_tensors(name, {"state": self.stage.state(), "ledger": self._ledger()})
 
-def _checkpoint(name: str) -> str:
-    return f"{name}.checkpoint"
-
-
-def model_tensors(model: Model) -> dict[str, Any]:
-    """A model as plain tensors, without gradient history."""
-    surfels = {name: value.detach() for name, value in model.surfels.parameters().items()}
-    effects = {"plan": model.plan.state(), "evidence": [dict(each) for each in model.evidence]}
-    return {"surfels": surfels, "log_environment": model.log_environment.detach(), "effects": effects}
-
-
-def model_of(tensors: dict[str, Any]) -> Model:
-    """The inverse of ``model_tensors``."""
-    effects = tensors["effects"]
-    return Model(
-        Surfels.of(tensors["surfels"]),
-        tensors["log_environment"],
-        EffectPlan(**effects["plan"]),
-        tuple(effects["evidence"]),
-    )
+    def _ledger(self) -> Ledger:
+        recorded = self.instruments
+        return Ledger(
+            seconds=time.perf_counter() - self.started,
+            parts=dict(recorded.parts),
+            work=dict(recorded.work),
+            guards=dict(recorded.guards),
+            losses=self.losses,
+            trail=self.trail.points,
+            since=self.trail.since,
+            sessions=[*self.earlier, session(self.bench.device)],
+        )

@@ -1,35 +1,38 @@
 """The folder that ``train`` makes: the store of a single cell, what it was trained on, and the model as files.
 
-``trained.json`` (schema below) names the scene, the budget and the key of the model in the store; ``surfels.ply`` (see
-``radiogs_core.surfels.ply``) and ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X) are
-for other programs.
+``trained.json`` (schema below) names the method, the scene, the budget and the key of the model in the store. What else
+lies there is for other programs: what the method exports (RadioGS: ``surfels.ply``, see ``radiogs_core.surfels.ply``)
+and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
 """
 
 import json
-from dataclasses import asdict
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypedDict, cast
 
 import torch
 
-from radiogs.model import Model
-from radiogs.variant import Variant
+from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError
-from radiogs_core.surfels.ply import write_ply
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 
+from ..methods import budget_of, method, variant_of
+from ..plain_values import to_plain
 from ..store.atomic import write_atomically
-from ..store.folder import Store, strict_json
+from ..store.folder import Store, product_name, strict_json
 from ..suites.cell import Cell
-from .stages import model_of
 
-TRAINED_SCHEMA = "radiogs-bench/trained/1"
+TRAINED_SCHEMA = "radiogs-bench/trained/2"
 
 
-class Trained(TypedDict):
+class About(TypedDict):
     """What ``trained.json`` says."""
 
     schema: str
+    method: str
+    """What the method is found by: its name, or the path of its file."""
     scene: str
     """As it was given: a name, or a path from where ``train`` was called."""
     checksum: str
@@ -38,40 +41,38 @@ class Trained(TypedDict):
     seed: int
     variant: dict[str, Any]
     training_key: str
-    surfels: int
+    facts: dict[str, Any]
+    """What the method says of its model."""
 
 
-def write_trained(store: Store, scene: str, cell: Cell, model: Model) -> list[Path]:
+def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[Path]:
     """Write what the model is and the model itself; returns the files written."""
     folder = store.folder
-    about = Trained(
+    assert cell.training_key is not None
+    about = About(
         schema=TRAINED_SCHEMA,
+        method=cell.found_as,
         scene=scene,
         checksum=cell.checksum,
         preset=cell.budget.name,
         seed=cell.seed,
-        variant=asdict(cell.variant),
+        variant=to_plain(cell.variant),
         training_key=cell.training_key,
-        surfels=len(model.surfels),
+        facts=model.facts(),
     )
-    written = [folder / name for name in ("surfels.ply", "environment.exr", "trained.json")]
-    write_ply(model.surfels, written[0])
-    write_exr(written[1], model.environment.detach().cpu().numpy())
-    write_atomically(written[2], strict_json({**about}))
-    return written
+    written = model.export(folder)
+    if model.light is not None:
+        written.append(folder / "environment.exr")
+        write_exr(written[-1], model.light.radiance.numpy())
+    write_atomically(folder / "trained.json", strict_json({**about}))
+    return [*written, folder / "trained.json"]
 
 
-def variant_of(fields: dict[str, Any]) -> Variant:
-    """A variant from its fields as JSON has them, which has no tuples."""
-    tuples: dict[str, Any] = {name: tuple(value) for name, value in fields.items() if isinstance(value, list)}
-    return Variant(**fields | tuples)
-
-
-def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:
-    """What was trained in a folder, and the model. Raises DataError where there is none."""
+def read_about(folder: Path) -> About:
+    """What was trained in a folder. Raises DataError where nothing was, or the file is damaged."""
     path = folder / "trained.json"
     try:
-        about = cast(Trained, json.loads(path.read_bytes()))
+        about = cast(About, json.loads(path.read_bytes()))
     except FileNotFoundError:
         raise DataError(
             f"nothing was trained in '{folder}'",
@@ -86,7 +87,39 @@ def read_trained(folder: Path, device: torch.device) -> tuple[Trained, Model]:
         raise DataError(
             f"{path} has schema {about.get('schema')}", f"This version reads {TRAINED_SCHEMA}.", "Train anew."
         )
-    stored = Store(folder).tensors(f"trained/{about['training_key']}", device)
+    return about
+
+
+def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
+    """What was trained in a folder: what it was run on, and the model.
+
+    ``turned`` are fields of the variant that are read by showing alone, such as RadioGS's ``relighting``, and are to
+    differ from what was trained. Raises DataError where there is none, or the scene is another one now.
+    """
+    about = read_about(folder)
+    used = method(about["method"])
+    variant = variant_of(used, {**about["variant"], **(turned or {})})
+    scene = scene_of(about)
+    workspace = folder / "work" / about["training_key"]
+    run = Run(scene, variant, budget_of(used, about["preset"]), about["seed"], device, workspace)
+    return run, used.restore(run, product_of(folder, about["training_key"], device))
+
+
+def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
+    """The product of a stage in a folder. Raises DataError where its file is gone."""
+    stored = Store(folder).tensors(product_name(key), device)
     if stored is None:
-        raise DataError(f"the model of '{folder}' is gone", "Its file in trained/ is missing.", "Train it again.")
-    return about, model_of(stored["product"])
+        raise DataError(f"the model of '{folder}' is gone", "Its file in stages/ is missing.", "Train it again.")
+    return cast(dict[str, Any], stored["product"])
+
+
+def scene_of(about: About) -> Scene:
+    """The scene that a model was trained on. Raises DataError if it is gone or another one now."""
+    scene = load_scene(about["scene"])
+    if scene.checksum != about["checksum"]:
+        raise DataError(
+            f"scene '{about['scene']}' has changed since the model was trained",
+            "Its files have another checksum.",
+            "Put the old files back, or train again.",
+        )
+    return scene

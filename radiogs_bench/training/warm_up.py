@@ -1,28 +1,46 @@
 """Compiling the kernels before anything is timed."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from typing import Any
 
 import torch
 
-from radiogs.budget import budget
-from radiogs.variant import Variant
+from radiogs_core.contract import Method, Run
 from radiogs_core.scene.scene import Scene
 
-from ..experiments.method import Method
+from .stages import close_stage
 
 VIEWS = 2
 """As few as span a scene."""
 
+PRESET = "smoke"
 
-def compile_kernels(method: Method, scene: Scene, device: torch.device, variants: Iterable[Variant]) -> None:
-    """Take one step of each stage on a few views, so that every kernel is compiled (once a machine, by its cache).
 
-    Else the first cell of a machine's life would be charged for half a minute of compiling. Those of probes are
-    compiled if any of ``variants`` is probed.
+def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
+    """Take one step of each stage of some methods and variants on a few views, so that their kernels are compiled.
+
+    That happens once a machine, by the kernels' cache; else its first cell would be charged for half a minute of it.
+    Methods whose stages compile nothing (``StageSpec.compiles``) are left alone.
     """
-    little, cost = replace(scene, train=scene.train[:VIEWS]), budget("smoke")
-    first = method.initialise(little, Variant(), cost, 0, device)
-    first.step()
-    for effects in ("all", "auto") if any(variant.effects == "auto" for variant in variants) else ("all",):
-        method.invert(little, Variant(effects=effects), cost, 0, device, first.state()).step()
+    little = replace(scene, train=scene.train[:VIEWS])
+    done: list[tuple[str, Any]] = []
+    for method, variant in work:
+        if (method.name, variant) in done:
+            continue
+        done.append((method.name, variant))
+        budget = method.presets[PRESET]
+        run, product = Run(little, variant, budget, 0, device), dict[str, Any]()
+        for spec in method.stages(variant, budget):
+            if not spec.compiles:
+                break
+            product = _one_step(spec.begin, run, product)
+
+
+def _one_step(begin: Any, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+    stage = begin(run, before)
+    try:
+        stage.step()
+        return dict(stage.product())
+    finally:
+        close_stage(stage)

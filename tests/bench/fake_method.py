@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import torch
+from radiogs_bench.experiments.method import Method
 
 from radiogs.budget import Budget, budget
 from radiogs.model import Model
 from radiogs.variant import Variant
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.experiments.method import Method
 from radiogs_bench.experiments.train import Evaluation, run_cell
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
@@ -21,8 +21,7 @@ from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import ExplainedError
-from radiogs_core.instruments.counters import count, fire
-from radiogs_core.instruments.parts import spent
+from radiogs_core.instruments import count, current, fire
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 
@@ -52,7 +51,8 @@ class FakeStage:
         self.iteration += 1
         count(steps=self.iteration)
         fire(faint_surfels=self.iteration)
-        spent["probe"] += self.iteration
+        if (instruments := current()) is not None:
+            instruments.parts["probe"] += self.iteration
         return {"distance": float(self.place.norm())}
 
     def state(self) -> dict[str, Any]:

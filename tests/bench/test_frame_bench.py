@@ -8,7 +8,7 @@ import torch
 
 from radiogs_bench.cli import main
 from radiogs_bench.kernel_bench.frames import FRAMES, HEMISPHERE_SAMPLES, LIGHT_SAMPLES, by_rays
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_datasets import load_scene
 
@@ -31,14 +31,14 @@ def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
     scene = load_scene("corner-128")
     assert scene.training_light is not None
     surfels = surfels_on(scene.true_surfaces(0.3))
-    work.clear()
-    relit = by_rays(surfels, scene.training_light)
+    with recording() as prepared:
+        relit = by_rays(surfels, scene.training_light)
     rays = len(surfels) * (HEMISPHERE_SAMPLES + LIGHT_SAMPLES)
-    assert work["rays"] == rays
-    work.clear()
-    relit.render(scene.test[0].camera.to(dtype=torch.float32))
-    assert work["shaded_samples"] == rays
-    assert work["rays"] == 0
+    assert prepared.work["rays"] == rays
+    with recording() as drawn:
+        relit.render(scene.test[0].camera.to(dtype=torch.float32))
+    assert drawn.work["shaded_samples"] == rays
+    assert drawn.work["rays"] == 0
     assert len(scene.test) <= FRAMES
 
 

@@ -15,7 +15,7 @@ from radiogs_bench.kernel_bench.embree import missing_embree
 from radiogs_bench.kernel_bench.plain_torch import rasterize_densely, shade_plainly
 from radiogs_bench.kernel_bench.scenes import SCENES, KernelScene, cloud, support_quads
 from radiogs_core.errors import DataError
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
@@ -32,16 +32,16 @@ def some_rays(name: str, count: int) -> KernelScene:
 
 def traced(scene: KernelScene) -> Hits:
     tree = SurfelBVH.build(scene.geometry)
-    work.clear()
     return trace(tree, scene.geometry, scene.sh, scene.features, scene.origin, scene.direction, scene.t_min)
 
 
 @pytest.mark.parametrize(("name", "meet", "hits"), [("M", 0.42, 5.0), ("Mi", 1.0, 15.0)])
 def test_scenes_have_the_hits_that_they_state(name: str, meet: float, hits: float) -> None:
     scene = some_rays(name, 20_000)
-    found = traced(scene)
+    with recording() as instruments:
+        found = traced(scene)
     assert float((found.transmittance < 1).float().mean()) == pytest.approx(meet, abs=0.02)
-    assert work["hits"] / 20_000 == pytest.approx(hits, rel=0.1)
+    assert instruments.work["hits"] / 20_000 == pytest.approx(hits, rel=0.1)
 
 
 def test_the_yardstick_s_quads_cover_each_surfel_to_its_threshold() -> None:

@@ -18,10 +18,10 @@ from radiogs_bench.experiments.stability.axes import AXES, axis_and_points
 from radiogs_bench.experiments.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
 from radiogs_bench.experiments.stability.experiment import stand_of
 from radiogs_bench.sources import evaluation_code
-from radiogs_bench.suites.paper import STABILITY
+from radiogs_bench.suites.paper import STABILITY_SUITE as STABILITY
 from radiogs_bench.suites.sweep import Request
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.instruments.counters import fire
+from radiogs_core.instruments import fire
 from radiogs_datasets import load_scene
 from radiogs_datasets.furnace import ALBEDOS
 

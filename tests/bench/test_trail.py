@@ -16,7 +16,7 @@ from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
 from radiogs_bench.training.trail import Trail, milestones
-from radiogs_core.instruments.counters import count
+from radiogs_core.instruments import count
 
 CELL = fake_cell(experiment=COST)
 

@@ -16,7 +16,7 @@ from hard_cases.constructions import (
     rendered,
     two_balls,
 )
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
@@ -157,8 +157,9 @@ def test_gradients_of_the_whole_renderer_are_central_differences(seed: int) -> N
 
     def value_of(values: Values) -> tuple[float, tuple[int, int]]:
         """The sum, and how many hits and pairs it is made of."""
-        work.clear()
-        return float(whole_render(values, frozen, pulls)), (work["hits"], work["blended_pairs"])
+        with recording() as instruments:
+            total = float(whole_render(values, frozen, pulls))
+        return total, (instruments.work["hits"], instruments.work["blended_pairs"])
 
     _, base = value_of(given)
     analytic, numeric, skipped = [], [], 0
@@ -211,9 +212,9 @@ def test_moving_a_surfel_also_turns_its_view_of_the_harmonics(seed: int) -> None
     shift, met = torch.randn_like(base), set()
 
     def moved(amount: float) -> float:
-        work.clear()
-        total = float(image(base + amount * shift, own))
-        met.add(work["blended_pairs"])
+        with recording() as instruments:
+            total = float(image(base + amount * shift, own))
+        met.add(instruments.work["blended_pairs"])
         return total
 
     numeric = slope(moved, 1e-6)

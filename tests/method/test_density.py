@@ -1,13 +1,20 @@
+"""Density control clones, splits and prunes by the positional gradient, when it is due."""
+
+from dataclasses import replace
+
 import pytest
 import torch
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.density import SPLIT_SHRINK, Pull, densify_and_prune
+from radiogs_core.surfels.density import AdaptiveDensity, AdaptiveDensityControl, PositionalGradient
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, surfels_at
 
+RULES = AdaptiveDensity()
+CPU = torch.device("cpu")
 
-def _surfels() -> Surfels:
-    """Four surfels: small and pulled, large and pulled, faint, and left alone."""
+
+def four_surfels() -> Surfels:
+    """Small with a large gradient, large with one, faint, and one with hardly any gradient."""
     generator = torch.Generator().manual_seed(0)
     surfels = surfels_at(
         torch.arange(12.0).view(4, 3), torch.tensor([0.005, 0.05, 0.05, 0.05]), torch.zeros(4, 3), generator
@@ -16,27 +23,69 @@ def _surfels() -> Surfels:
     return surfels
 
 
-def _pull(strength: list[float]) -> Pull:
-    return Pull(torch.tensor(strength, dtype=torch.float32), torch.ones(4))
+def control(gradient: list[float], maximum: int = 100, rules: AdaptiveDensity = RULES) -> AdaptiveDensityControl:
+    made = AdaptiveDensityControl(rules, 10, maximum, 1.0, 4, CPU)
+    made.gradient = PositionalGradient(torch.tensor(gradient, dtype=torch.float32), torch.ones(4))
+    return made
+
+
+def changed(surfels: Surfels, by: AdaptiveDensityControl) -> tuple[Surfels, torch.Tensor]:
+    found = by.act(surfels, 20, 100, torch.Generator().manual_seed(0))
+    assert found is not None
+    return found
 
 
 def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
-    surfels = _surfels()
-    after, origin = densify_and_prune(surfels, _pull([1, 1, 1, 1e-9]), 1.0, 100, torch.Generator().manual_seed(0))
+    surfels = four_surfels()
+    after, origin = changed(surfels, control([1, 1, 1, 1e-9]))
     assert origin.tolist() == [0, 3, -1, -1, -1]
     torch.testing.assert_close(after.centre[2], surfels.centre[0])
-    torch.testing.assert_close(after.scale[3:], surfels.scale[1].expand(2, 2) / SPLIT_SHRINK)
+    torch.testing.assert_close(after.scale[3:], surfels.scale[1].expand(2, 2) / RULES.split_shrink)
     in_plane = (after.centre[3:] - surfels.centre[1]) @ surfels.frame[1, :, 2]
     torch.testing.assert_close(in_plane, torch.zeros(2), atol=1e-6, rtol=0)
 
 
-def test_the_ceiling_admits_the_strongest_pulls_only() -> None:
-    after, origin = densify_and_prune(_surfels(), _pull([1, 2, 0, 1e-9]), 1.0, 4, torch.Generator().manual_seed(0))
+def test_the_ceiling_admits_the_largest_gradients_only() -> None:
+    after, origin = changed(four_surfels(), control([1, 2, 0, 1e-9], maximum=4))
     assert len(after) == 4
     assert origin.tolist() == [0, 3, -1, -1]
 
 
-def test_pull_is_the_gradient_of_a_shift_on_the_screen() -> None:
+def test_a_surfel_that_no_view_saw_is_pruned() -> None:
+    assert changed(four_surfels(), control([1e-9, 0, 0, 1e-9]))[1].tolist() == [0, 3]
+
+
+@pytest.mark.parametrize(
+    ("rules", "origin"),
+    [
+        (replace(RULES, gradient_threshold=2.0), [0, 1, 3]),
+        (replace(RULES, clone_scale=0.1), [0, 1, 3, -1, -1]),
+        (replace(RULES, largest_scale=0.01), [0, -1]),
+        (replace(RULES, opacity_floor=0.0), [0, 3, -1, -1, -1, -1, -1]),
+    ],
+)
+def test_every_threshold_is_that_of_the_rules(rules: AdaptiveDensity, origin: list[int]) -> None:
+    assert changed(four_surfels(), control([1, 1, 1, 1e-9], rules=rules))[1].tolist() == origin
+
+
+@pytest.mark.parametrize(
+    ("iteration", "due"), [(0, False), (1, False), (10, True), (15, False), (60, True), (62, False), (70, False)]
+)
+def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, due: bool) -> None:
+    acted = control([1, 1, 1, 1]).act(four_surfels(), iteration, 100, torch.Generator().manual_seed(0))
+    assert (acted is not None) == due
+
+
+def test_statistics_begin_anew_after_a_round_and_resume_before_it() -> None:
+    first = control([1, 1, 1, 1e-9])
+    resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, 4, CPU)
+    resumed.restore(first.state())
+    assert changed(four_surfels(), resumed)[1].tolist() == changed(four_surfels(), first)[1].tolist()
+    assert len(first.gradient.total) == 5
+    assert not first.gradient.total.any()
+
+
+def test_the_positional_gradient_is_that_of_a_shift_on_the_screen() -> None:
     camera = Camera(torch.eye(4, dtype=torch.float64), 40.0, 40.0, 32.0, 32.0, 64, 64)
     centre = torch.tensor([[0.3, -0.2, 5.0]], dtype=torch.float64)
     weight = torch.tensor([2.0, 3.0], dtype=torch.float64)
@@ -49,6 +98,6 @@ def test_pull_is_the_gradient_of_a_shift_on_the_screen() -> None:
     on_screen = centre[0, :2] / centre[0, 2] * 40.0 / 32.0
     loss(on_screen).backward()
     assert centre.grad is not None
-    pull = Pull(torch.zeros(1, dtype=torch.float64), torch.zeros(1, dtype=torch.float64))
-    pull.observe(camera, centre.detach(), centre.grad, torch.tensor([True]))
-    assert float(pull.mean()) == pytest.approx(float(weight.norm()))
+    found = PositionalGradient(torch.zeros(1, dtype=torch.float64), torch.zeros(1, dtype=torch.float64))
+    found.add(camera, centre.detach(), centre.grad, torch.tensor([True]))
+    assert float(found.mean()) == pytest.approx(float(weight.norm()))

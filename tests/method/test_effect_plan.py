@@ -11,7 +11,7 @@ from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EFFECTS, EffectPlan, everything, plan_of
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
@@ -36,10 +36,10 @@ def but(*off: str) -> tuple[str, ...]:
 
 def work_of(initialised: dict[str, Any], *off: str, steps: int = 12) -> tuple[dict[str, int], InverseRendering]:
     stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
-    work.clear()
-    for _ in range(steps):
-        stage.step()
-    return dict(work), stage
+    with recording() as instruments:
+        for _ in range(steps):
+            stage.step()
+    return dict(instruments.work), stage
 
 
 def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_built(
@@ -48,8 +48,9 @@ def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_b
     counted, stage = work_of(initialised, "visibility", "indirect")
     assert not any(counted.get(name) for name in ("rays", "node_visits", "leaf_visits", "hits"))
     assert stage.cache.tracer._bvh is None
-    Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
-    assert not work["rays"]
+    with recording() as instruments:
+        Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
+    assert not instruments.work["rays"]
 
 
 def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]) -> None:
@@ -80,9 +81,9 @@ def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: 
     surfels = stage.model.surfels
     some = torch.arange(len(surfels)) % 3 == 0
     whole = gather_incident(SurfelTracer(surfels), surfels, 8, None)
-    work.clear()
-    part = gather_incident(SurfelTracer(surfels), surfels, 8, None, plan=EffectPlan(traced=some))
-    assert work["rays"] == 8 * int(some.sum())
+    with recording() as instruments:
+        part = gather_incident(SurfelTracer(surfels), surfels, 8, None, plan=EffectPlan(traced=some))
+    assert instruments.work["rays"] == 8 * int(some.sum())
     assert torch.equal(part.visibility[some], whole.visibility[some])
     assert torch.equal(part.radiance[some], whole.radiance[some])
     free = SurfelTracer(surfels).untraced(torch.nonzero(~some)[:, 0], whole.direction[~some], whole.weight[~some])
@@ -114,18 +115,18 @@ def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> In
 def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
     """Work of twelve steps, with one refresh, and the cached light before and after."""
     before = copy_of(stage.cache.incident)
-    work.clear()
-    for _ in range(12):
-        stage.step()
-    return dict(work), before, stage.cache.incident
+    with recording() as instruments:
+        for _ in range(12):
+            stage.step()
+    return dict(instruments.work), before, stage.cache.incident
 
 
 def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
     whole = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).cache.incident
     for plan in (NO_RAYS, local_rays(initialised)):
-        work.clear()
-        stage = decided(initialised, plan)
-        assert work["rays"] == BUDGET.incident_samples * len(whole.weight)
+        with recording() as instruments:
+            stage = decided(initialised, plan)
+        assert instruments.work["rays"] == BUDGET.incident_samples * len(whole.weight)
         stage.generator.manual_seed(0)
         stage.cache.renew(stage.model.surfels, plan, 0)
         for name, value in vars(whole).items():

@@ -24,7 +24,7 @@ from radiogs.effects.measure.share import image_share
 from radiogs.effects.measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
@@ -336,9 +336,9 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
     mask = torch.arange(len(surfels)) % 3 == 0
     lit = unoccluded(direction[mask], weight[mask])
     kept = Kept(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
-    work.clear()
-    found = Planner("auto", 0, 30, SAMPLES).subject(surfels, sky(), views_of(made), 5, kept)
-    assert work["rays"] == int((~mask).sum()) * SAMPLES // 2
+    with recording() as instruments:
+        found = Planner("auto", 0, 30, SAMPLES).subject(surfels, sky(), views_of(made), 5, kept)
+    assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
     assert torch.equal(found.incident.direction[mask], direction[mask])
     assert (found.incident.visibility[mask] == 0.5).all()
     assert (found.untraced.visibility[mask] == 1).all()

@@ -15,7 +15,7 @@ from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer
 from radiogs.variant import Variant
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.shade.brdf import specular
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap
@@ -91,9 +91,9 @@ def test_surfels_with_a_lobe_are_shaded_as_they_were_and_others_evaluate_none() 
     outgoing = towards(CAMERA, surfels)[:, None]
     shiny = torch.arange(len(surfels)) % 3 == 0
     whole = shade_surfels(surfels, surfels.albedo, incident, outgoing, light)
-    work.clear()
-    some = shade_surfels(surfels, surfels.albedo, incident, outgoing, light, shiny)
-    assert work["lobes"] == 16 * int(shiny.sum())
+    with recording() as instruments:
+        some = shade_surfels(surfels, surfels.albedo, incident, outgoing, light, shiny)
+    assert instruments.work["lobes"] == 16 * int(shiny.sum())
     assert torch.equal(some[shiny], whole[shiny])
     scale = 1 + lobe_albedo(surfels.roughness[~shiny])[:, None] / surfels.albedo[~shiny]
     torch.testing.assert_close(some[~shiny][:, 0, 0], whole[~shiny][:, 0, 0] * scale)

@@ -11,8 +11,7 @@ from radiogs.budget import INVERSE_ONLY, Budget, budget
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import NumericalFailure
-from radiogs_core.instruments.counters import work
-from radiogs_core.instruments.parts import spent
+from radiogs_core.instruments import recording
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
@@ -111,16 +110,15 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
 def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
     """The first probe traces its directions once from every surfel; steps without a probe add nothing to it."""
     stage = inverse(initialised, Variant(effects="auto"))
-    work.clear()
-    spent.clear()
-    stage.step()
-    once = len(stage.optimiser.surfels) * stage.planner.samples
-    taken = dict(spent)
-    assert work["probe_rays"] == once <= work["rays"]
-    assert taken["probe"] > 0
-    stage.step()
-    assert work["probe_rays"] == once
-    assert dict(spent) == taken
+    with recording() as instruments:
+        stage.step()
+        once = len(stage.optimiser.surfels) * stage.planner.samples
+        taken = dict(instruments.parts)
+        assert instruments.work["probe_rays"] == once <= instruments.work["rays"]
+        assert taken["probe"] > 0
+        stage.step()
+    assert instruments.work["probe_rays"] == once
+    assert instruments.parts == taken
 
 
 def test_initialisation_learns_the_images() -> None:
@@ -187,10 +185,10 @@ def test_a_nan_in_one_surfel_is_named_with_its_iteration(initialised: dict[str, 
 def test_the_same_seed_does_the_same_work(initialised: dict[str, Any]) -> None:
     counts = []
     for _ in range(2):
-        work.clear()
-        stage = inverse(initialised)
-        for _ in range(3):
-            stage.step()
-        counts.append(dict(work))
+        with recording() as instruments:
+            stage = inverse(initialised)
+            for _ in range(3):
+                stage.step()
+        counts.append(dict(instruments.work))
     assert counts[0] == counts[1]
     assert counts[0]["rays"] > 0

@@ -17,7 +17,7 @@ from radiogs_core.learning.losses import (
 from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.density import Pull, densify_and_prune
+from radiogs_core.surfels.density import AdaptiveDensity, AdaptiveDensityControl, DensityControl
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.starting_points import initial_points, nearest_camera, neighbour_spacing
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, surfels_at
@@ -45,8 +45,6 @@ BACKGROUNDS = (1.0, 0.0)
 # Shares of the run at which things happen; the released schedule in iterations of 40,000.
 CONSISTENCY_FROM = 2_000 / 40_000
 DISTORTION_FROM = 3_000 / 40_000
-DENSIFY_FROM = 500 / 40_000
-DENSIFY_UNTIL = 25_000 / 40_000
 DEGREES_FROM = (6_000 / 40_000, 7_000 / 40_000, 8_000 / 40_000)
 POSITION_DECAY_UNTIL = 30_000 / 40_000
 
@@ -87,7 +85,9 @@ class Initialisation:
         light = {"log_environment": constant_light(budget.light_height, 1.0, device)}
         rates = RATES | {"centre": self._position_rate(), "rotation": RATES["rotation"] * budget.geometry_rate}
         self.optimiser = SurfelOptimiser(surfels, light, rates)
-        self.pull = Pull.none(len(surfels), device)
+        self.density: DensityControl = AdaptiveDensityControl(
+            AdaptiveDensity(), budget.densify_interval, budget.maximum_surfels, scene.extent, len(surfels), device
+        )
 
     @property
     def model(self) -> Model:
@@ -104,10 +104,12 @@ class Initialisation:
         backward(self.name, self.iteration, losses, self.optimiser.tensors)
         centre = self.optimiser.tensors["centre"]
         if centre.grad is not None:
-            self.pull.observe(view.camera, centre.detach(), centre.grad, seen.touched)
+            self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
         self.optimiser.step()
         self.iteration += 1
-        self._control_density()
+        changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
+        if changed is not None:
+            self.optimiser.replace(*changed)
         return {name: float(value.detach()) for name, value in losses.items()}
 
     def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
@@ -136,17 +138,6 @@ class Initialisation:
         )
         return losses, seen
 
-    def _control_density(self) -> None:
-        progress = self.iteration / self.iterations
-        due = self.iteration % self.budget.densify_interval == 0
-        if not (due and DENSIFY_FROM <= progress < DENSIFY_UNTIL):
-            return
-        surfels, origin = densify_and_prune(
-            self.optimiser.surfels, self.pull, self.extent, self.budget.maximum_surfels, self.generator
-        )
-        self.optimiser.replace(surfels, origin)
-        self.pull = Pull.none(len(surfels), self.device)
-
     def _position_rate(self) -> float:
         progress = min(1.0, self.iteration / max(1.0, POSITION_DECAY_UNTIL * self.iterations))
         decayed = POSITION_RATE ** (1 - progress) * POSITION_RATE_END**progress
@@ -162,15 +153,19 @@ class Initialisation:
             "iteration": self.iteration,
             "optimiser": self.optimiser.state(),
             "generator": self.generator.get_state(),
-            "pull": {"total": self.pull.total, "seen": self.pull.seen},
+            "density": self.density.state(),
         }
+
+    def product(self) -> dict[str, Any]:
+        """What inverse rendering begins from: the whole state."""
+        return self.state()
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
         self.iteration = state["iteration"]
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
-        self.pull = Pull(**state["pull"])
+        self.density.restore(state["density"])
 
 
 def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:

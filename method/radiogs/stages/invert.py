@@ -6,7 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs_core.instruments.parts import part
+from radiogs_core.instruments import part
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.losses import (
     ABSOLUTE_WEIGHT,
@@ -237,6 +237,10 @@ class InverseRendering:
             "incident": vars(self.cache.incident) if self.variant.shading == "monte-carlo" else {},
             "effects": self.planner.state(),
         }
+
+    def product(self) -> dict[str, Any]:
+        """The model as it stands, as ``Model.of`` takes it."""
+        return self.model.tensors()
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""

@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from ..errors import NumericalFailure
-from .counters import fire
+from .recording import fire
 
 
 def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> None:

@@ -13,7 +13,7 @@ import torch
 import warp as wp
 
 from ..errors import UsageError
-from ..instruments.counters import fire
+from ..instruments import fire
 
 
 @cache

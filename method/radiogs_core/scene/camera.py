@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..errors import DataError
-from ..instruments.counters import fire
+from ..instruments import fire
 
 RIGID_TOLERANCE = 1e-3
 """How far the axes' products may be from orthonormal: it moves what is at the edge of an image of 1000 pixels by half a

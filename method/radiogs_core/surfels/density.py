@@ -1,52 +1,89 @@
-"""Adaptive density control: clone what is small and pulled, split what is large and pulled, prune the faint.
+"""Density control: where surfels are added and removed while their geometry is learnt.
 
-3DGS's rules and thresholds. A surfel that no view felt since the last round is pruned too: it faces away from every
-camera or is buried, would never be seen again, and would still stand in the way of traced rays. Two changes make the
-rules independent of the image's size and of the run's
-length: the pull is measured in half-image units at the surfel's centre, and the number of surfels has a ceiling.
+``DensityControl`` is what a stage asks of any strategy. ``AdaptiveDensityControl`` is 3DGS's: clone what is small and
+has a large positional gradient, split what is large and has one, prune the faint. A surfel that no view saw since the
+last round is pruned too: it faces away from every camera or is buried, would never be seen again, and would still stand
+in the way of traced rays. Two changes make the rules independent of the image's size and of the run's length: the
+positional gradient is measured in half-images at the surfel's centre, and the number of surfels has a ceiling.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from ..scene.camera import Camera
 from .surfels import Surfels
 
-GRADIENT_THRESHOLD = 2e-4
-"""Mean pull, in loss per half-image, above which a surfel is densified."""
 
-SMALL_SCALE = 0.01
-"""Scale, in scene extents, up to which a pulled surfel is cloned rather than split."""
-
-LARGE_SCALE = 0.1
-"""Scale, in scene extents, above which a surfel is pruned."""
-
-OPACITY_FLOOR = 0.05
-SPLIT_SHRINK = 1.6
-"""Children of a split are this much smaller than their parent."""
-
-
-@dataclass
-class Pull:
-    """How strongly the images want each surfel to move: mean over the views that see it."""
-
-    total: Float[Tensor, " surfels"]
-    seen: Float[Tensor, " surfels"]
-
-    @classmethod
-    def none(cls, count: int, device: torch.device) -> "Pull":
-        """No observation yet."""
-        return cls(torch.zeros(count, device=device), torch.zeros(count, device=device))
+class DensityControl(Protocol):
+    """A strategy of adding and removing surfels, with whatever statistics it needs."""
 
     def observe(
         self,
         camera: Camera,
         centre: Float[Tensor, "surfels 3"],
         gradient: Float[Tensor, "surfels 3"],
-        touched: Bool[Tensor, " surfels"],
+        in_view: Bool[Tensor, " surfels"],
+    ) -> None:
+        """Learn from one step: the loss's gradient with respect to the world centres, and which surfels were seen."""
+
+    def act(
+        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
+    ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
+        """Where it is due after ``iteration`` of ``iterations`` steps: the new surfels, and for each the index of the
+        old one whose optimiser moments it inherits (-1 for fresh ones). None where nothing is due."""
+
+    def state(self) -> dict[str, Any]:
+        """Tensors and plain values from which to continue bit for bit."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+
+
+@dataclass(frozen=True)
+class AdaptiveDensity:
+    """When and where ``AdaptiveDensityControl`` acts. Scales are in scene extents (see ``Scene.extent``)."""
+
+    start: float = 500 / 40_000
+    """Share of the stage before which nothing is changed (released schedule: 500 of 40,000 iterations)."""
+    end: float = 25_000 / 40_000
+    """Share of the stage from which nothing is changed any more (released schedule: 25,000 of 40,000)."""
+    gradient_threshold: float = 2e-4
+    """Mean positional gradient, in loss per half-image, above which a surfel is cloned or split (3DGS)."""
+    clone_scale: float = 0.01
+    """Largest scale that is cloned; larger surfels are split (3DGS)."""
+    largest_scale: float = 0.1
+    """Scale above which a surfel is pruned (3DGS)."""
+    opacity_floor: float = 0.05
+    """Opacity below which a surfel is pruned (2DGS)."""
+    split_shrink: float = 1.6
+    """How many times smaller than their parent the two children of a split are (3DGS)."""
+
+
+@dataclass
+class PositionalGradient:
+    """How strongly the images want each surfel to move across the screen: sums over the views that saw it."""
+
+    total: Float[Tensor, " surfels"]
+    """Norms of the gradients, in loss per half-image."""
+    views: Float[Tensor, " surfels"]
+    """How many views saw the surfel."""
+
+    @classmethod
+    def none(cls, count: int, device: torch.device) -> "PositionalGradient":
+        """No view yet."""
+        return cls(torch.zeros(count, device=device), torch.zeros(count, device=device))
+
+    def add(
+        self,
+        camera: Camera,
+        centre: Float[Tensor, "surfels 3"],
+        gradient: Float[Tensor, "surfels 3"],
+        in_view: Bool[Tensor, " surfels"],
     ) -> None:
         """Add one view's loss gradient with respect to the world centres, as a gradient on the screen.
 
@@ -55,41 +92,80 @@ class Pull:
         depth = camera.depth_of(centre).abs()
         across = (gradient @ camera.axes[:, 0]) * depth * (camera.width / (2 * camera.fx))
         down = (gradient @ camera.axes[:, 1]) * depth * (camera.height / (2 * camera.fy))
-        self.total += torch.where(touched, torch.hypot(across, down), 0.0)
-        self.seen += touched
+        self.total += torch.where(in_view, torch.hypot(across, down), 0.0)
+        self.views += in_view
 
     def mean(self) -> Float[Tensor, " surfels"]:
-        """Mean pull; zero for a surfel that no view saw."""
-        return self.total / self.seen.clamp(min=1)
+        """Mean over the views, in loss per half-image; zero for a surfel that no view saw."""
+        return self.total / self.views.clamp(min=1)
 
 
-def densify_and_prune(
-    surfels: Surfels, pull: Pull, extent: float, maximum: int, generator: torch.Generator
-) -> tuple[Surfels, Tensor]:
-    """One round of density control.
+class AdaptiveDensityControl:
+    """3DGS's adaptive density control; see the module.
 
-    Returns the new surfels and, for each, the index of the old surfel whose optimiser moments it inherits (-1
-    for fresh ones). The strongest pulls go first when ``maximum`` leaves no room for all.
+    ``interval``: steps between two rounds. ``maximum``: number of surfels that is never exceeded; where it leaves no
+    room for all, the largest positional gradients go first. ``extent``: the scene's, world units. ``count``: surfels at
+    the start.
     """
-    largest = surfels.scale.max(-1).values
-    felt = pull.total > 0
-    keep = felt & (surfels.opacity >= OPACITY_FLOOR) & (largest <= LARGE_SCALE * extent)
-    strength = pull.mean()
-    room = max(0, maximum - int(keep.sum()))
-    wanted = torch.nonzero(keep & (strength > GRADIENT_THRESHOLD))[:, 0]
-    wanted = wanted[strength[wanted].argsort(descending=True, stable=True)][:room]
-    small = largest[wanted] <= SMALL_SCALE * extent
-    clone, split = wanted[small], wanted[~small]
 
-    stay = keep.clone()
-    stay[split] = False
-    stayers = torch.nonzero(stay)[:, 0]
-    parts = [surfels.take(stayers), surfels.take(clone), *_children(surfels.take(split), generator)]
-    fresh = torch.full((len(clone) + 2 * len(split),), -1, dtype=torch.long, device=stayers.device)
-    return concatenate(parts), torch.cat([stayers, fresh])
+    def __init__(
+        self, rules: AdaptiveDensity, interval: int, maximum: int, extent: float, count: int, device: torch.device
+    ) -> None:
+        self.rules, self.interval, self.maximum, self.extent = rules, interval, maximum, extent
+        self.gradient = PositionalGradient.none(count, device)
+
+    def observe(
+        self,
+        camera: Camera,
+        centre: Float[Tensor, "surfels 3"],
+        gradient: Float[Tensor, "surfels 3"],
+        in_view: Bool[Tensor, " surfels"],
+    ) -> None:
+        """Add the step's view to the positional gradient."""
+        self.gradient.add(camera, centre, gradient, in_view)
+
+    def act(
+        self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
+    ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
+        """A round of cloning, splitting and pruning where one is due; statistics begin anew after it."""
+        in_time = self.rules.start <= iteration / iterations < self.rules.end
+        if iteration % self.interval or not in_time:
+            return None
+        changed, origin = self._changed(surfels, generator)
+        self.gradient = PositionalGradient.none(len(changed), changed.centre.device)
+        return changed, origin
+
+    def _changed(self, surfels: Surfels, generator: torch.Generator) -> tuple[Surfels, Int[Tensor, " surfels"]]:
+        """Surfels after a round, and whose optimiser moments each inherits."""
+        rules, extent = self.rules, self.extent
+        largest = surfels.scale.max(-1).values
+        seen = self.gradient.total > 0
+        keep = seen & (surfels.opacity >= rules.opacity_floor) & (largest <= rules.largest_scale * extent)
+        strength = self.gradient.mean()
+        room = max(0, self.maximum - int(keep.sum()))
+        wanted = torch.nonzero(keep & (strength > rules.gradient_threshold))[:, 0]
+        wanted = wanted[strength[wanted].argsort(descending=True, stable=True)][:room]
+        small = largest[wanted] <= rules.clone_scale * extent
+        clone, split = wanted[small], wanted[~small]
+
+        stay = keep.clone()
+        stay[split] = False
+        stayers = torch.nonzero(stay)[:, 0]
+        children = _children(surfels.take(split), rules.split_shrink, generator)
+        parts = [surfels.take(stayers), surfels.take(clone), *children]
+        fresh = torch.full((len(clone) + 2 * len(split),), -1, dtype=torch.long, device=stayers.device)
+        return concatenate(parts), torch.cat([stayers, fresh])
+
+    def state(self) -> dict[str, Any]:
+        """The statistics since the last round."""
+        return {"total": self.gradient.total, "views": self.gradient.views}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.gradient = PositionalGradient(state["total"], state["views"])
 
 
-def _children(parents: Surfels, generator: torch.Generator) -> list[Surfels]:
+def _children(parents: Surfels, shrink: float, generator: torch.Generator) -> list[Surfels]:
     """Two smaller surfels per parent, at offsets drawn from the parent's own Gaussian, within its plane."""
     children = []
     for _ in range(2):
@@ -98,7 +174,7 @@ def _children(parents: Surfels, generator: torch.Generator) -> list[Surfels]:
         )
         child = parents.take(torch.arange(len(parents), device=parents.centre.device))
         child.centre = parents.centre + torch.einsum("nij,nj->ni", parents.frame[..., :2], offset * parents.scale)
-        child.log_scale = parents.log_scale - torch.log(torch.tensor(SPLIT_SHRINK)).item()
+        child.log_scale = parents.log_scale - torch.log(torch.tensor(shrink)).item()
         children.append(child)
     return children
 

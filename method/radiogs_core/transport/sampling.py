@@ -11,7 +11,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ..errors import DataError
-from ..instruments.counters import fire
+from ..instruments import fire
 from ..scene.light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))

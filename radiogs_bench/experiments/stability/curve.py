@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import torch
 from torch import Tensor
 
-from radiogs_core.instruments.counters import fired
+from radiogs_core.instruments import count, recording
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -113,14 +113,14 @@ class Errors:
 def measure(probe: Probe, seed: int, device: torch.device) -> Errors:
     """Run in float32, and in float64 on the same numbers; gradients are those of a random sum of the outputs."""
     inputs = {name: value.to(device) for name, value in probe.inputs.items()}
-    fired.clear()
-    outputs, gradients = _both(probe, inputs, seed)
-    guards = Counter(fired)
+    with recording() as instruments:
+        outputs, gradients = _both(probe, inputs, seed)
+    count(**instruments.work)
     exact, exact_gradients = _both(probe, {name: value.double() for name, value in inputs.items()}, seed)
     return Errors(
         max(relative_error(*each) for each in zip(outputs, exact, probe.units, strict=True)),
         max(relative_error(*each, 0.0) for each in zip(gradients, exact_gradients, strict=True)),
-        guards,
+        instruments.guards,
     )
 
 

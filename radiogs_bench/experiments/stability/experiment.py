@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from radiogs_core.errors import DataError
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
 from ...evaluation.figures import Figures
@@ -31,15 +31,15 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
     axis, points = axis_and_points(cell.settings)
     stand = stand_of(scene, cell.seed)
     conditions = axis.conditions(points)
-    work.clear()
     forget_peaks(bench.device)
     started = time.perf_counter()
     curves: Curves = {name: [] for name in axis.kernels}
-    for done, condition in enumerate(conditions, start=1):
-        for name, kernel in axis.kernels.items():
-            curves[name].append(measure(kernel.probe(condition, stand), cell.seed, bench.device))
-        bench.progress.advance(f"{axis.label}, {len(conditions)} points", done, len(conditions))
-        bench.interruption.check()
+    with recording() as instruments:
+        for done, condition in enumerate(conditions, start=1):
+            for name, kernel in axis.kernels.items():
+                curves[name].append(measure(kernel.probe(condition, stand), cell.seed, bench.device))
+            bench.progress.advance(f"{axis.label}, {len(conditions)} points", done, len(conditions))
+            bench.interruption.check()
     figures = Figures(protocol(cell.protocol), [])
     for task in TASKS:
         figures.add_whole(task, scores(axis, conditions, curves, task))
@@ -58,11 +58,13 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
             shown_view=None,
             shown_light=None,
             albedo_scale=None,
-            surfels=0,
+            facts={},
+            stages=[],
             losses={},
             trail={},
             seconds={STAGE: time.perf_counter() - started},
-            work={STAGE: dict(work)},
+            parts={},
+            work={STAGE: dict(instruments.work)},
             guards={STAGE: dict(guards)},
             sessions={STAGE: [session(bench.device)]},
         ),

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 import torch
 
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.binning import counted_lists, sorted_lists
 from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.kernels.runtime import use_threads
@@ -82,9 +82,9 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
         return float(sum((out * pull).sum() for out, pull in zip(fast(values, view), pulls, strict=True)))
 
     def pairs(values: dict[str, torch.Tensor]) -> int:
-        work.clear()
-        fast(values, view)
-        return work["blended_pairs"]
+        with recording() as instruments:
+            fast(values, view)
+        return instruments.work["blended_pairs"]
 
     assert_gradients(total, given, gradients(fast, given, view, pulls), 2e-5, pairs)
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_core.instruments.counters import work
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.shade.shade_source import CPU_LANES
@@ -206,6 +206,6 @@ def test_a_surfel_that_is_not_finite_disturbs_no_other_and_reads_nothing_off_the
 
 
 def test_every_sample_of_every_view_is_counted() -> None:
-    work.clear()
-    shade(*inputs(surfels=5, views=3, samples=7).values())
-    assert work["shaded_samples"] == 5 * 3 * 7
+    with recording() as instruments:
+        shade(*inputs(surfels=5, views=3, samples=7).values())
+    assert instruments.work["shaded_samples"] == 5 * 3 * 7

@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ...instruments.counters import count
+from ...instruments import count
 from ...instruments.finite import require_finite_blend
 from ...scene.camera import Camera
 from ..runtime import WorkerSums, as_array, launch_in_parallel

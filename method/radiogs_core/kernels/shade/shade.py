@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ...instruments.counters import count
+from ...instruments import count
 from ..runtime import as_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 

@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ...instruments.counters import fire
+from ...instruments import fire
 
 ALPHA_THRESHOLD = 1 / 255
 """A hit weaker than one 8-bit level is no hit; it bounds the surfel's support at ``support_radius``."""

@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ...instruments.counters import count
+from ...instruments import count
 from ..runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, require_countable, workers
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, hit_kernels

@@ -7,7 +7,7 @@ import warp as wp
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from ...instruments.counters import fire
+from ...instruments import fire
 from ..runtime import as_array
 from .hits_source import STACK
 from .sah_source import sah_kernel

@@ -1,0 +1,77 @@
+"""RadioGS as the harness knows it: its stages, what each depends on, and its trained model."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from radiogs_core.contract import Probe, Run, Stage, StageSpec, Trained, values_but
+from radiogs_core.scene.light import EnvironmentMap
+
+from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
+from .model import Model
+from .probing import probed
+from .profile import PROFILES
+from .stages import Initialisation, InverseRendering
+from .trained import TrainedRadioGS
+from .variant import Variant
+
+
+class RadioGS:
+    """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
+
+    ``profiles`` are named settings of the variant: the paper's formulas, or those of the released code.
+    """
+
+    name = "radiogs"
+    title = "RadioGS"
+    variant = Variant
+    presets: Mapping[str, Budget] = PRESETS
+    sources = ("radiogs.trained",)
+    profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
+
+    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
+        """Initialisation and inverse rendering."""
+        return (
+            StageSpec(
+                name="initialise",
+                title="stage 1, initialisation",
+                steps=budget.initialise_iterations,
+                owner=self.name,
+                reads={
+                    "variant": variant.of_initialisation(),
+                    "budget": values_but(budget, "name", *INVERSE_ONLY),
+                },
+                sources=("radiogs.stages.initialise",),
+                begin=_initialise,
+                compiles=True,
+            ),
+            StageSpec(
+                name="invert",
+                title="stage 2, inverse rendering",
+                steps=budget.inverse_iterations,
+                owner=self.name,
+                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *RELIGHT_ONLY)},
+                sources=("radiogs.stages.invert",),
+                begin=_invert,
+                compiles=True,
+            ),
+        )
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
+        """The model from the product of inverse rendering."""
+        return TrainedRadioGS(Model.of(tensors), run)
+
+    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
+        """What stage 2 or relighting needs (see ``radiogs_core.contract.Probing``)."""
+        assert trained is None or isinstance(trained, TrainedRadioGS)
+        return probed(run, None if trained is None else trained.model, light)
+
+
+def _initialise(run: Run, before: Mapping[str, Any]) -> Stage:
+    return Initialisation(run.scene, run.variant, run.budget, run.seed, run.device)
+
+
+def _invert(run: Run, before: Mapping[str, Any]) -> Stage:
+    return InverseRendering(run.scene, run.variant, run.budget, run.seed, run.device, before)
+
+
+RADIOGS = RadioGS()

@@ -1,0 +1,100 @@
+"""What a run costs and what its guards did, apart from how fast the machine was: recorded where somebody asks for it.
+
+``with recording() as instruments`` records what is done within. Recordings are scoped, not global: the innermost one
+receives what is counted, an outer one stands still meanwhile, and outside all of them nothing is kept.
+"""
+
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import TypedDict
+
+
+class Recorded(TypedDict):
+    """``Instruments`` as plain dictionaries."""
+
+    work: dict[str, int]
+    guards: dict[str, int]
+    parts: dict[str, float]
+
+
+@dataclass
+class Instruments:
+    """What was recorded.
+
+    work: deterministic counters. rays; probe_rays, those of them that probes of effects traced; node_visits and
+    leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels. shaded_samples: surfels
+    times views times directions; lobes: those of surfels that have a specular part. bytes_read: of nodes, leaves,
+    surfels and samples, each time that one is used (caches may serve most of it).
+    guards: how often each guard of ``radiogs_core.guards`` acted; what never acted has no entry.
+    parts: wall-clock seconds of named parts of the work (see ``part``), which no two runs share.
+    """
+
+    work: Counter[str] = field(default_factory=Counter)
+    guards: Counter[str] = field(default_factory=Counter)
+    parts: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    def plain(self) -> Recorded:
+        """What was recorded as plain dictionaries, as it is stored."""
+        return Recorded(work=dict(self.work), guards=dict(self.guards), parts=dict(self.parts))
+
+    def restore(self, stored: Recorded) -> None:
+        """Go on from what was stored, in place of what was recorded so far."""
+        self.work, self.guards = Counter(stored["work"]), Counter(stored["guards"])
+        self.parts = defaultdict(float, stored["parts"])
+
+
+_current: ContextVar[Instruments | None] = ContextVar("instruments", default=None)
+
+
+def current() -> Instruments | None:
+    """The innermost recording of this thread; None outside of all."""
+    return _current.get()
+
+
+@contextmanager
+def recording(into: Instruments | None = None) -> Iterator[Instruments]:
+    """Record what is done within, into new instruments or on top of ``into``.
+
+    Threads begin without a recording, and on CUDA autograd runs backward passes in threads of its own. Whatever counts
+    there keeps ``current()`` in its forward pass and counts within ``recording(kept)`` in its backward pass.
+    """
+    instruments = Instruments() if into is None else into
+    token = _current.set(instruments)
+    try:
+        yield instruments
+    finally:
+        _current.reset(token)
+
+
+def count(**amounts: int) -> None:
+    """Add to the work counters of the current recording."""
+    if (instruments := current()) is not None:
+        instruments.work.update(amounts)
+
+
+def fire(**amounts: int) -> None:
+    """Add to the guards of the current recording; what did not happen leaves no entry."""
+    if (instruments := current()) is not None:
+        instruments.guards.update({name: amount for name, amount in amounts.items() if amount})
+
+
+@contextmanager
+def part(name: str) -> Iterator[None]:
+    """Record the seconds of what is done within as ``parts[name]``, and its rays as ``work["<name>_rays"]``.
+
+    On a GPU what is done within must end by reading a value back, or the clock stops before the work does.
+    """
+    instruments = current()
+    if instruments is None:
+        yield
+        return
+    started, rays = time.perf_counter(), instruments.work["rays"]
+    try:
+        yield
+    finally:
+        instruments.parts[name] += time.perf_counter() - started
+        instruments.work[f"{name}_rays"] += instruments.work["rays"] - rays

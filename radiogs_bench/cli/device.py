@@ -1,0 +1,24 @@
+"""The device and threads that the options ask for."""
+
+import argparse
+import os
+from typing import TYPE_CHECKING
+
+from radiogs_core.errors import UsageError
+
+if TYPE_CHECKING:
+    import torch
+
+
+def chosen_device(options: argparse.Namespace) -> "torch.device":
+    """The device, ready to be worked on with as many threads as asked for. Raises UsageError."""
+    import torch
+
+    from radiogs_core.kernels.runtime import use_threads
+
+    if options.device == "cuda" and not torch.cuda.is_available():
+        raise UsageError(
+            "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
+        )
+    use_threads(options.threads or len(os.sched_getaffinity(0)))
+    return torch.device(options.device)

@@ -1,0 +1,85 @@
+"""What ``radiogs-bench run`` does with its options: makes the request, shows progress, failures and reports."""
+
+import argparse
+from collections.abc import Sequence
+
+import torch
+
+from radiogs_core.errors import ExplainedError
+from radiogs_core.kernels.runtime import workers
+
+from ..engines.choice import Engine
+from ..engines.run import CPU, bring_to_end, work_along
+from ..errors import explain, worst_exit_code
+from ..metrics import protocol
+from ..store.folder import Store
+from ..suites.scenes import load_scenes, own_scenes, place_of
+from ..suites.suite import Suite
+from ..suites.sweep import Request, steps_to_take, write_sweep
+from ..training.interruption import Interruption
+from ..training.progress import SweepProgress, progress_for_stderr
+from ..training.stages import Bench
+from .device import chosen_device
+from .events import EventProgress, emit
+from .reporter import complain
+
+
+def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.device]:
+    """What the options ask for. Raises UsageError or DataError before anything is run."""
+    device = chosen_device(options)
+    rules = protocol(options.protocol or suite.protocol).name
+    given = options.scenes or own_scenes(suite)
+    scenes = load_scenes(given)
+    places = dict(zip(scenes, map(place_of, given), strict=True))
+    request = Request(suite, scenes, options.seeds, options.preset, rules, options.device, options.shard, places)
+    request.cells()  # a method or preset that is not there shows now
+    return request, device
+
+
+def show_request(request: Request, store: Store, engine: Engine, as_json: bool) -> int:
+    """List the cells and what they will take."""
+    from .planning import emit_plan, show_plan
+
+    if as_json:
+        emit_plan(request, store)
+    else:
+        show_plan(request, store, *engine.cells_and_threads(workers(CPU)))
+    return 0
+
+
+def run_request(
+    request: Request, store: Store, device: torch.device, engine: Engine, options: argparse.Namespace
+) -> int:
+    """Run what is missing; write and show the reports. Returns the exit code."""
+    write_sweep(store, request.manifest([place for place, _ in request.cells()]))
+    cells = request.own_cells()
+    unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
+    shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
+    titles = {stage.title for _, cell in cells for stage in cell.stages}
+    bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
+    with bars as progress, Interruption() as interruption:
+        ended = bring_to_end(request, Bench(store, device, progress, interruption), engine, options.arguments)
+        code = ended.code or report_failures(ended.failures)
+    from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
+
+    if options.json:
+        for path in write(store)[1]:
+            emit("written", path=str(path))
+    else:
+        write_and_show(store)
+    return code
+
+
+def work_along_with(request: Request, store: Store, device: torch.device, number: int, count: int) -> int:
+    """Be worker ``number`` of ``count``; returns its exit code."""
+    with progress_for_stderr() as progress, Interruption() as interruption:
+        return report_failures(
+            work_along(request, Bench(store, device, progress, interruption), number, count).failures
+        )
+
+
+def report_failures(failures: Sequence[ExplainedError]) -> int:
+    """Explain each failure once; returns the exit code of the whole run."""
+    for message in dict.fromkeys(explain(failure) for failure in failures):
+        complain(message)
+    return worst_exit_code(failures)

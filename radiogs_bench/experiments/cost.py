@@ -1,0 +1,27 @@
+"""Training that is scored along the way: what quality costs in time."""
+
+from dataclasses import replace
+
+from radiogs_core.contract import Trained
+from radiogs_core.scene.scene import Scene
+
+from ..evaluation.evaluate import evaluate, few_views
+from ..metrics import protocol
+from ..suites.cell import Cell
+from ..training.stages import Bench
+from .train import train_and_score
+
+VIEWS_ALONG_THE_WAY = 3
+"""Of the test views, evenly spread: enough to see quality rise, few enough not to take longer than the training."""
+
+
+def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Train and score, and score the model at geometric shares of the last stage as well."""
+    few = replace(scene, test=tuple(few_views(scene, VIEWS_ALONG_THE_WAY)))
+    rules = protocol(cell.protocol)
+
+    def score(model: Trained) -> dict[str, float]:
+        metrics = evaluate(model, few, rules, bench.device, lambda done, total: None, timed=False).metrics
+        return {name: each["value"] for name, each in metrics.items() if each["value"] is not None}
+
+    train_and_score(bench, cell, scene, along_the_way=score)

@@ -1,0 +1,144 @@
+"""The methods that are installed, found by their entry points; those of this project are no exception.
+
+A package offers a method by an entry point of the group ``radiogs_bench.methods`` whose object is a
+``radiogs_core.contract.Method`` (docs/your_own_method.md). A method may also be a TOML file of commands
+(docs/methods_as_commands.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from difflib import get_close_matches
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.contract import Method
+from radiogs_core.errors import UsageError
+
+from .plain_values import from_plain
+
+GROUP = "radiogs_bench.methods"
+
+DEFAULT = "radiogs"
+"""The method that suites and commands mean when they name none."""
+
+SUFFIX = ".toml"
+
+substitutes: dict[str, Method] = {}
+"""Methods given by a program that drives the harness from Python, by name; they come before installed ones."""
+
+
+def method_names() -> tuple[str, ...]:
+    """Names of all methods that are installed or given, sorted."""
+    return tuple(sorted({*_offered(), *substitutes}))
+
+
+def method(name: str) -> Method:
+    """A method by its name, or from a TOML file of commands. Raises UsageError for one that is not there or broken."""
+    if name in substitutes:
+        return substitutes[name]
+    if name.endswith(SUFFIX):
+        return _from_file(Path(name))
+    offered = _offered()
+    if name not in offered:
+        near = get_close_matches(name, method_names(), 1)
+        raise UsageError(
+            f"there is no method '{name}'",
+            f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(method_names())}.",
+            "See them all:  radiogs-bench methods",
+        )
+    return _loaded(offered[name])
+
+
+def origin(name: str) -> str:
+    """The package that offers a method."""
+    point = _offered().get(name)
+    return "this program" if point is None or point.dist is None else f"{point.dist.name} {point.dist.version}"
+
+
+def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
+    """A variant of a method: its full form with the given fields turned. Raises UsageError for what it does not have.
+
+    Values are plain, as a suite's file or a stored result has them: lists for tuples, tables for nested settings.
+    """
+    return from_plain(of.variant, given, f"variant of {of.name}")
+
+
+def budget_of(of: Method, preset: str) -> Any:
+    """A method's budget by the name of its preset. Raises UsageError for an unknown one."""
+    if preset not in of.presets:
+        near = get_close_matches(preset, of.presets, 1)
+        raise UsageError(
+            f"unknown preset '{preset}'" + ("" if of.name == DEFAULT else f" of {of.name}"),
+            f"Did you mean '{near[0]}'?" if near else "",
+            f"Presets: {', '.join(of.presets)}.",
+        )
+    return of.presets[preset]
+
+
+def describe(of: Method) -> dict[str, Any]:
+    """What ``radiogs-bench methods`` shows: presets with their numbers, fields of the variant with their defaults."""
+    full = of.variant()
+    return {
+        "name": of.name,
+        "title": of.title,
+        "origin": origin(of.name),
+        "presets": {name: asdict(budget) for name, budget in of.presets.items()},
+        "variant": asdict(full) if is_dataclass(full) and not isinstance(full, type) else {},
+        "stages": {
+            name: [{"name": stage.name, "steps": stage.steps} for stage in of.stages(full, budget)]
+            for name, budget in of.presets.items()
+        },
+    }
+
+
+@cache
+def _offered() -> Mapping[str, EntryPoint]:
+    found: dict[str, EntryPoint] = {}
+    for point in entry_points(group=GROUP):
+        if point.name in found and point.value != found[point.name].value:
+            raise UsageError(
+                f"two packages offer a method '{point.name}'",
+                f"{found[point.name].value} and {point.value}.",
+                "Uninstall one of them, or rename its entry point.",
+            )
+        found[point.name] = point
+    return found
+
+
+@cache
+def _loaded(point: EntryPoint) -> Method:
+    try:
+        loaded = point.load()
+    except (ImportError, AttributeError) as error:
+        raise UsageError(
+            f"the method '{point.name}' cannot be loaded", f"{point.value}: {error}.", "Mend or uninstall its package."
+        ) from error
+    lacking = [name for name in _required() if not hasattr(loaded, name)]
+    if lacking or loaded.name != point.name or not isinstance(loaded.variant, type) or not is_dataclass(loaded.variant):
+        raise UsageError(
+            f"the method '{point.name}' is not what a method is",
+            f"{point.value} lacks {', '.join(lacking)}."
+            if lacking
+            else f"Its name is '{loaded.name}', and its variant must be a dataclass.",
+            "What a method is: docs/your_own_method.md",
+        )
+    checked: Method = loaded
+    return checked
+
+
+def _required() -> tuple[str, ...]:
+    return ("name", "title", "variant", "presets", "sources", "stages", "restore")
+
+
+@cache
+def _from_file(path: Path) -> Method:
+    from radiogs_baselines.commands import read_method
+
+    return read_method(path)
+
+
+def whole_numbers(budget: Any) -> tuple[str, ...]:
+    """The fields of a budget that a row of a suite may multiply."""
+    return tuple(field.name for field in fields(budget) if type(getattr(budget, field.name)) is int)

@@ -1,0 +1,128 @@
+"""Dataclasses from plain values (TOML, JSON) and back, with errors that say which field is wrong and how."""
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass
+from difflib import get_close_matches
+from types import UnionType
+from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
+
+from radiogs_core.errors import UsageError
+
+WORDS: Mapping[Any, str] = {
+    str: "text",
+    int: "a whole number",
+    bool: "true or false",
+    type(None): "nothing",
+    tuple[str, ...]: "a list of text",
+}
+
+Convert = Callable[[Any, str], Any]
+"""Makes a value of some type from a plain one; the second argument says where it stands."""
+
+
+class PlainReader:
+    """Builds dataclasses from tables with their fields; the dataclasses are the schema.
+
+    ``source`` goes before every message, ``remedy`` behind it; ``special`` are types that are read in their own way.
+    """
+
+    def __init__(self, source: str, remedy: str, special: Mapping[Any, Convert] | None = None) -> None:
+        self.source, self.remedy, self.special = source, remedy, dict(special or {})
+
+    def fail(self, where: str, what: str, why: str = "", remedy: str = "") -> NoReturn:
+        """Raise UsageError."""
+        raise UsageError(": ".join(part for part in (self.source, where, what) if part), why, remedy or self.remedy)
+
+    def known(self, where: str, kind: str, given: str, names: Mapping[str, object] | tuple[str, ...]) -> None:
+        """Fail unless ``given`` is one of the names, with the nearest one."""
+        if given not in names:
+            near = get_close_matches(given, names, 1)
+            self.fail(
+                where,
+                f"there is no {kind} '{given}'",
+                f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(names)}.",
+            )
+
+    def expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
+        """Fail unless the value is what is wanted."""
+        if not holds:
+            self.fail(where, f"{value!r} is not {wanted}")
+
+    def build(self, kind: type, table: object, where: str) -> Any:
+        """An instance of a dataclass, from a table with its fields; what has a default may be left out."""
+        if not isinstance(table, Mapping):
+            self.fail(where, f"{table!r} is no table", "It has fields of its own.")
+        hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
+        for name in table:
+            self.known(where, "field", name, declared)
+        missing = [name for name, each in declared.items() if name not in table and _required(each)]
+        if missing:
+            self.fail(where, f"the field '{missing[0]}' is missing")
+        prefix = f"{where}." if where else ""
+        return kind(**{name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()})
+
+    def convert(self, hint: Any, value: Any, where: str) -> Any:
+        """A value as its field's type asks for it."""
+        origin, arguments = get_origin(hint), get_args(hint)
+        if hint in self.special:
+            return self.special[hint](value, where)
+        if is_dataclass(hint) and isinstance(hint, type):
+            return self.build(hint, value, where)
+        if origin is Literal:
+            if value not in arguments:
+                self.fail(where, f"{value!r} is none of its values", f"There are: {', '.join(map(repr, arguments))}.")
+            return value
+        if origin in (Union, UnionType):
+            return self._one_of(arguments, value, where)
+        if origin is tuple:
+            self.expect(isinstance(value, list | tuple), where, value, "a list")
+            every = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
+            self.expect(len(every) == len(value), where, value, f"a list of {len(every)}")
+            entries = enumerate(zip(every, value, strict=True))
+            return tuple(self.convert(entry, each, f"{where}[{place}]") for place, (entry, each) in entries)
+        if origin is not None and issubclass(origin, Mapping):
+            self.expect(isinstance(value, Mapping), where, value, "a table")
+            return {name: self.convert(arguments[1], each, f"{where}.{name}") for name, each in value.items()}
+        if hint is Any:
+            return value
+        if hint is float:
+            self.expect(isinstance(value, int | float) and not isinstance(value, bool), where, value, "a number")
+            self.expect(math.isfinite(value), where, value, "a finite number")
+            return float(value)
+        self.expect(type(value) is hint, where, value, WORDS.get(hint, str(hint)))
+        return value
+
+    def _one_of(self, arguments: tuple[Any, ...], value: Any, where: str) -> Any:
+        """The first alternative that takes the value; its complaint if only one is of the value's shape."""
+        if value is None and type(None) in arguments:
+            return None
+        shaped = [each for each in arguments if _is_list(each) == isinstance(value, list | tuple)]
+        if len(shaped) == 1:
+            return self.convert(shaped[0], value, where)
+        for each in shaped:
+            try:
+                return self.convert(each, value, where)
+            except UsageError:
+                continue
+        self.fail(where, f"{value!r} is not {' or '.join(WORDS.get(each, str(each)) for each in arguments)}")
+
+
+def from_plain(kind: type, values: Mapping[str, Any], what: str) -> Any:
+    """An instance of a dataclass from plain values. Raises UsageError that names ``what`` and the field."""
+    return PlainReader(what, "See its fields:  radiogs-bench methods").build(kind, values, "")
+
+
+def to_plain(value: Any) -> dict[str, Any]:
+    """A dataclass's fields as a stored result gives them back, so that the two compare equal: JSON has no tuples."""
+    plain: dict[str, Any] = json.loads(json.dumps(asdict(value), allow_nan=False))
+    return plain
+
+
+def _is_list(hint: Any) -> bool:
+    return get_origin(hint) is tuple
+
+
+def _required(field: "Field[Any]") -> bool:
+    return field.default is MISSING and field.default_factory is MISSING

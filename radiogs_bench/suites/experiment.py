@@ -1,0 +1,61 @@
+"""What can be done for a cell, as data: whether it trains, and which sources decide what it measures."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from radiogs_core.contract import Method
+
+from ..metrics.weights import FILES, missing_weights
+from ..sources import code_digest
+
+EVALUATION = "radiogs_bench.evaluation.evaluate"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A kind of work on a cell; ``experiments.registry`` has the function that does it.
+
+    trains: whether the method is trained. scores_on_the_way: whether the model is also scored while the last stage is
+    trained. sources: modules that measure; they and what they import decide its metrics.
+    """
+
+    name: str
+    trains: bool = True
+    scores_on_the_way: bool = False
+    sources: tuple[str, ...] = (EVALUATION,)
+
+    def evaluation_code(self, method: Method) -> str:
+        """Digest of what turns a trained model into metrics.
+
+        It also says which LPIPS cannot be computed for want of weights: once they are there, results are scored anew.
+        """
+        digest = code_digest(*self.sources, *method.sources)
+        missing = [net for net in FILES if missing_weights(net)]
+        return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest
+
+
+TRAINING = "training"
+"""Train a model and score it."""
+
+COST = "cost"
+"""Likewise, and the model is scored along the way too."""
+
+AUDIT = "audit"
+"""Train a model, score it, and count what training cost and what the method predicts among the metrics."""
+
+FORWARD_PARITY = "forward-parity"
+"""Light transport through surfels against a path tracer's."""
+
+STABILITY = "stability"
+"""Hard cases in float32 against float64."""
+
+EXPERIMENTS: Mapping[str, Experiment] = {
+    each.name: each
+    for each in (
+        Experiment(TRAINING),
+        Experiment(COST, scores_on_the_way=True, sources=(EVALUATION, "radiogs_bench.experiments.cost")),
+        Experiment(AUDIT, sources=(EVALUATION, "radiogs_bench.experiments.audit")),
+        Experiment(FORWARD_PARITY, trains=False, sources=("radiogs_bench.experiments.forward_parity",)),
+        Experiment(STABILITY, trains=False, sources=("radiogs_bench.experiments.stability",)),
+    )
+}
