@@ -1,1 +1,42 @@
-"""The harness: command line, suites, cells, store, statistics, metrics."""
+"""A benchmark harness for inverse rendering: from Python by the names below, from the shell as ``radiogs-bench``."""
+
+from importlib import import_module
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .api import (
+        Model,
+        load_scene,
+        method,
+        method_names,
+        open_model,
+        open_store,
+        protocol_names,
+        read_light,
+        scene_names,
+        train,
+    )
+
+__version__ = version("radiogs-bench")
+
+__all__ = [
+    "Model",
+    "__version__",
+    "load_scene",
+    "method",
+    "method_names",
+    "open_model",
+    "open_store",
+    "protocol_names",
+    "read_light",
+    "scene_names",
+    "train",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Names of the API, imported when they are first asked for: the command line answers without PyTorch."""
+    if name in __all__:
+        return getattr(import_module(".api", __name__), name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

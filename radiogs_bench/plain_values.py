@@ -61,7 +61,11 @@ class PlainReader:
         if missing:
             self.fail(where, f"the field '{missing[0]}' is missing")
         prefix = f"{where}." if where else ""
-        return kind(**{name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()})
+        values = {name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()}
+        try:
+            return kind(**values)
+        except UsageError as error:  # what the dataclass itself refuses
+            self.fail(where, error.what, error.why, error.remedy)
 
     def convert(self, hint: Any, value: Any, where: str) -> Any:
         """A value as its field's type asks for it."""

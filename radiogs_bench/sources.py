@@ -42,7 +42,7 @@ class SourceTree:
         return single if rest and single.is_file() else None
 
     def closure(self, *modules: str) -> dict[str, Path]:
-        """The modules, the packages around them, and everything that these import within the tree, by name.
+        """The modules, everything that they import within the tree, and the packages around all these, by name.
 
         A package that is asked for counts with all its modules. Raises ModuleNotFoundError for what is not there.
         """
@@ -51,17 +51,18 @@ class SourceTree:
             if self.file(module) is None:
                 raise ModuleNotFoundError(f"no module '{module}'")
             waiting += [module, *self._within(module)]
-        found: dict[str, Path] = {}
+        followed: set[str] = set()
         while waiting:
             module = waiting.pop()
-            path = self.file(module)
-            if module in found or path is None:
-                continue
-            found[module] = path
-            waiting += self.imports(module)
-            if "." in module:  # importing a module runs the packages around it
-                waiting.append(module.rpartition(".")[0])
-        return dict(sorted(found.items()))
+            if module not in followed:
+                followed.add(module)
+                waiting += self.imports(module)
+        # Importing a module runs the packages around it; what those import for others decides nothing here.
+        around = {
+            ".".join(module.split(".")[:depth]) for module in followed for depth in range(1, module.count(".") + 1)
+        }
+        found = {module: self.file(module) for module in sorted(followed | around)}
+        return {module: path for module, path in found.items() if path is not None}
 
     def imports(self, module: str) -> frozenset[str]:
         """What a module imports, wherever in its text, as far as it lies in the tree."""

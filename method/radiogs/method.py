@@ -56,14 +56,13 @@ class RadioGS:
             ),
         )
 
+    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
+        """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.contract.Probing``."""
+        return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
+
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering."""
         return TrainedRadioGS(Model.of(tensors), run)
-
-    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """What stage 2 or relighting needs (see ``radiogs_core.contract.Probing``)."""
-        assert trained is None or isinstance(trained, TrainedRadioGS)
-        return probed(run, None if trained is None else trained.model, light)
 
 
 def _initialise(run: Run, before: Mapping[str, Any]) -> Stage:

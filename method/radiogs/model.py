@@ -39,8 +39,12 @@ class Model:
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
         """The inverse of ``tensors``."""
         effects = tensors["effects"]
-        plan, evidence = EffectPlan(**effects["plan"]), tuple(effects["evidence"])
-        return cls(Surfels.of(tensors["surfels"]), tensors["log_environment"], plan, evidence)
+        return cls(
+            Surfels.of(tensors["surfels"]),
+            tensors["log_environment"],
+            EffectPlan(**effects["plan"]),
+            tuple(effects["evidence"]),
+        )
 
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:

@@ -82,13 +82,13 @@ class TrainedRadioGS:
         if light is None:
             return _Own(Renderer(self.model, self.run.budget.incident_samples, self.run.variant))
         scale = torch.ones(3) if albedo_scale is None else albedo_scale
-        share = self._share if self.run.variant.effects == "auto" else None
+        share = self.training_share if self.run.variant.effects == "auto" else None
         relit = relit_under(self.model, light, scale, self.run, after_step, share)
         return _Relit(relit, surfels_alone=self.run.variant.relighting == "surfels")
 
     @cached_property
-    def _share(self) -> Float[Tensor, " surfels"]:
-        """Of the training pictures, the same for every light."""
+    def training_share(self) -> Float[Tensor, " surfels"]:
+        """The part of the training images that each surfel is; the same for every light."""
         return training_share(self.run.scene, self.model.surfels)
 
 
@@ -109,7 +109,7 @@ class _Own:
 
 
 class _Relit:
-    """Under another light. ``remarks``: what was decided for each effect and why, where a probe has decided."""
+    """Under another light. ``remarks``: what was decided by evidence, and why, in words."""
 
     timed = True
 

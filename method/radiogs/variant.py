@@ -1,11 +1,13 @@
 """What an ablation changes: every row of the paper's ablations is a value of these fields, not a code path."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from radiogs_core.errors import UsageError
+from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.transport.plan import Effects, checked_effects
 
+from .learning import MaterialLearning, SplitSumLearning
 from .profile import FIRST_STAGE, RELEASED
 
 Relighting = Literal["pbr", "finetuned", "surfels"]
@@ -35,6 +37,8 @@ class Variant:
     any other.
     effects: what stage 2 and relighting simulate: "all", "auto" (what a scene calls for, by measured evidence; see
     ``effects``), or the names of the effects that are on. Raises UsageError for what is no effect.
+    geometry, split_sum: weights, rates, schedule and starting values of stage 1, of the surfels and of their shading.
+    materials: those of stage 2.
     """
 
     radiometric_weight: float = 0.2
@@ -46,6 +50,9 @@ class Variant:
     relighting: Relighting = "pbr"
     deviations: tuple[str, ...] = ()
     effects: Effects = "all"
+    geometry: GeometryLearning = field(default_factory=GeometryLearning)
+    split_sum: SplitSumLearning = field(default_factory=SplitSumLearning)
+    materials: MaterialLearning = field(default_factory=MaterialLearning)
 
     def __post_init__(self) -> None:
         unknown = set(self.deviations) - RELEASED.keys()
@@ -55,6 +62,10 @@ class Variant:
                 "A deviation is something that the released code does otherwise than the paper.",
                 f"Deviations: {', '.join(RELEASED)}.",
             )
+        if self.radiometric_weight < 0:
+            raise UsageError(f"radiometric_weight {self.radiometric_weight:g} is not zero or above")
+        if not 0 < self.view_share <= 1:
+            raise UsageError(f"view_share {self.view_share:g} is not above 0 and at most 1")
         object.__setattr__(self, "effects", checked_effects(self.effects))
         if self.effects != "all" and self.shading == "split-sum":
             raise UsageError(
@@ -65,8 +76,13 @@ class Variant:
 
     def of_initialisation(self) -> dict[str, Any]:
         """The fields that decide stage 1, as plain values."""
-        deviations = sorted(FIRST_STAGE.intersection(self.deviations))
-        return {"initialise": self.initialise, "view_share": self.view_share, "deviations": deviations}
+        return {
+            "initialise": self.initialise,
+            "view_share": self.view_share,
+            "deviations": sorted(FIRST_STAGE.intersection(self.deviations)),
+            "geometry": asdict(self.geometry),
+            "split_sum": asdict(self.split_sum),
+        }
 
     def of_training(self) -> dict[str, Any]:
         """The fields that decide the trained model, as plain values."""

@@ -11,7 +11,6 @@ from .options import add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
     from radiogs_core.contract import Prepared, Run
-    from radiogs_core.scene.light import EnvironmentMap
 
     from .options import Commands
 
@@ -126,11 +125,12 @@ def relight(options: argparse.Namespace) -> int:
     """Write every view under another light."""
     import torch
 
+    from ..api import read_light
     from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     device = chosen_device(options)
-    light = light_of(options.envmap)
+    light = read_light(options.envmap)
     given = read_about(options.folder)["variant"]
     asked = {"relighting": options.mode, "effects": options.effects}
     turned = {name: value for name, value in asked.items() if name in given}
@@ -140,19 +140,6 @@ def relight(options: argparse.Namespace) -> int:
         say(remark)
     folder = options.folder / "relight" / options.envmap.stem / options.mode
     return write_views(relit, run, options.views, folder)
-
-
-def light_of(path: Path) -> "EnvironmentMap":
-    """The light in a file. Raises UsageError for one of a kind that holds no radiance."""
-    import torch
-
-    from radiogs_core.scene.light import EnvironmentMap
-    from radiogs_datasets.image_files import read_exr, read_hdr
-
-    readers = {".hdr": read_hdr, ".exr": read_exr}
-    if path.suffix.lower() not in readers:
-        raise UsageError(f"{path} is neither .hdr nor .exr", "Light needs linear values above one.")
-    return EnvironmentMap(torch.from_numpy(readers[path.suffix.lower()](path)[..., :3]))
 
 
 def write_views(prepared: "Prepared", run: "Run", split: str, folder: Path) -> int:

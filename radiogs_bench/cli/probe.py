@@ -6,14 +6,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs_core.errors import UsageError
-
+from .model import METHOD
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
     import torch
 
-    from radiogs_core.contract import Probe
+    from radiogs_core.contract import Probe, Probing
     from radiogs_core.scene.light import EnvironmentMap
 
     from .options import Commands
@@ -31,8 +30,8 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument(
         "subject", metavar="SCENE|DIR", help="a generated scene (its true surfaces and light), or a folder of `train`"
     )
-    parser.add_argument("--method", default="radiogs", help="whose needs (default: radiogs; DIR: its own)")
     parser.add_argument("--preset", default="tiny", help="budget whose steps are weighed (default: tiny; DIR: its own)")
+    parser.add_argument("--method", default=METHOD, help=f"of a scene: which is to be trained (default: {METHOD})")
     parser.add_argument("--seed", type=int, help="(default: 0; DIR: its own)")
     parser.add_argument("--envmap", type=Path, metavar="FILE", help="relit by this light: .hdr or .exr, lat-long, Z up")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="where effects matter (default: probe-NAME.png)")
@@ -44,11 +43,12 @@ def add_to(commands: "Commands") -> None:
 
 def probe(options: argparse.Namespace) -> int:
     """Measure, show the table, and draw where each effect matters."""
-    from .model import chosen_device, light_of
+    from ..api import read_light
+    from .device import chosen_device
     from .reporter import say
 
     device = chosen_device(options)
-    light = light_of(options.envmap) if options.envmap else None
+    light = read_light(options.envmap) if options.envmap else None
     name, found = _probed(options, device, light)
     if light is not None:
         name += f"-{options.envmap.stem}"
@@ -64,30 +64,38 @@ def probe(options: argparse.Namespace) -> int:
 
 
 def _probed(options: argparse.Namespace, device: "torch.device", light: "EnvironmentMap | None") -> "tuple[str, Probe]":
-    """What it is called, and what a probe of it has found. Raises UsageError for a method that has no probes."""
+    """What it is called, and what a probe of it has found."""
     from dataclasses import replace
 
-    from radiogs_core.contract import Probing, Run
-    from radiogs_datasets import load_scene
+    from radiogs_core.contract import Run
 
-    from ..methods import budget_of, method
-    from ..training.trained_folder import read_about, read_trained
+    from ..methods import budget_of, method, variant_of
 
     folder = Path(options.subject)
     if folder.is_dir() and (folder / "trained.json").exists():
-        using, name = method(read_about(folder)["method"]), folder.name
-        run, trained = read_trained(folder, device)
+        from ..training.trained_folder import read_about, read_trained
+
+        run, model = read_trained(folder, device)
         run = run if options.seed is None else replace(run, seed=options.seed)
-    else:
-        using, scene, trained = method(options.method), load_scene(options.subject), None
-        name, budget = scene.name, budget_of(using, options.preset)
-        run = Run(scene, using.variant(), budget, options.seed or 0, device)
-    if not isinstance(using, Probing):
-        raise UsageError(
-            f"method '{using.name}' has no probes", "It simulates all that it has, whatever the scene.",
-            "Probe the scene with RadioGS:  --method radiogs",
-        )  # fmt: skip
-    return name, using.probe(run, trained, light)
+        return folder.name, _probing(read_about(folder)["method"]).probe(run, model, light)
+    from radiogs_datasets import load_scene
+
+    scene, used = load_scene(options.subject), method(options.method)
+    run = Run(scene, variant_of(used, {}), budget_of(used, options.preset), options.seed or 0, device)
+    return scene.name, _probing(options.method).probe(run, None, light)
+
+
+def _probing(name: str) -> "Probing":
+    """A method that can be probed. Raises UsageError for any other."""
+    from radiogs_core.contract import Probing
+    from radiogs_core.errors import UsageError
+
+    from ..methods import method
+
+    used = method(name)
+    if not isinstance(used, Probing):
+        raise UsageError(f"{used.name} cannot say which effects are needed", "It simulates all that it has.")
+    return used
 
 
 def _show(name: str, found: "Probe") -> None:

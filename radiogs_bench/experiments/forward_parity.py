@@ -70,7 +70,8 @@ PARTS = ("total", "surfels", "direct", "indirect")
 """What is compared: shaded radiance, the surfels' own, and shaded radiance after one and after more surfaces."""
 
 
-SOLVE = "solving for the radiance"
+SOLVE, SOLVING = "solve", "solving for the radiance"
+"""The one stage: its name in results, and its title on progress bars."""
 
 
 @dataclass(frozen=True)
@@ -116,64 +117,73 @@ def effort_of(budget: Any) -> SolverBudget:
 
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Solve for the radiance, compare it on every test view, store the result."""
-    device, settings = bench.device, cell.settings
-    made = setup(scene, settings.get("spacing", SPACING)).to(device)
-    cameras = [view.camera for view in scene.train]
-    forget_peaks(device)
+    made = setup(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
+    forget_peaks(bench.device)
     started = time.perf_counter()
     with recording() as solving:
-        offset = settings.get("offset", OFFSET)
-        stage = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
-        losses: Mapping[str, float] = {}
-        trail = Trail(stage.iterations, [], {}, scored=False)
-        while stage.iteration < stage.iterations:
-            losses = stage.step()
-            trail.add(losses)
-            if trail.due(stage.iteration):
-                trail.close(stage.iteration, time.perf_counter() - started, {})
-            bench.progress.advance(SOLVE, stage.iteration, stage.iterations)
-            bench.interruption.check()
-    solved = time.perf_counter()
-
+        solver, trail, losses = solved(bench, cell, scene, made)
+    ended = time.perf_counter()
     with recording() as evaluating:
-        figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
-        incident = shading_incident(stage)
-        arrays: dict[str, np.ndarray] = {}
-        for view in scene.test:
-            ours = transported(stage.surfels, made.equation, incident, view.camera.to(device, torch.float32))
-            true = traced(view)
-            for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
-                figures.add(name, view.name, scores)
-            if view is scene.test[0]:
-                for origin, maps in (("render", ours), ("truth", true)):
-                    shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
-                    arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
-    here = [session(device)]
-    bench.store.put_result(
-        Result(
-            schema=RESULT_SCHEMA,
-            key=cell.key,
-            scene=cell.scene,
-            cell=cell.content(),
-            protocol=figures.rules.describe(),
-            metrics=figures.metrics(),
-            timings={},
-            views=list(figures.views),
-            shown_view=scene.test[0].name,
-            shown_light=None,
-            albedo_scale=None,
-            facts={"surfels": len(made.surfels)},
-            stages=[{"name": "solve", "title": SOLVE}],
-            losses={"solve": dict(losses)},
-            trail={"solve": trail.points},
-            seconds={"solve": solved - started, "evaluate": time.perf_counter() - solved},
-            parts={},
-            work={"solve": dict(solving.work), "evaluate": dict(evaluating.work)},
-            guards={"solve": dict(solving.guards), "evaluate": dict(evaluating.guards)},
-            sessions={"solve": here, "evaluate": here},
-        ),
-        arrays,
+        figures, arrays = compared_views(bench, cell, scene, made, solver)
+    here = [session(bench.device)]
+    result = Result(
+        schema=RESULT_SCHEMA,
+        key=cell.key,
+        scene=cell.scene,
+        cell=cell.content(),
+        protocol=figures.rules.describe(),
+        metrics=figures.metrics(),
+        timings={},
+        views=list(figures.views),
+        shown_view=scene.test[0].name,
+        shown_light=None,
+        albedo_scale=None,
+        facts={"surfels": len(made.surfels)},
+        stages=[{"name": SOLVE, "title": SOLVING}],
+        losses={SOLVE: losses},
+        trail={SOLVE: trail.points},
+        seconds={SOLVE: ended - started, "evaluate": time.perf_counter() - ended},
+        parts={SOLVE: dict(solving.parts), "evaluate": dict(evaluating.parts)},
+        work={SOLVE: dict(solving.work), "evaluate": dict(evaluating.work)},
+        guards={SOLVE: dict(solving.guards), "evaluate": dict(evaluating.guards)},
+        sessions={SOLVE: here, "evaluate": here},
     )
+    bench.store.put_result(result, arrays)
+
+
+def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[RadianceSolver, Trail, dict[str, float]]:
+    """The solver at its end, how its losses fell, and the last of them."""
+    started = time.perf_counter()
+    cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
+    solver = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
+    trail, losses = Trail(solver.iterations, [], {}, scored=False), dict[str, float]()
+    while solver.iteration < solver.iterations:
+        losses = dict(solver.step())
+        trail.add(losses)
+        if trail.due(solver.iteration):
+            trail.close(solver.iteration, time.perf_counter() - started, {})
+        bench.progress.advance(SOLVING, solver.iteration, solver.iterations)
+        bench.interruption.check()
+    return solver, trail, losses
+
+
+def compared_views(
+    bench: Bench, cell: Cell, scene: Scene, made: Setup, solver: RadianceSolver
+) -> tuple[Figures, dict[str, np.ndarray]]:
+    """The metrics of every test view, and the maps of the first."""
+    figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
+    incident = shading_incident(solver)
+    arrays: dict[str, np.ndarray] = {}
+    for view in scene.test:
+        ours = transported(solver.surfels, made.equation, incident, view.camera.to(bench.device, torch.float32))
+        true = traced(view)
+        for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
+            figures.add(name, view.name, scores)
+        if view is scene.test[0]:
+            for origin, maps in (("render", ours), ("truth", true)):
+                shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
+                arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
+    return figures, arrays
 
 
 @torch.no_grad()

@@ -17,10 +17,10 @@ FORMATS = ("csv", "json", "parquet")
 
 
 def rows(store: Store) -> Iterator[dict[str, Any]]:
-    """Every figure of every finished cell, with what the cell was and what it cost.
+    """Every metric of every finished cell, with what the cell was and what it cost.
 
-    Columns: scene, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage; counters
-    of work and of guards, summed over stages; surfels; key.
+    Columns: scene, method, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage;
+    counters of work and of guards, summed over stages; surfels; key.
     """
     for result in store.results():
         common = _of_cell(result)
@@ -55,9 +55,10 @@ def _over_stages(counted: Mapping[str, Mapping[str, int]]) -> Counter[str]:
 
 def _of_cell(result: Result) -> dict[str, Any]:
     cell = result["cell"]
-    work, guards = _over_stages(result["work"]), _over_stages(result.get("guards", {}))
+    work, guards = _over_stages(result["work"]), _over_stages(result["guards"])
     return {
         "scene": result["scene"],
+        "method": cell["method"],
         **{f"variant.{name}": value for name, value in cell["variant"].items()},
         "budget": cell["budget"]["name"],
         **{name: cell[name] for name in ("seed", "device")},

@@ -151,7 +151,9 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
         device=work.device,
         protocol=work.protocol,
         stages=tuple(stages),
-        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources),
+        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources)
+        if specs
+        else "",
         evaluation_code=evaluation,
         experiment=work.experiment,
         settings=work.settings,

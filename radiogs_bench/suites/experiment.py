@@ -29,7 +29,8 @@ class Experiment:
 
         It also says which LPIPS cannot be computed for want of weights: once they are there, results are scored anew.
         """
-        digest = code_digest(*self.sources, *method.sources)
+        shown_by = method.sources if self.trains else ()
+        digest = code_digest(*self.sources, *shown_by)
         missing = [net for net in FILES if missing_weights(net)]
         return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest
 

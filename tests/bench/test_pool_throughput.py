@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
+from radiogs_bench.engines.sweep import read_sweep
 
+from radiogs.model import Model
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.sweep import read_sweep
-from radiogs_bench.training.stages import model_of
 
 SEEDS = 4
 MEASURED = ("seconds", "sessions", "timings")
@@ -76,7 +76,7 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
         with np.load(store.arrays_path(result["key"])) as arrays:
             maps = {name: arrays[name].tobytes() for name in arrays.files}
         model = torch.load(folder / f"trained/{place['training_key']}.pt", weights_only=True)["product"]
-        surfels = [value.numpy().tobytes() for value in model_of(model).surfels.parameters().values()]
+        surfels = [value.numpy().tobytes() for value in Model.of(model).surfels.parameters().values()]
         said: dict[str, Any] = {name: value for name, value in result.items() if name not in MEASURED}
         said["trail"] = {
             stage: [{name: value for name, value in point.items() if name not in MEASURED} for point in points]

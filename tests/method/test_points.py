@@ -5,14 +5,14 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
-from radiogs_core.surfels.starting_points import initial_points, neighbour_spacing, view_radius
+from radiogs_core.surfels.starting_points import SurfelStart, initial_points, neighbour_spacing, view_radius
 from scenes import sphere_scene
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_points_fill_the_silhouettes_at_any_scale_of_the_world(scale: float) -> None:
     scene = sphere_scene(views=12, size=32, scale=scale)
-    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0))
+    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0), SurfelStart())
     points = points / scale
     assert points.shape == colour.shape == (200, 3)
     horizontal = points[:, :2].norm(dim=-1)
@@ -22,7 +22,7 @@ def test_points_fill_the_silhouettes_at_any_scale_of_the_world(scale: float) -> 
 
 def test_points_lie_near_the_surface_and_know_its_colour() -> None:
     scene = sphere_scene(views=12, size=48)
-    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0))
+    points, colour = initial_points(scene, scene.train, 200, torch.Generator().manual_seed(0), SurfelStart())
     drawn = torch.nn.functional.normalize(torch.randn(200, 3), dim=-1) * torch.rand(200, 1) ** (1 / 3)
     assert float((points.norm(dim=-1) - 1).abs().mean()) < float((drawn.norm(dim=-1) - 1).abs().mean())
     assert float((colour - (points * 0.4 + 0.5)).abs().mean()) < 0.15
@@ -35,7 +35,7 @@ def test_contradicting_silhouettes_are_an_error_and_not_an_empty_model() -> None
     )
     broken = dataclasses.replace(scene, train=empty)
     with pytest.raises(DataError, match="silhouettes"):
-        initial_points(broken, broken.train, 10, torch.Generator().manual_seed(0))
+        initial_points(broken, broken.train, 10, torch.Generator().manual_seed(0), SurfelStart())
 
 
 def test_spacing_of_a_lattice_is_its_step_and_never_zero() -> None:

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from radiogs_core.instruments import part
 from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
-    ABSOLUTE_WEIGHT,
     edge_allowance,
     edge_aware_smoothness,
     environment_smoothness,
@@ -18,11 +18,10 @@ from radiogs_core.learning.losses import (
     normal_consistency,
     reconstruction,
 )
-from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode, srgb_encode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from radiogs_core.transport.splatting import own_radiance, shade_surfels, splat, towards
@@ -33,39 +32,11 @@ from ..consistency import consistency_loss, split_sum_consistency_loss
 from ..effects.decide.planner import Planner
 from ..effects.decide.staleness import staleness
 from ..effects.measure.prices import Step
+from ..learning import MaterialStart
 from ..model import Model, constant_light
 from ..profile import START_RADIANCE
 from ..variant import Variant
 from .incident_cache import IncidentCache
-from .initialise import POSITION_RATE, RATES, mean_distance
-
-NORMAL_WEIGHT = 0.05
-NORMAL_SMOOTHNESS_WEIGHT = 0.01
-MASK_WEIGHT = 0.02
-ALBEDO_SMOOTHNESS_WEIGHT = 0.2
-ROUGHNESS_SMOOTHNESS_WEIGHT = 0.1
-LIGHT_PRIOR_WEIGHT = 0.01
-LIGHT_SMOOTHNESS_WEIGHT = 0.005
-
-NORMAL_FROM = 1_000 / 20_000
-"""Share of the run after which the normals are held to the depth map again."""
-
-GEOMETRY_RATE = 0.01
-"""Geometry moves at this share of its stage-1 rates: it is refined, not learnt again."""
-
-START_ALBEDO = 0.3
-START_ROUGHNESS = 0.6
-WHITE_ALBEDO = 0.8
-"""The light starts so that the brightest surfaces seen would be white paint under it: neither the released constant
-radiance of 1.5 nor the recovered albedo should depend on the images' exposure."""
-
-BRIGHTEST = 0.98
-"""Quantile of the covered pixels that counts as the brightest: above it highlights begin."""
-
-RATES_OF_THIS_STAGE = {"albedo_logit": 0.03, "roughness_logit": 0.01, "log_environment": 0.005, "sh": 0.005}
-"""Albedo must learn faster than light. Where light is faster it takes over what differs between surfaces, and albedo
-stays at its start: on ``corner`` after 300 to 400 iterations, rates of albedo and light of 0.005 and 0.01 (paper) give
-17.7 dB of albedo, 0.0075 and 0.03 17.6, 0.015 and 0.03 19.2, 0.03 and 0.005 22.6."""
 
 NO_RAYS = EffectPlan(visibility=False, indirect=False)
 
@@ -89,25 +60,18 @@ class InverseRendering:
         self.views = load(chosen_views(scene, variant.view_share, seed), device)
         self.depth_unit = mean_distance(self.views, scene.centre)
         self.generator = torch.Generator(device).manual_seed(seed)
-        surfels = surfels_of(initialised, device)
-        surfels.albedo_logit = torch.full_like(surfels.albedo_logit, inverse_sigmoid(START_ALBEDO))
-        surfels.roughness_logit = torch.full_like(surfels.roughness_logit, roughness_to_logit(START_ROUGHNESS))
-        moved = {
-            "centre": POSITION_RATE * scene.extent,
-            **{name: RATES[name] for name in ("rotation", "log_scale", "opacity_logit")},
-        }
-        light = {"log_environment": constant_light(budget.light_height, self._start_light(), device)}
-        rates = RATES | RATES_OF_THIS_STAGE | {name: GEOMETRY_RATE * rate for name, rate in moved.items()}
-        self.optimiser = SurfelOptimiser(surfels, light, rates)
+        start = variant.materials.start
+        surfels = surfels_of(initialised, device).made_of(start.albedo, start.roughness)
+        radiance = START_RADIANCE if "start-light" in variant.deviations else white_light(self.views, start)
+        light = {"log_environment": constant_light(budget.light_height, radiance, device)}
+        self.optimiser = SurfelOptimiser(surfels, light, rates_of(variant, scene.extent))
+        self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
         self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
         self.initialised = initialised
         if variant.shading == "monte-carlo":
             # Before the first step it may be decided that few rays are needed: none are traced for nothing.
             plan = NO_RAYS if self.planner.due(0) else self.plan
             self.cache = IncidentCache(surfels, variant, budget, self.generator, plan)
-
-    def _start_light(self) -> float:
-        return START_RADIANCE if "start-light" in self.variant.deviations else white_light(self.views)
 
     @property
     def model(self) -> Model:
@@ -182,12 +146,8 @@ class InverseRendering:
                 self.plan.specular_among(model.surfels.albedo_logit),
             )  # fmt: skip
 
-    @property
-    def _image_weight(self) -> float:
-        return 1.0 if "image-weight" in self.variant.deviations else ABSOLUTE_WEIGHT
-
     def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
-        surfels, camera = model.surfels, view.camera
+        surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
         outgoing = towards(camera, surfels)
         light = PrefilteredLight(model.environment)
         channels = {
@@ -200,20 +160,21 @@ class InverseRendering:
         target, mask = view.over(0.0), view.mask[..., None]
         images, allowance = seen.images, edge_allowance(target)
         pictures = srgb_encode(torch.stack([images["radiance"], images["shaded"]]))
-        radiance, shaded = reconstruction(pictures, target, pictures.new_tensor([ABSOLUTE_WEIGHT, self._image_weight]))
+        absolute = pictures.new_tensor([weights.absolute, self.shaded_weight])
+        radiance, shaded = reconstruction(pictures, target, absolute, weights.similarity)
         losses = {
             "radiance": radiance,
             "shaded": shaded,
-            "mask": MASK_WEIGHT * mask_entropy(seen.alpha, view.mask),
-            "albedo smoothness": ALBEDO_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * images["albedo"], allowance),
-            "roughness smoothness": ROUGHNESS_SMOOTHNESS_WEIGHT
+            "mask": weights.mask * mask_entropy(seen.alpha, view.mask),
+            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
+            "roughness smoothness": weights.roughness_smoothness
             * edge_aware_smoothness(mask * images["roughness"], allowance),
-            "normal smoothness": NORMAL_SMOOTHNESS_WEIGHT * edge_aware_smoothness(mask * seen.normal, allowance),
-            "light prior": LIGHT_PRIOR_WEIGHT * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
-            "light smoothness": LIGHT_SMOOTHNESS_WEIGHT * environment_smoothness(model.environment),
+            "normal smoothness": weights.normal_smoothness * edge_aware_smoothness(mask * seen.normal, allowance),
+            "light prior": weights.light_prior * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
-        if self.iteration >= NORMAL_FROM * self.iterations:
-            losses["normal"] = NORMAL_WEIGHT * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+        if self.iteration >= self.variant.materials.normal_from * self.iterations:
+            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         return losses
 
     def _shaded(self, model: Model, outgoing: Tensor, light: PrefilteredLight) -> Tensor:
@@ -239,7 +200,7 @@ class InverseRendering:
         }
 
     def product(self) -> dict[str, Any]:
-        """The model as it stands, as ``Model.of`` takes it."""
+        """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -252,16 +213,24 @@ class InverseRendering:
             self.cache.incident = Incident(**state["incident"])
 
 
-def white_light(views: tuple[TrainingView, ...]) -> float:
-    """Constant radiance under which the brightest surfaces of the views have WHITE_ALBEDO."""
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units."""
+    rates, before = variant.materials.rates, variant.geometry.rates
+    return {
+        "centre": rates.geometry * (before.position * extent),
+        "rotation": rates.geometry * before.rotation,
+        "log_scale": rates.geometry * before.scale,
+        "opacity_logit": rates.geometry * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }
+
+
+def white_light(views: tuple[TrainingView, ...], start: MaterialStart) -> float:
+    """Constant radiance under which the brightest surfaces of the views are white paint."""
     seen = torch.cat([srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views])
-    brightest = float(seen.quantile(BRIGHTEST)) if len(seen) else 0.0
-    return max(brightest, LINEAR_KNEE) / WHITE_ALBEDO
-
-
-def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
-    """The surfels in a stage's saved state."""
-    tensors = {name: value.to(device) for name, value in state["optimiser"]["tensors"].items()}
-    tensors["sh"] = torch.cat([tensors["sh"], tensors.pop("sh_rest")], 1)
-    del tensors["log_environment"]
-    return Surfels.of(tensors)
+    brightest = float(seen.quantile(start.brightest)) if len(seen) else 0.0
+    return max(brightest, LINEAR_KNEE) / start.white

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-ABSOLUTE_WEIGHT = 0.8
-SIMILARITY_WEIGHT = 0.2
+ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT = 0.8, 0.2
+"""3DGS's weights of L1 and of 1 - SSIM."""
 SSIM_WINDOW = 11
 SSIM_SIGMA = 1.5
 SSIM_LUMINANCE_GUARD = 0.01**2
@@ -20,16 +20,17 @@ MASK_CONFIDENCE = 1e-6
 def reconstruction(
     image: Float[Tensor, "*images height width 3"],
     target: Float[Tensor, "height width 3"],
-    weight: float | Float[Tensor, " images"] = ABSOLUTE_WEIGHT,
+    absolute: float | Float[Tensor, " images"] = ABSOLUTE_WEIGHT,
+    similarity: float = SIMILARITY_WEIGHT,
 ) -> Float[Tensor, "*images"]:
-    """0.8 L1 + 0.2 (1 - SSIM) between display-sRGB images; ``weight`` in the place of 0.8. Of several images, of each.
+    """``absolute`` L1 + ``similarity`` (1 - SSIM) between display-sRGB images; of a stack, one loss an image.
 
     Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
     image is not clipped, so that what is too bright keeps its gradient.
     """
     image = torch.where(target >= 1, image.clamp(max=1), image)
-    absolute = (image - target).abs().mean((-3, -2, -1))
-    return weight * absolute + SIMILARITY_WEIGHT * (1 - structural_similarity(image, target))
+    distance = (image - target).abs().mean((-3, -2, -1))
+    return absolute * distance + similarity * (1 - structural_similarity(image, target))
 
 
 def structural_similarity(

@@ -50,3 +50,8 @@ def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> Train
     epoch, place = divmod(iteration, len(views))
     generator = torch.Generator().manual_seed(seed * 1_000_003 + epoch)
     return views[int(torch.randperm(len(views), generator=generator)[place])]
+
+
+def mean_distance(views: tuple[TrainingView, ...], centre: Float[Tensor, "3"]) -> float:
+    """Mean distance of the cameras from the scene's centre, world units."""
+    return float(torch.stack([(view.camera.centre.cpu().double() - centre).norm() for view in views]).mean())

@@ -9,7 +9,7 @@ positional gradient is measured in half-images at the surfel's centre, and the n
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -19,6 +19,7 @@ from ..scene.camera import Camera
 from .surfels import Surfels
 
 
+@runtime_checkable
 class DensityControl(Protocol):
     """A strategy of adding and removing surfels, with whatever statistics it needs."""
 

@@ -1,4 +1,4 @@
-"""Where surfels start: random points that the silhouettes allow and that look alike from all training views."""
+"""What surfels start as: random points that the silhouettes allow and that look alike from all training views."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,14 +11,42 @@ from torch.nn.functional import grid_sample
 
 from ..errors import DataError
 from ..scene.camera import Camera
+from ..scene.colour import srgb_decode
 from ..scene.scene import Scene, View
-
-CANDIDATES_PER_POINT = 128
-CONSISTENT_SHARE = 0.15
-"""Share of the possible points that are trusted to lie near a surface."""
+from .surfels import Surfels, radiance_to_sh, surfels_at
 
 MINIMUM_NEIGHBOUR_SHARE = 1e-3
 """Smallest starting scale, as a share of the mean one: duplicated points would start at zero."""
+
+
+@dataclass(frozen=True)
+class SurfelStart:
+    """What surfels start as."""
+
+    candidates: int = 128
+    """Points that are drawn for each surfel, to choose from."""
+    consistent_share: float = 0.15
+    """Share of the possible points that are trusted to lie near a surface, in (0, 1]."""
+    opacity: float = 0.1
+    """Peak opacity (3DGS)."""
+    albedo: float = 0.5
+    """Linear diffuse albedo of all channels."""
+    roughness: float = 0.6
+    """Perceptual roughness r."""
+
+
+def initial_surfels(
+    scene: Scene, views: Sequence[View], count: int, start: SurfelStart, linear: bool, generator: torch.Generator
+) -> Surfels:
+    """At most ``count`` surfels at ``initial_points``, as wide as their neighbours are apart, facing a camera.
+
+    Their radiance is the colour that the views see there: ``linear``, or display sRGB as it is. Raises DataError as
+    ``initial_points`` does.
+    """
+    points, colour = initial_points(scene, views, count, generator, start)
+    surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, views), generator)
+    surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if linear else colour)
+    return surfels.made_of(start.albedo, start.roughness, start.opacity)
 
 
 def view_radius(scene: Scene) -> float:
@@ -33,18 +61,18 @@ def view_radius(scene: Scene) -> float:
 
 
 def initial_points(
-    scene: Scene, views: Sequence[View], count: int, generator: torch.Generator
+    scene: Scene, views: Sequence[View], count: int, generator: torch.Generator, start: SurfelStart
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
     """World points to start from, and the mean display-sRGB colour that the views see there.
 
     Candidates are uniform in the ball of ``view_radius``. One stays if some view sees it on or beside the object and
-    no view sees it elsewhere (silhouettes). Of those, the CONSISTENT_SHARE whose colour varies least between the
+    no view sees it elsewhere (silhouettes). Of those, ``start.consistent_share`` whose colour varies least between the
     views is kept, and ``count`` points are drawn from it: a point on a surface looks alike from everywhere, one that
     floats before it is seen against something else. Raises DataError if the silhouettes leave nothing, which means
     that cameras and images do not belong together.
     """
     centre, radius = scene.centre.float(), view_radius(scene)
-    wanted = count * CANDIDATES_PER_POINT
+    wanted = count * start.candidates
     direction = torch.nn.functional.normalize(torch.randn(wanted, 3, generator=generator), dim=-1)
     distance = radius * torch.rand(wanted, 1, generator=generator) ** (1 / 3)
     points = centre + direction * distance
@@ -59,7 +87,7 @@ def initial_points(
             "The alpha maps and the camera poses contradict each other.",
             f"Check the scene:  radiogs-bench datasets check {scene.name}",
         )
-    enough = max(min(count, len(points)), int(CONSISTENT_SHARE * len(points)))
+    enough = max(min(count, len(points)), int(start.consistent_share * len(points)))
     steadiest = seen.variance().argsort(stable=True)[:enough]
     chosen = steadiest[torch.randperm(len(steadiest), generator=generator)[:count]]
     return points[chosen], seen.mean()[chosen]

@@ -1,7 +1,7 @@
 """Gaussian surfels: raw parameters, and the one place where they are turned into what they mean."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import torch
@@ -98,6 +98,21 @@ class Surfels:
     def of(cls, parameters: Mapping[str, Tensor]) -> "Surfels":
         """The inverse of ``parameters``."""
         return cls(**dict(parameters))
+
+    @classmethod
+    def names(cls) -> tuple[str, ...]:
+        """Names of the raw tensors."""
+        return tuple(field.name for field in fields(cls))
+
+    def made_of(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
+        """The same surfels, all of one material; ``opacity`` None: as opaque as they are."""
+        changes = {
+            "albedo_logit": torch.full_like(self.albedo_logit, inverse_sigmoid(albedo)),
+            "roughness_logit": torch.full_like(self.roughness_logit, roughness_to_logit(roughness)),
+        }
+        if opacity is not None:
+            changes["opacity_logit"] = torch.full_like(self.opacity_logit, inverse_sigmoid(opacity))
+        return replace(self, **changes)
 
     def among(self, index: Int[Tensor, " chosen"]) -> "Surfels":
         """The surfels at ``index``, connected to these."""

@@ -1,0 +1,181 @@
+"""Where the commands of a run work: the folders of its workspace, and what the placeholders stand for there."""
+
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from radiogs_core.contract import Run
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_datasets.image_files import write_exr, write_hdr
+
+from .errors import CommandFailed
+from .file import MethodFile, RelightCommand
+from .placeholders import filled
+
+
+@dataclass(frozen=True)
+class Place:
+    """The workspace of a run. ``home`` is the folder of the method's file, ``root`` the workspace."""
+
+    file: MethodFile
+    home: Path
+    run: Run
+    root: Path
+
+    @staticmethod
+    def of(file: MethodFile, home: Path, run: Run) -> "Place":
+        """Raises UsageError for a run without a workspace, and for a scene that the code cannot read."""
+        if run.workspace is None:
+            raise UsageError(
+                f"{file.title} needs a folder to work in, and this run has none",
+                "It is run as commands, which leave their results in files; this engine keeps none for them.",
+                "Use an engine that works on this machine.",
+            )
+        scene = run.scene
+        if scene.folder is None:
+            raise UsageError(
+                f"{file.title} cannot read scene '{scene.name}'",
+                "It reads files, and this scene is computed.",
+                "Choose a scene that is a folder, or a method that is run in process.",
+            )
+        if scene.layout not in file.layouts:
+            raise UsageError(
+                f"{file.title} cannot read scene '{scene.name}', which is in the layout {scene.layout}",
+                f"It reads: {', '.join(file.layouts)}.",
+                "Convert the scene (docs/datasets.md), or add the layout to the method's file if the code reads it.",
+            )
+        return Place(file, home, run, run.workspace.absolute())
+
+    @property
+    def output(self) -> Path:
+        """What ``{output}`` stands for."""
+        return self.root / "output"
+
+    @property
+    def lights(self) -> Path:
+        """What ``{lights}`` stands for."""
+        return self.root / "lights"
+
+    @property
+    def results(self) -> Path:
+        """Where the reader looks."""
+        return Path(filled(self.file.results, self.named()))
+
+    def log(self, command: str) -> Path:
+        """The log of a command."""
+        return self.root / "logs" / f"{command}.log"
+
+    def done(self, command: str) -> Path:
+        """The record of a command that ended well."""
+        return self.root / "done" / f"{command}.json"
+
+    def begun(self, command: str) -> Path:
+        """What there was before a command was first begun."""
+        return self.root / "begun" / f"{command}.json"
+
+    def named(self) -> dict[str, str]:
+        """What the placeholders stand for that results may be named by."""
+        run, budget = self.run, self.run.budget
+        return {
+            "scene": str(Path(run.scene.folder or "").absolute()),
+            "scene_name": run.scene.name,
+            "output": str(self.output),
+            "lights": str(self.lights),
+            "seed": str(run.seed),
+            "threads": str(torch.get_num_threads()),
+            "device": str(run.device),
+            "iterations": str(budget.iterations),
+            "further": str(budget.further),
+            "total": str(budget.iterations + budget.further),
+        }
+
+    def values(self, light: str = "") -> dict[str, str]:
+        """What all placeholders stand for. Raises UsageError where the code cannot be found."""
+        values = self.named() | {"code": str(self._checkout()), "python": self._python()}
+        if light:
+            values |= {"light": light, "light_file": str(self.lights / f"{light}{self._light_suffix}")}
+        return values
+
+    @property
+    def settings(self) -> Mapping[str, Sequence[str]]:
+        """The file's lists of arguments, as they are for this scene."""
+        return self.file.settings_for(self.run.scene.name)
+
+    def environment(self, values: Mapping[str, str]) -> dict[str, str]:
+        """The file's variables."""
+        return {name: filled(text, values) for name, text in self.file.environment.items()}
+
+    def working_folder(self, values: Mapping[str, str]) -> Path:
+        """Where commands are run; made if it is in the workspace."""
+        folder = Path(filled(self.file.working_folder, values)).absolute()
+        if folder.is_relative_to(self.root):
+            self.make(folder)
+        return folder
+
+    def write_lights(self) -> None:
+        """Put the scene's lights where commands read them: latitude-longitude, Z up, centre column towards +X."""
+        if not self.file.reads_lights:
+            return
+        self.make(self.lights)
+        for name, light in self.run.scene.lights.items():
+            _write_light(self.lights / f"{name}{self._light_suffix}", light)
+
+    def make(self, folder: Path) -> None:
+        """Make a folder of the workspace. Raises CommandFailed where the disk refuses."""
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise CommandFailed(
+                f"cannot make the folder {folder}: {error.strerror}",
+                "Commands leave their results there.",
+                "Make room, or choose a place that can be written.",
+            ) from error
+
+    def found_commit(self) -> str | None:
+        """The commit of the checkout, as far as git tells."""
+        try:
+            asked = ["git", "-C", str(self._checkout()), "rev-parse", "HEAD"]
+            said = subprocess.run(asked, capture_output=True, text=True, timeout=10, check=True)
+        except (OSError, subprocess.SubprocessError, UsageError):
+            return None
+        return said.stdout.strip()
+
+    @property
+    def _light_suffix(self) -> str:
+        return (self.file.relight or RelightCommand(())).light_suffix
+
+    def _checkout(self) -> Path:
+        code = self.file.code
+        named = os.environ.get(code.variable, "") if code.variable else ""
+        folder = Path(named) if named else self.home / code.folder
+        if (named or code.folder) and folder.is_dir():
+            return folder.absolute()
+        get = f"git clone --recursive {code.url} && git checkout {code.commit}"
+        if not named and not code.folder:
+            raise UsageError(
+                f"{self.file.title}: its code is not here",
+                f"The variable {code.variable} is not set; it holds the folder of a checkout.",
+                f"Get it ({get}), install it as its authors say, and set {code.variable} to its folder.",
+            )
+        asked = f"The variable {code.variable} names it." if named else "The method's file names it."
+        raise UsageError(f"{self.file.title}: there is no folder {folder}", asked, f"It is of: {get}.")
+
+    def _python(self) -> str:
+        variable = self.file.code.python
+        return (os.environ.get(variable) if variable else None) or "python"
+
+
+def _write_light(path: Path, light: EnvironmentMap) -> None:
+    """Written beside and then renamed: another command may be reading it. Files of light hold nothing negative."""
+    temporary = path.with_name(f".{path.stem}.new{path.suffix}")
+    radiance = light.radiance.detach().cpu().float().clamp(min=0).numpy()
+    try:
+        (write_hdr if path.suffix == ".hdr" else write_exr)(temporary, radiance)
+        temporary.replace(path)
+    except OSError as error:
+        raise CommandFailed(f"cannot write {path}: {error.strerror}", "", "Make room, and run again.") from error

@@ -1,0 +1,319 @@
+"""What a public code has learned: rendered and relit by its commands, read by the reader of its layout."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import MapKind, Maps
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
+from radiogs_datasets.image_files import read_bytes
+from radiogs_datasets.image_structure import image_size
+
+from ..outputs import CODES, Predictions, read_predictions
+from ..outputs.files import Found
+from ..outputs.predictions import relightable
+from .errors import CommandFailed
+from .family import LIMITS
+from .place import Place
+from .placeholders import filled_list
+from .records import Listing, digest_of_order, listing_of, read_record
+from .task import Task
+
+WAIT = 0.5
+"""Seconds between two calls of ``after_step``."""
+
+KINDS: Mapping[str, MapKind] = {
+    "image": MapKind("display"),
+    "alpha": MapKind("data"),
+    "albedo": MapKind("linear"),
+    "normal": MapKind("data"),
+    "roughness": MapKind("data"),
+    "depth": MapKind("data"),
+    "direct": MapKind("linear"),
+    "indirect": MapKind("linear"),
+    "incident": MapKind("linear"),
+}
+"""How maps of every reader are given: as they appear on black."""
+
+SHOWN = 6
+"""Files that are named where many are missing."""
+
+
+@dataclass(frozen=True)
+class PreparedCommand:
+    """Images that are there as files. ``views`` gives what is read for a view."""
+
+    title: str
+    offers: Mapping[str, MapKind]
+    views: Sequence[tuple[View, Callable[[], Maps]]]
+    timed: bool = False
+
+    @property
+    def default(self) -> frozenset[str]:
+        """All maps: they are files already."""
+        return frozenset(self.offers)
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of the view with that camera. Raises DataError where the scene has none, or a file is damaged."""
+        for view, read in self.views:
+            if same_camera(view.camera, camera):
+                return read()
+        raise DataError(
+            f"{self.title} was not rendered from this camera",
+            f"It is run as commands, which render the scene's own views: {len(self.views)} of them are here.",
+            "Leave out what needs other cameras.",
+        )
+
+
+@dataclass(frozen=True)
+class TrainedCommand:
+    """A trained model in the workspace of a run.
+
+    ``product`` is the record of each command of training by its name, ``order`` a digest of what they were.
+    """
+
+    place: Place
+    product: Mapping[str, Any]
+    order: str
+
+    @property
+    def light(self) -> EnvironmentMap | None:
+        """The recovered light, of the layouts that have a file of it, once the test views are rendered."""
+        found = self._found()
+        return None if found is None else found.read_light()
+
+    def facts(self) -> dict[str, Any]:
+        """What was run and what it took; what one must know of this code; what of its output is not read."""
+        code, found = self.place.file.code, self.place.found_commit()
+        commands = dict(self.product)
+        for path in sorted(self.place.done("").parent.glob("*.json")):
+            record = read_record(path)
+            if record is not None and record.command not in commands and record.order.startswith(self.order):
+                commands[record.command] = record.plain()
+        predictions = self._found()
+        remarks = [*self.place.file.traps, *CODES[self.place.file.reader].remarks]
+        if found is not None and not found.startswith(code.commit):
+            remarks.append(f"The commands are for commit {code.commit}; the checkout is at {found}.")
+        if self.place.file.relight is None:
+            remarks.append("Nothing is relit: its file has no command for that.")
+        return {
+            "code": {"url": code.url, "commit": code.commit, "licence": code.licence, "found": found},
+            "commands": commands,
+            "logs": {name: str(self.place.root / record["log"]) for name, record in commands.items()},
+            "remarks": [*remarks, *([LIMITS] if LIMITS else [])],
+            "absent": [] if predictions is None else list(predictions.absent),
+            "ignored": [] if predictions is None else list(predictions.ignored),
+        }
+
+    def tensors(self) -> dict[str, Any]:
+        """Records of the commands of training."""
+        return dict(self.product)
+
+    def export(self, folder: Path) -> list[Path]:
+        """A small file that says where all is. Raises OSError."""
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / "where.json"
+        where = {
+            "method": self.place.file.name,
+            "workspace": str(self.place.root),
+            "output": str(self.place.output),
+            "results": str(self.place.results),
+            "logs": str(self.place.log("").parent),
+            "facts": self.facts(),
+        }
+        path.write_text(json.dumps(where, indent=1), encoding="utf-8")
+        return [path]
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: Float[Tensor, "3"] | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> PreparedCommand:
+        """Run the command that renders the test views, or relights them, unless that is done.
+
+        ``albedo_scale`` is not used: what these codes do of that kind they do themselves. Raises CommandFailed, and
+        DataError for a light that is none of the scene's.
+        """
+        if light is None:
+            if self.place.file.render is not None:
+                self._bring_about(self._rendering(), after_step)
+            else:
+                self._views_written()
+            return self._prepared()
+        name = self._name_of(light)
+        if self.place.file.relight is None:
+            return PreparedCommand(self.place.file.title, {}, ())
+        self._bring_about(self._relighting(name), after_step)
+        return self._prepared_under(name)
+
+    def _bring_about(self, task: Task, after_step: Callable[[], None]) -> None:
+        if task.done() is not None:
+            return
+        attempt = task.begin()
+        try:
+            while attempt.poll(WAIT) is None:
+                after_step()
+        finally:
+            attempt.end()
+
+    def _rendering(self) -> Task:
+        command = self.place.file.render
+        assert command is not None
+        return Task(
+            place=self.place,
+            name="render",
+            order=self.order + digest_of_order(["render"]),
+            arguments=lambda resuming: filled_list(command.arguments, self.place.values(), self.place.settings),
+            wrote=self._views_written,
+            time_limit=command.time_limit,
+            before=self.place.write_lights,
+            inspect=lambda: _inspect(found for maps in self._read().maps.values() for found in maps.values()),
+        )
+
+    def _relighting(self, light: str) -> Task:
+        command = self.place.file.relight
+        assert command is not None
+        lights = sorted(self._lit_views()) if command.all_lights else [light]
+        one = "" if command.all_lights else light
+        return Task(
+            place=self.place,
+            name=f"relight-{light}" if one else "relight",
+            order=self.order + digest_of_order(["relight", one]),
+            arguments=lambda resuming: filled_list(command.arguments, self.place.values(one), self.place.settings),
+            wrote=partial(self._relit_written, lights),
+            light=one,
+            time_limit=command.time_limit,
+            before=self.place.write_lights,
+            inspect=lambda: _inspect(found for each in lights for found in self._relit(each).values()),
+        )
+
+    def _prepared(self) -> PreparedCommand:
+        found = self._read()
+        offered = {name: KINDS[name] for maps in found.maps.values() for name in maps}
+        views = [(view, partial(_maps_of, found, view)) for view in self.place.run.scene.test]
+        return PreparedCommand(self.place.file.title, offered, views)
+
+    def _prepared_under(self, light: str) -> PreparedCommand:
+        readings = [
+            (view, partial(_relit_of, self._read(scene), light, view))
+            for scene in self._lit_views()[light]
+            for view in scene.test
+            if view.has(f"relit/{light}")
+        ]
+        return PreparedCommand(self.place.file.title, {"image": KINDS["image"]}, readings)
+
+    def _views_written(self) -> Listing:
+        """The files of the test views. Raises CommandFailed for a map that some views lack, or that must be there."""
+        found, command = self._read(), self.place.file.render
+        missing = [each for each in found.missing if not each.startswith("relit ")]
+        there = {name for maps in found.maps.values() for name in maps}
+        missing += [f"{name} of all views" for name in (command.maps if command else ()) if name not in there]
+        _require_none(missing, found.ignored)
+        return self._listed(found for maps in found.maps.values() for found in maps.values())
+
+    def _relit_written(self, lights: Sequence[str]) -> Listing:
+        """The files of the views under some lights. Raises CommandFailed for views that have none."""
+        files: dict[tuple[str, str], Found] = {}
+        missing = []
+        for light in lights:
+            relit = self._relit(light)
+            files |= {(light, name): found for name, found in relit.items()}
+            views = [view for scene in self._lit_views()[light] for view in scene.test]
+            wanted = [view.name for view in views if view.has(f"relit/{light}")]
+            missing += [f"{name} under {light}" for name in wanted if name not in relit]
+        _require_none(missing)
+        return self._listed(files.values())
+
+    def _relit(self, light: str) -> dict[str, Found]:
+        found: dict[str, Found] = {}
+        for scene in self._lit_views()[light]:
+            found |= self._read(scene).relit.get(light, {})
+        return found
+
+    def _lit_views(self) -> dict[str, list[Scene]]:
+        """By light, the scene with only the views that it has under that light: test views, and views elsewhere.
+
+        Test views are all kept where any is lit: files are told by their place among them. Views elsewhere have a
+        light each, and are told by their names.
+        """
+        scene = self.place.run.scene
+        lit: dict[str, list[Scene]] = {light: [scene] for light in relightable(scene)}
+        by_name = all("{name}" in rule.path for rule in CODES[self.place.file.reader].relit)
+        for light in scene.lights if by_name else ():
+            elsewhere = tuple(view for view in scene.relight if view.has(f"relit/{light}"))
+            if elsewhere:
+                lit.setdefault(light, []).append(replace(scene, test=elsewhere))
+        return lit
+
+    def _read(self, scene: Scene | None = None) -> Predictions:
+        return read_predictions(self.place.results, scene or self.place.run.scene, self.place.file.reader)
+
+    def _found(self) -> Predictions | None:
+        """What there is to be read, None before anything was rendered."""
+        try:
+            return self._read()
+        except DataError:
+            return None
+
+    def _listed(self, files: Any) -> Listing:
+        return listing_of(self.place.root, (found.path for found in files))
+
+    def _name_of(self, light: EnvironmentMap) -> str:
+        lights = self.place.run.scene.lights
+        for name, each in lights.items():
+            if each is light:
+                return name
+        for name, each in lights.items():
+            if torch.equal(each.radiance.cpu(), light.radiance.cpu()):
+                return name
+        raise DataError(
+            f"{self.place.file.title} cannot be relit by a light that is none of the scene's",
+            f"Its results are compared under the scene's own: {', '.join(lights) or 'it has none'}.",
+            "Relight it by one of them.",
+        )
+
+
+def same_camera(one: Camera, other: Camera) -> bool:
+    """Whether they see the same, pixel by pixel."""
+    lens = [(each.fx, each.fy, each.cx, each.cy, each.width, each.height) for each in (one, other)]
+    return lens[0] == lens[1] and torch.equal(one.camera_to_world.cpu(), other.camera_to_world.cpu())
+
+
+def _coverage(view: View) -> Float[Tensor, "height width 1"]:
+    if view.has("alpha"):
+        return view.read("alpha")
+    return torch.ones(view.camera.height, view.camera.width, 1)
+
+
+def _maps_of(found: Predictions, view: View) -> Maps:
+    return found.read(view, _coverage(view))
+
+
+def _relit_of(found: Predictions, light: str, view: View) -> Maps:
+    return {"image": found.read_relit(light, view, _coverage(view))}
+
+
+def _inspect(files: Any) -> None:
+    """Raise DataError for an image that is cut off."""
+    for path in sorted({found.path for found in files}):
+        if path.suffix != ".npy":
+            image_size(path, read_bytes(path))
+
+
+def _require_none(missing: Sequence[str], unread: Sequence[str] = ()) -> None:
+    """Raise CommandFailed for what is missing; what is there and not read may be the reason."""
+    if missing:
+        more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
+        beside = f"There and not read: {'; '.join(unread[:SHOWN])}." if unread else ""
+        raise CommandFailed(f"{len(missing)} missing: {', '.join(missing[:SHOWN])}{more}", beside)

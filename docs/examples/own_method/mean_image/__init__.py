@@ -1,0 +1,1 @@
+"""The mean training image as a method of inverse rendering."""

@@ -1,0 +1,104 @@
+"""How RadioGS learns materials and light: every weight, rate, share and starting value as data.
+
+Defaults are the paper's where nothing else is said. Shares are of the stage's iterations (see
+``radiogs_core.learning.geometry``, which has those of surfels).
+"""
+
+from dataclasses import dataclass, field
+
+from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
+
+
+@dataclass(frozen=True)
+class SplitSumLearning:
+    """How stage 1 learns materials and light, by split-sum shading."""
+
+    consistency: float = 0.2
+    """Weight of the simplified radiometric consistency."""
+    consistency_from: float = 2_000 / 40_000
+    """Share of the stage after which it counts."""
+    albedo_rate: float = 0.005
+    """Learning rate of the albedo's logits."""
+    roughness_rate: float = 0.005
+    """Learning rate of the roughness' logits."""
+    light_rate: float = 0.01
+    """Learning rate of the light's log-radiance."""
+    light: float = 1.0
+    """Constant linear radiance that the light starts with."""
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses of stage 2, beside ``Variant.radiometric_weight``; 0 leaves one out."""
+
+    absolute: float = ABSOLUTE_WEIGHT
+    """Of L1 between each blended image and the training image, in display sRGB (3DGS)."""
+    similarity: float = SIMILARITY_WEIGHT
+    """Of 1 - SSIM between the same (3DGS)."""
+    normal: float = 0.05
+    """Of the distance between the surfels' normals and those of the depth map (2DGS)."""
+    mask: float = 0.02
+    """Of the cross-entropy between coverage and the mask."""
+    normal_smoothness: float = 0.01
+    """Of the normals' slopes where the image has none."""
+    albedo_smoothness: float = 0.2
+    """Of the albedo's slopes where the image has none."""
+    roughness_smoothness: float = 0.1
+    """Of the roughness' slopes where the image has none."""
+    light_prior: float = 0.01
+    """Of the distance of the diffuse light's channels from their mean: light is near white."""
+    light_smoothness: float = 0.005
+    """Of the squared differences of neighbouring texels' log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates in stage 2.
+
+    Albedo must learn faster than light. Where light is faster it takes over what differs between surfaces, and albedo
+    stays at its start: on ``corner`` after 300 to 400 iterations, rates of albedo and light of 0.005 and 0.01 (paper)
+    give 17.7 dB of albedo, 0.0075 and 0.03 17.6, 0.015 and 0.03 19.2, 0.03 and 0.005 22.6.
+    """
+
+    albedo: float = 0.03
+    """Of the albedo's logits."""
+    roughness: float = 0.01
+    """Of the roughness' logits."""
+    light: float = 0.005
+    """Of the light's log-radiance."""
+    radiance: float = 0.005
+    """Of the surfels' harmonics of degree 0."""
+    radiance_rest: float = 0.0025 / 20
+    """Of the harmonics of higher degrees, as in stage 1."""
+    geometry: float = 0.01
+    """Share of the rates of stage 1 (``SurfelRates``, positions at the beginning) at which geometry moves: it is
+    refined, not learnt again."""
+
+
+@dataclass(frozen=True)
+class MaterialStart:
+    """What materials and light start as in stage 2."""
+
+    albedo: float = 0.3
+    """Linear diffuse albedo of all channels."""
+    roughness: float = 0.6
+    """Perceptual roughness r."""
+    white: float = 0.8
+    """Albedo of white paint. The light starts so that the brightest surfaces seen would be that under it: neither the
+    released constant radiance of 1.5 nor the recovered albedo should depend on the images' exposure."""
+    brightest: float = 0.98
+    """Quantile of the covered pixels that counts as the brightest: above it highlights begin."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials and light."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""
+    normal_from: float = 1_000 / 20_000
+    """Share of the stage after which the normals are held to the depth map again."""

@@ -1,0 +1,242 @@
+"""``fit_geometry``: surfels from posed images by novel-view synthesis alone, with the losses of 2DGS.
+
+The first stage of every surfel method: what a method learns besides (its own shading of the same surfels) is a
+``Shading`` that it hands to the stage.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..contract import StageSpec, values_of
+from ..scene.camera import Camera
+from ..scene.colour import srgb_encode
+from ..scene.scene import Scene, View
+from ..surfels.density import AdaptiveDensityControl, DensityControl
+from ..surfels.optimiser import SurfelOptimiser
+from ..surfels.starting_points import initial_surfels
+from ..surfels.surfels import Surfels
+from ..transport.splatting import Splat, own_radiance, splat
+from .backward import backward
+from .geometry import GeometryLearning
+from .losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
+from .views import TrainingView, chosen_views, load, mean_distance, view_at
+
+
+@runtime_checkable
+class GeometryBudget(Protocol):
+    """What ``FitGeometry`` reads of a budget."""
+
+    @property
+    def initialise_iterations(self) -> int:
+        """Steps of the stage."""
+
+    @property
+    def initial_surfels(self) -> int:
+        """Surfels to start with."""
+
+    @property
+    def maximum_surfels(self) -> int:
+        """Surfels that are never exceeded."""
+
+    @property
+    def densify_interval(self) -> int:
+        """Steps between two rounds of density control."""
+
+    @property
+    def geometry_rate(self) -> float:
+        """Factor of the rates of position and rotation: short runs take longer steps."""
+
+
+GEOMETRY_BUDGET = (
+    "initialise_iterations", "initial_surfels", "maximum_surfels", "densify_interval", "geometry_rate",
+)  # fmt: skip
+"""The fields of ``GeometryBudget``, for ``StageSpec.reads``."""
+
+
+@runtime_checkable
+class Shading(Protocol):
+    """What is learnt from the same images besides the surfels' radiance: materials, and the light on them."""
+
+    tensors: Mapping[str, Tensor]
+    """Tensors to be learnt besides the surfels, by name, as they start."""
+    rates: Mapping[str, float]
+    """Learning rates of these, and of the surfels' materials by their raw parameters' names."""
+
+    def images(
+        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+    ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
+        """Linear radiance of each surfel towards the camera by name, to be compared with the training image, and
+        further weighted losses by name. ``tensors`` as learnt so far; ``progress``: share of the stage that is done."""
+
+
+class NoShading:
+    """Novel-view synthesis alone: materials stay as they start."""
+
+    tensors: Mapping[str, Tensor] = {}
+    rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
+
+    def images(
+        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+    ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
+        """Nothing."""
+        return {}, {}
+
+
+class FitGeometry:
+    """Surfels from the training views of a scene. A ``contract.Stage``; what it hands on is its state.
+
+    ``view_share``: share of the training views that are learnt from, in (0, 1].
+    """
+
+    name = "geometry"
+
+    def __init__(
+        self,
+        scene: Scene,
+        learning: GeometryLearning,
+        budget: GeometryBudget,
+        view_share: float,
+        seed: int,
+        device: torch.device,
+        shading: Shading,
+    ) -> None:
+        self.learning, self.seed, self.device, self.shading = learning, seed, device, shading
+        self.iteration, self.iterations = 0, budget.initialise_iterations
+        self.unit_rate = scene.extent * budget.geometry_rate
+        chosen = chosen_views(scene, view_share, seed)
+        self.views = load(chosen, device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        surfels = self._start(scene, chosen, budget.initial_surfels)
+        self.generator = torch.Generator(device).manual_seed(seed)
+        self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.geometry_rate))
+        self.density: DensityControl = AdaptiveDensityControl(
+            learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, len(surfels), device
+        )
+
+    def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
+        """Drawn on the CPU, so that every kind of device starts with the same surfels."""
+        generator, linear = torch.Generator().manual_seed(self.seed), self.learning.colour == "linear"
+        surfels = initial_surfels(scene, views, count, self.learning.start, linear, generator)
+        return Surfels.of({name: value.to(self.device) for name, value in surfels.parameters().items()})
+
+    def _rates(self, geometry_rate: float) -> dict[str, float]:
+        rates = self.learning.rates
+        return {
+            "centre": self._position_rate(),
+            "rotation": rates.rotation * geometry_rate,
+            "log_scale": rates.scale,
+            "opacity_logit": rates.opacity,
+            "sh": rates.radiance,
+            "sh_rest": rates.radiance_rest,
+            **self.shading.rates,
+        }
+
+    def _position_rate(self) -> float:
+        """World units a step: geometric between the first and the last rate, then constant."""
+        rates, until = self.learning.rates, self.learning.schedule.position_decay_until
+        progress = min(1.0, self.iteration / max(1.0, until * self.iterations))
+        return rates.position ** (1 - progress) * rates.position_end**progress * self.unit_rate
+
+    @property
+    def surfels(self) -> Surfels:
+        """What is learnt so far."""
+        return self.optimiser.surfels
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        view = view_at(self.views, self.iteration, self.seed)
+        self.optimiser.set_rate("centre", self._position_rate())
+        surfels = self.optimiser.surfels
+        surfels.sh = surfels.sh[:, : self._coefficients()]
+        losses, seen = self._losses(surfels, view)
+        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        centre = self.optimiser.tensors["centre"]
+        if centre.grad is not None:
+            self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
+        self.optimiser.step()
+        self.iteration += 1
+        changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
+        if changed is not None:
+            self.optimiser.replace(*changed)
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+    def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
+        weights, camera = self.learning.weights, view.camera
+        radiance = own_radiance(camera, surfels)
+        shaded, further = self.shading.images(surfels, self.optimiser.tensors, camera, self.iteration / self.iterations)
+        seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit)
+        losses = {**further, **self._image_losses(seen, view)}
+        losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+        losses["mask"] = weights.mask * mask_entropy(seen.alpha, view.mask)
+        if self.iteration >= self.learning.schedule.distortion_from * self.iterations:
+            losses["distortion"] = weights.distortion * seen.distortion.mean()
+        smoothness = edge_aware_smoothness(seen.normal, edge_allowance(view.over(0.0)))
+        losses["normal smoothness"] = weights.normal_smoothness * smoothness
+        return losses, seen
+
+    def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        """Every blended image against the training image, on the background whose turn it is."""
+        backgrounds, weights = self.learning.backgrounds, self.learning.weights
+        background = backgrounds[self.iteration % len(backgrounds)]
+        target = view.over(background)
+        blended = torch.stack(list(seen.images.values()))
+        display = srgb_encode(blended) if self.learning.colour == "linear" else blended
+        composited = composite(display, seen.alpha, background)
+        found = reconstruction(composited, target, weights.absolute, weights.similarity)
+        return dict(zip(seen.images, found.unbind(), strict=True))
+
+    def _coefficients(self) -> int:
+        degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)
+        return (degree + 1) ** 2
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+            "density": self.density.state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+        self.density.restore(state["density"])
+
+    def product(self) -> dict[str, Any]:
+        """What the next stage begins from: the state (see ``surfels_of``)."""
+        return self.state()
+
+
+def fit_geometry(learning: GeometryLearning, budget: GeometryBudget, view_share: float = 1.0) -> StageSpec:
+    """The stage for ``Method.stages``: methods that ask for the same geometry train it once."""
+    return StageSpec(
+        name="geometry",
+        title="stage 1, geometry",
+        steps=budget.initialise_iterations,
+        owner="radiogs_core",
+        reads={"learning": asdict(learning), "view_share": view_share, **values_of(budget, *GEOMETRY_BUDGET)},
+        sources=(__name__,),
+        begin=lambda run, _: FitGeometry(
+            run.scene, learning, budget, view_share, run.seed, run.device, NoShading()
+        ),
+    )  # fmt: skip
+
+
+def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
+    """The surfels in a stage's saved state."""
+    tensors = {name: value.to(device) for name, value in state["optimiser"]["tensors"].items()}
+    tensors["sh"] = torch.cat([tensors["sh"], tensors.pop("sh_rest")], 1)
+    return Surfels.of({name: tensors[name] for name in Surfels.names()})
+
+
+def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:
+    """A blended image in display sRGB, over a grey background."""
+    return display + background * (1 - alpha)[..., None]

@@ -1,0 +1,83 @@
+"""``radiogs-bench methods``: which methods are installed, with their presets and the fields of their variants."""
+
+import argparse
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from .options import add_verbose
+
+if TYPE_CHECKING:
+    from .options import Commands
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("methods", help="list the methods that are installed", allow_abbrev=False)
+    parser.set_defaults(command=methods)
+    parser.add_argument("name", nargs="?", metavar="NAME", help="one method, or a TOML file: every preset and field")
+    parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    add_verbose(parser)
+
+
+def methods(options: argparse.Namespace) -> int:
+    """List all methods, or say everything about one."""
+    from ..methods import describe, method, method_names
+    from .reporter import say
+
+    described = [describe(method(name)) for name in ([options.name] if options.name else method_names())]
+    if options.json:
+        for each in described:
+            say(json.dumps(each, allow_nan=False))
+    elif options.name:
+        _show_one(described[0])
+    else:
+        _show_all(described)
+    return 0
+
+
+def _show_all(described: list[dict[str, Any]]) -> None:
+    from rich.table import Table
+
+    from .reporter import say, show
+
+    table = Table("method", "title", "from", "stages", "presets")
+    for each in described:
+        stages = next(iter(each["stages"].values()))
+        names = ", ".join(stage["name"] for stage in stages)
+        table.add_row(each["name"], each["title"], each["origin"], names, ", ".join(each["presets"]))
+    show(table)
+    say("all about one:  radiogs-bench methods NAME;  to add yours: docs/your_own_method.md")
+
+
+def _show_one(described: Mapping[str, Any]) -> None:
+    from rich.table import Table
+
+    from .reporter import say, show
+
+    say(f"{described['name']}: {described['title']}, from {described['origin']}")
+    presets = described["presets"]
+    numbers = Table("budget", *presets, title="presets")
+    for name in next(iter(presets.values())):
+        if name != "name":
+            numbers.add_row(name, *(f"{preset[name]}" for preset in presets.values()))
+    for preset in (each for each in presets if each in described["stages"]):
+        steps = " + ".join(f"{stage['steps']}" for stage in described["stages"][preset])
+        say(f"preset {preset}: {steps} steps")
+    show(numbers)
+    fields = Table("field", "default", title="variant: what a row of a suite may turn")
+    for name, value in flat(described["variant"]).items():
+        fields.add_row(name, json.dumps(value))
+    show(fields)
+
+
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, with dotted names.
+
+    >>> flat({"weights": {"normal": 0.05}, "seed": 1})
+    {'weights.normal': 0.05, 'seed': 1}
+    """
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return found

@@ -1,0 +1,150 @@
+"""A stand-in code is trained, rendered and relit through the contract, in the layout of every published code."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from baselines.commands.bench import Bench, method_of, toml
+from public_outputs import Maps
+from radiogs_baselines.commands import CommandBudget, CommandVariant
+from radiogs_core import contract
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets.image_files import read_image
+
+LAYOUTS = ("radiogs", "irgs", "gs-ir", "gi-gs", "r3dg", "svg-ir", "tensoir", "plain")
+BY_NAME = ("r3dg", "svg-ir")
+"""Their results under eval/ are named by the last part of a view's image, the same for all views of this layout."""
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_a_code_is_trained_rendered_and_relit(
+    layout: str, convex: Scene, predicted: dict[str, Maps], pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    shelf = f"--pantry|{pantry(layout)}"
+    maps = '\nmaps = ["albedo", "normal"]' if layout == "r3dg" else ""
+    text = toml(
+        ["--name|model-1", "--name|model-2"],
+        shelf + maps,
+        f"{shelf}|--light|{{light}}|--light_file|{{light_file}}",
+        layout,
+    )
+    method = method_of(tmp_path, text)
+    assert isinstance(method, contract.Method)
+    bench = Bench(method, convex, tmp_path / "work")
+    trained = bench.train()
+    assert isinstance(trained, contract.Trained)
+    prepared = trained.prepare()
+    assert isinstance(prepared, contract.Prepared)
+    assert not prepared.timed
+    assert prepared.default == set(prepared.offers)
+    assert ("image" in prepared.offers) == (layout != "r3dg")
+    for view in convex.test:
+        maps_of_view = prepared.render(view.camera)
+        truth = predicted[view.name]
+        assert set(maps_of_view) == set(prepared.offers)
+        for name in {"image", "albedo"} & set(prepared.offers):
+            assert (maps_of_view[name] - truth[name]).abs().max() < 0.02
+        inside = truth["alpha"][..., 0] == 1
+        cosine = (maps_of_view["normal"] * (2 * truth["normal"] - 1)).sum(-1)
+        assert cosine[inside].min() > 0.97
+    for name, light in convex.lights.items():
+        relit = trained.prepare(light)
+        assert set(relit.offers) == {"image"}
+        for view in (view for view in convex.test if view.has(f"relit/{name}")):
+            assert (relit.render(view.camera)["image"] - predicted[view.name][f"relit/{name}"]).abs().max() < 0.02
+
+
+def test_a_camera_that_was_not_rendered_is_refused(
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    text = toml(["--name|model-1"], f"--pantry|{pantry('irgs')}", reader="irgs")
+    prepared = Bench(method_of(tmp_path, text), convex, tmp_path / "work").train().prepare()
+    with pytest.raises(DataError, match="was not rendered from this camera"):
+        prepared.render(convex.train[0].camera)
+    with pytest.raises(DataError, match="was not rendered from this camera"):
+        prepared.render(replace(convex.test[0].camera, fx=1.0))
+
+
+def test_facts_say_what_was_run_and_what_it_took(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
+    shelf = f"--pantry|{pantry('irgs')}"
+    text = toml(["--name|model-1"], shelf, f"{shelf}|--light|{{light}}", "irgs", 'traps = ["It is none."]')
+    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+    trained = bench.train()
+    trained.prepare()
+    light = next(iter(convex.lights))
+    trained.prepare(convex.lights[light])
+    facts = trained.facts()
+    assert set(facts["commands"]) == {"stage-1", "render", f"relight-{light}"}
+    for record in facts["commands"].values():
+        assert record["exit_code"] == 0
+        assert record["seconds"] > 0
+        assert record["peak_bytes"] > 2**20
+        assert record["gpu_memory"] == "n/a"
+    assert all(Path(log).read_text().startswith(("train", "render", "relight")) for log in facts["logs"].values())
+    assert facts["remarks"][0] == "It is none."
+    assert facts["code"]["commit"] == "0123456"
+    assert any("0123456" in remark for remark in facts["remarks"]), "the checkout is at another commit"
+    (where,) = trained.export(tmp_path / "export")
+    assert str(tmp_path / "work" / "output") in where.read_text()
+    assert trained.light is None
+
+
+def test_a_command_is_not_run_again_while_its_results_are_there(
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    note = tmp_path / "note"
+    shelf = f"--pantry|{pantry('gs-ir')}|--note|{note}"
+    text = toml([f"--name|model-1|--note|{note}"], shelf, f"{shelf}|--light|{{light}}", "gs-ir")
+    bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
+    for _ in range(2):
+        trained = bench.train()
+        trained.prepare()
+        for light in convex.lights.values():
+            trained.prepare(light)
+    runs = [line.split()[0] for line in note.read_text().splitlines()]
+    assert runs == ["train", "render", *["relight"] * len(convex.lights)]
+    next((tmp_path / "work" / "output").rglob("*_brdf.png")).unlink()
+    trained.prepare()
+    assert note.read_text().splitlines()[-1].startswith("render")
+
+
+def test_all_lights_at_once_are_one_command(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
+    note, names = tmp_path / "note", "|".join(convex.lights)
+    shelf = f"--pantry|{pantry('tensoir')}"
+    relight = f"{shelf}|--note|{note}|--lights|{names}\nall_lights = true"
+    bench = Bench(method_of(tmp_path, toml(["--name|model-1"], shelf, relight, "tensoir")), convex, tmp_path / "work")
+    trained = bench.train()
+    for light in convex.lights.values():
+        trained.prepare(light)
+    assert len(note.read_text().splitlines()) == 1
+
+
+def test_the_lights_that_a_code_reads_are_those_of_the_scene(
+    convex: Scene, pantry: Callable[[str], Path], tmp_path: Path
+) -> None:
+    shelf = f"--pantry|{pantry('plain')}|--light|{{light}}|--light_file|{{light_file}}"
+    bench = Bench(method_of(tmp_path, toml(["--name|model-1"], "", shelf)), convex, tmp_path / "work")
+    trained = bench.train()
+    name, light = next(iter(convex.lights.items()))
+    trained.prepare(light)
+    written = torch.from_numpy(read_image(tmp_path / "work" / "lights" / f"{name}.hdr"))
+    assert torch.allclose(written, light.radiance, rtol=0.01, atol=0.01 * float(light.radiance.max()))
+
+
+def test_arguments_of_a_variant_reach_the_last_command_or_the_one_that_asks(convex: Scene, tmp_path: Path) -> None:
+    note = tmp_path / "note"
+    variant = CommandVariant(("--size", "17"))
+    last = toml([f"--name|model-1|--note|{note}", f"--name|model-2|--note|{note}"])
+    first = last.replace('"model-1"', '"model-1", "{arguments}"')
+    for text, expected in ((last, [False, True]), (first, [True, False])):
+        note.unlink(missing_ok=True)
+        Bench(method_of(tmp_path, text), convex, tmp_path / f"work-{expected[0]}", variant).train()
+        assert ["--size 17" in line for line in note.read_text().splitlines()] == expected
+    plain, varied = (
+        method_of(tmp_path, last).stages(each, CommandBudget("tiny")) for each in (CommandVariant(), variant)
+    )
+    assert plain[0].reads != varied[0].reads

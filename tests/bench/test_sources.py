@@ -1,0 +1,163 @@
+"""Keys see every source that decides a value, found by following imports, and none that does not."""
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import pytest
+
+from radiogs_bench import sources
+from radiogs_bench.methods import budget_of, method, variant_of
+from radiogs_bench.sources import OURS, SourceTree, installed
+from radiogs_bench.suites.cell import Work, cell_of
+from radiogs_bench.suites.experiment import AUDIT, COST, FORWARD_PARITY, STABILITY, TRAINING
+from radiogs_core.scene.scene import Scene
+
+BLENDER = Scene("corner", "blender", (), (), {}, None, "0" * 64, loaders=("radiogs_datasets.layouts.blender",))
+TENSOIR = Scene("hotdog", "tensoir", (), (), {}, None, "1" * 64, loaders=("radiogs_datasets.layouts.tensoir",))
+
+
+def keys() -> dict[str, str]:
+    """The keys of stages and results of every kind of cell, by what they name."""
+    radiogs = method("radiogs")
+    variant, budget = variant_of(radiogs, {}), budget_of(radiogs, "smoke")
+    found = {}
+    for name, scene, experiment in (
+        ("training", BLENDER, TRAINING),
+        ("elsewhere", TENSOIR, TRAINING),
+        ("cost", BLENDER, COST),
+        ("audit", BLENDER, AUDIT),
+        ("parity", BLENDER, FORWARD_PARITY),
+        ("stability", BLENDER, STABILITY),
+    ):
+        cell = cell_of(radiogs, scene, Work(variant, budget, experiment=experiment))
+        found |= {f"{name}: {stage.name}": stage.key for stage in cell.stages} | {name: cell.key}
+    return found
+
+
+@pytest.fixture(scope="module")
+def copies(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Path]:
+    """Copies of all sources of the project, which a test may change."""
+    folder = tmp_path_factory.mktemp("copies")
+    python_alone = shutil.ignore_patterns("tiny", "forward", "vendor", "__pycache__")
+    return {
+        name: Path(shutil.copytree(root, folder / name, ignore=python_alone))
+        for name, root in installed().roots.items()
+    }
+
+
+@pytest.fixture
+def changed(copies: Mapping[str, Path], monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], set[str]]]:
+    """Which keys a byte more in a module changes."""
+
+    def look() -> dict[str, str]:
+        tree = SourceTree(copies)
+        monkeypatch.setattr(sources, "installed", lambda *packages: tree)
+        sources.code_digest.cache_clear()
+        return keys()
+
+    unchanged = look()
+
+    def change(module: str) -> set[str]:
+        path = SourceTree(copies).file(module)
+        assert path is not None
+        whole = path.read_bytes()
+        path.write_bytes(whole + b"\n")
+        try:
+            after = look()
+        finally:
+            path.write_bytes(whole)
+        return {name for name in unchanged if unchanged[name] != after[name]}
+
+    yield change
+    monkeypatch.undo()
+    sources.code_digest.cache_clear()
+
+
+TRAINED = {"training", "elsewhere", "cost", "audit"}
+FIRST = {f"{name}: initialise" for name in TRAINED}
+SECOND = {f"{name}: invert" for name in TRAINED}
+RESULTS = {*TRAINED, "parity", "stability"}
+
+MODULES: Mapping[str, set[str]] = {
+    # the kit: what is shared by all, and what the second stage alone uses
+    "radiogs_core.kernels.rasterize.rasterize_source": FIRST | SECOND | RESULTS,
+    "radiogs_core.transport.horizon": SECOND | {*TRAINED, "parity"},
+    # RadioGS: stages, showing
+    "radiogs.stages.initialise": FIRST | SECOND | TRAINED,
+    "radiogs.stages.invert": SECOND | TRAINED,
+    "radiogs.effects.measure.bounds": SECOND | TRAINED,
+    # The model is shown by what metrics are computed with; a stage that is scored along the way is shown too.
+    "radiogs.trained": TRAINED | {"cost: invert"},
+    # loaders
+    "radiogs_datasets.layouts.blender": (FIRST | SECOND | RESULTS) - {
+        "elsewhere", "elsewhere: initialise", "elsewhere: invert",
+    },
+    "radiogs_datasets.layouts.tensoir": {"elsewhere", "elsewhere: initialise", "elsewhere: invert"},
+    # the harness: metrics, what is scored along the way, experiments
+    "radiogs_bench.metrics.psnr": RESULTS | {"cost: invert"},
+    "radiogs_bench.training.trail": {"cost: invert", "cost", "audit", "parity", "stability"},
+    "radiogs_bench.experiments.cost": {"cost: invert", "cost"},
+    "radiogs_bench.experiments.forward_parity": {"parity"},
+    # nothing that decides a value
+    "radiogs_bench.cli.run": set(),
+    "radiogs_bench.results.gate": set(),
+    "radiogs_reports.summary": set(),
+}  # fmt: skip
+"""By module: the keys that one byte more in it changes."""
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_a_byte_changes_the_keys_of_what_it_decides_and_no_other(
+    module: str, changed: Callable[[str], set[str]]
+) -> None:
+    assert changed(module) == MODULES[module]
+
+
+def package(folder: Path, **texts: str) -> SourceTree:
+    """A package ``own`` of modules with these texts."""
+    root = folder / "own"
+    for name, text in {"__init__": "", **texts}.items():
+        path = root / f"{name.replace('__of__', '/')}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return SourceTree({"own": root})
+
+
+def test_imports_are_followed_wherever_they_stand(tmp_path: Path) -> None:
+    tree = package(
+        tmp_path,
+        top="import own.plain\nfrom . import sibling\nimport numpy\n",
+        plain="def late():\n    from .deep import inner\n",
+        sibling="from .plain import late\n",
+        unused="",
+    )
+    (tmp_path / "own" / "deep").mkdir()
+    (tmp_path / "own" / "deep" / "__init__.py").write_text("")
+    (tmp_path / "own" / "deep" / "inner.py").write_text("")
+    assert set(tree.closure("own.top")) == {"own", "own.top", "own.plain", "own.sibling", "own.deep", "own.deep.inner"}
+
+
+def test_a_package_that_is_asked_for_counts_with_all_its_modules(tmp_path: Path) -> None:
+    assert set(package(tmp_path, one="", two="").closure("own")) == {"own", "own.one", "own.two"}
+
+
+def test_the_digest_sees_names_and_bytes(tmp_path: Path) -> None:
+    first = package(tmp_path / "first", one="x = 1\n").digest("own")
+    assert package(tmp_path / "again", one="x = 1\n").digest("own") == first
+    assert package(tmp_path / "other", one="x = 2\n").digest("own") != first
+    assert package(tmp_path / "named", two="x = 1\n").digest("own") != first
+
+
+def test_a_module_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ModuleNotFoundError, match=r"own\.missing"):
+        package(tmp_path).closure("own.missing")
+
+
+def test_no_source_that_decides_values_imports_by_a_computed_name() -> None:
+    """Following the text would not see it. The registry of methods is the one place that loads by name."""
+    tree = installed()
+    deciding = tree.closure("radiogs", "radiogs_core", "radiogs_datasets", "radiogs_bench.evaluation.evaluate")
+    by_name = [name for name, path in deciding.items() if "import_module(" in path.read_text()]
+    assert by_name == []
+    assert set(OURS) <= set(tree.roots)

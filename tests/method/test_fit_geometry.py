@@ -1,0 +1,79 @@
+"""The kit's geometry stage: what every surfel method begins with, whoever asks for it."""
+
+import dataclasses
+from typing import Any
+
+import pytest
+import torch
+
+from method.test_stages import BUDGET, CPU, SCENE, through_a_file
+from radiogs.stages import Initialisation
+from radiogs.variant import Variant
+from radiogs_core.contract import Run, Stage
+from radiogs_core.learning.fit_geometry import GEOMETRY_BUDGET, GeometryBudget, fit_geometry, surfels_of
+from radiogs_core.learning.geometry import GeometryLearning
+
+
+def begun() -> Stage:
+    spec = fit_geometry(GeometryLearning(), BUDGET)
+    return spec.begin(Run(SCENE, Variant(), BUDGET, 0, CPU), {})
+
+
+def finished(stage: Stage) -> Stage:
+    while stage.iteration < stage.iterations:
+        stage.step()
+    return stage
+
+
+def test_it_is_the_initialisation_of_radiogs_by_novel_view_synthesis_alone() -> None:
+    ours = surfels_of(finished(begun()).product(), CPU)
+    theirs = finished(Initialisation(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU)).product()
+    for name, value in surfels_of(theirs, CPU).parameters().items():
+        assert torch.equal(value, ours.parameters()[name]), name
+
+
+def test_materials_stay_as_they_start() -> None:
+    surfels = surfels_of(finished(begun()).product(), CPU)
+    torch.testing.assert_close(surfels.albedo, torch.full_like(surfels.albedo, 0.5))
+    torch.testing.assert_close(surfels.roughness, torch.full_like(surfels.roughness, 0.6))
+
+
+def test_it_resumes_bit_for_bit_across_density_control() -> None:
+    whole, resumed = begun(), begun()
+    while whole.iteration < 7:
+        whole.step()
+    resumed.restore(through_a_file(whole.state()))
+    before, after = (surfels_of(finished(stage).product(), CPU).parameters() for stage in (whole, resumed))
+    assert all(torch.equal(value, after[name]) for name, value in before.items())
+
+
+@pytest.mark.parametrize("colour", ["linear", "display"])
+def test_it_learns_the_images_in_either_colour(colour: str) -> None:
+    longer = dataclasses.replace(BUDGET, initialise_iterations=120, densify_interval=20)
+    spec = fit_geometry(GeometryLearning(colour=colour), longer)  # type: ignore[arg-type]
+    stage = spec.begin(Run(SCENE, Variant(), longer, 0, CPU), {})
+    losses = [stage.step()["radiance"] for _ in range(stage.iterations)]
+    # Eight steps are every view on both backgrounds.
+    assert sum(losses[-8:]) < 0.7 * sum(losses[:8])
+
+
+def test_methods_that_ask_for_the_same_share_it() -> None:
+    spec = fit_geometry(GeometryLearning(), BUDGET)
+    assert spec.reads == fit_geometry(GeometryLearning(), BUDGET).reads
+    assert spec.reads != fit_geometry(GeometryLearning(), BUDGET, view_share=0.5).reads
+    assert spec.reads != fit_geometry(GeometryLearning(colour="display"), BUDGET).reads
+    assert spec.owner == "radiogs_core"
+
+
+def test_it_reads_no_more_of_a_budget_than_it_says() -> None:
+    class Reluctant:
+        def __getattr__(self, name: str) -> Any:
+            assert name in GEOMETRY_BUDGET, f"it reads {name}"
+            return getattr(BUDGET, name)
+
+    assert set(GEOMETRY_BUDGET) == {
+        name for name in vars(GeometryBudget) if isinstance(vars(GeometryBudget)[name], property)
+    }
+    reluctant = Reluctant()
+    spec = fit_geometry(GeometryLearning(), reluctant)
+    finished(spec.begin(Run(SCENE, Variant(), reluctant, 0, CPU), {}))

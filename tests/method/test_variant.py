@@ -1,0 +1,154 @@
+"""Every weight, rate, share and starting value can be turned by a row, and changes the stage that reads it."""
+
+import json
+from collections.abc import Iterator
+from dataclasses import asdict, fields, is_dataclass, replace
+from typing import Any
+
+import pytest
+import torch
+
+from method.test_stages import BUDGET, CPU, SCENE
+from radiogs.learning import MaterialLearning
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.variant import Variant
+from radiogs_core.errors import UsageError
+from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.plain import from_plain
+from radiogs_core.surfels.starting_points import SurfelStart
+
+OTHER = {
+    "geometry.schedule.distortion_from": 0.5,
+    "geometry.schedule.degrees_from": (0.5,),
+    "geometry.schedule.position_decay_until": 0.5,
+    "geometry.density.start": 0.5,
+    "geometry.density.end": 0.7,
+    "geometry.density.gradient_threshold": 1.0,
+    "geometry.density.clone_scale": 1.0,
+    "geometry.density.largest_scale": 0.05,
+    "geometry.density.opacity_floor": 0.6,
+    "geometry.start.candidates": 64,
+    "geometry.start.opacity": 0.3,
+    "geometry.backgrounds": (0.5,),
+    "geometry.colour": "display",
+    "split_sum.consistency_from": 0.5,
+    "materials.start.white": 0.4,
+    "materials.start.brightest": 0.5,
+    "materials.normal_from": 0.4,
+}
+"""Other values of the fields that half as much again would not show on so short a run."""
+
+
+# Fainter surfels leave no pixel solid in so few steps, and without depth no normals are compared.
+BASE = Variant(geometry=GeometryLearning(start=SurfelStart(opacity=0.6)))
+
+
+def leaves(of: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Every field that is no dataclass itself, by its path."""
+    for field in fields(of):
+        value, name = getattr(of, field.name), f"{path}{field.name}"
+        if is_dataclass(value):
+            yield from leaves(value, f"{name}.")
+        else:
+            yield name, value
+
+
+def turned(of: Any, path: str, value: Any) -> Any:
+    """The same with one field changed, as a row of a suite would."""
+    first, _, rest = path.partition(".")
+    return replace(of, **{first: turned(getattr(of, first), rest, value) if rest else value})
+
+
+def other(path: str, value: Any) -> Any:
+    return OTHER[path] if path in OTHER else 1.5 * value
+
+
+def at(tree: Any, path: str) -> Any:
+    for name in path.split("."):
+        tree = tree[name]
+    return tree
+
+
+LEAVES = dict(leaves(BASE))
+OF_STAGE_ONE = [path for path in LEAVES if path.startswith(("geometry.", "split_sum."))]
+OF_STAGE_TWO = [path for path in LEAVES if path.startswith("materials.")]
+
+
+def initialised(variant: Variant) -> dict[str, Any]:
+    stage = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    while stage.iteration < 18:
+        stage.step()
+    return stage.product()
+
+
+@pytest.fixture(scope="module")
+def first() -> dict[str, Any]:
+    return initialised(BASE)
+
+
+def inverted(first: dict[str, Any], variant: Variant) -> dict[str, torch.Tensor]:
+    stage = InverseRendering(SCENE, variant, BUDGET, 0, CPU, first)
+    while stage.iteration < 9:
+        stage.step()
+    return stage.optimiser.tensors
+
+
+@pytest.fixture(scope="module")
+def second(first: dict[str, Any]) -> dict[str, torch.Tensor]:
+    return inverted(first, BASE)
+
+
+def differ(some: dict[str, torch.Tensor], others: dict[str, torch.Tensor]) -> bool:
+    return any(not torch.equal(value, others[name]) for name, value in some.items())
+
+
+@pytest.mark.parametrize("path", OF_STAGE_ONE)
+def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str, Any], path: str) -> None:
+    value = other(path, LEAVES[path])
+    variant = turned(BASE, path, value)
+    assert differ(first["optimiser"]["tensors"], initialised(variant)["optimiser"]["tensors"])
+    for read in (variant.of_initialisation(), variant.of_training()):
+        assert at(read, path) == value
+
+
+@pytest.mark.parametrize("path", OF_STAGE_TWO)
+def test_each_field_of_materials_changes_stage_two_and_is_not_read_before(
+    first: dict[str, Any], second: dict[str, torch.Tensor], path: str
+) -> None:
+    value = other(path, LEAVES[path])
+    variant = turned(BASE, path, value)
+    assert differ(second, inverted(first, variant))
+    assert at(variant.of_training(), path) == value
+    assert variant.of_initialisation() == BASE.of_initialisation()
+
+
+class Unread(MaterialLearning):
+    def __getattribute__(self, name: str) -> Any:
+        assert name not in MaterialLearning.__dataclass_fields__, f"stage 1 reads {name}"
+        return super().__getattribute__(name)
+
+
+def test_stage_one_reads_nothing_of_materials(first: dict[str, Any]) -> None:
+    """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
+    blind = replace(BASE, materials=Unread())
+    assert not differ(first["optimiser"]["tensors"], initialised(blind)["optimiser"]["tensors"])
+
+
+def test_a_variant_is_hashable_and_comes_back_from_its_file() -> None:
+    variant = Variant(effects=("visibility",), deviations=("start-light",))
+    for path, value in LEAVES.items():
+        if "." in path:
+            variant = turned(variant, path, other(path, value))
+    assert hash(variant) != hash(BASE)
+    assert from_plain(Variant, json.loads(json.dumps(asdict(variant)))) == variant
+
+
+def test_a_row_turns_one_field_by_a_nested_table_and_leaves_the_others() -> None:
+    variant = from_plain(Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}})
+    assert variant.materials.weights.mask == 0.5
+    assert variant == turned(turned(Variant(), "materials.weights.mask", 0.5), "geometry.backgrounds", (0.0,))
+
+
+def test_a_field_that_does_not_exist_is_refused_with_the_nearest_one() -> None:
+    with pytest.raises(UsageError, match=r"MaterialWeights has no field 'masks'\n.*'mask'"):
+        from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}})
