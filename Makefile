@@ -22,11 +22,12 @@ $(READY): pyproject.toml constraints.txt
 ablations: $(READY) ## the paper's ablation table on the committed miniature scenes
 	$(BIN)/radiogs-bench run ablations --seeds 3 --workers 2
 
-lint: $(READY) ## style, types, and which package may import which
+lint: $(READY) ## style, types, which room may import which, and how large functions are
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python .ci/structure.py
 
 test: lint ## lint, then every test that is fast (those for a GPU skip themselves)
 	$(BIN)/python -m pytest -m "not slow"

@@ -10,8 +10,8 @@ from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
     PaperColumn,
-    PaperFigure,
     PaperTable,
+    PaperValue,
     RunSummary,
     Summary,
 )
@@ -46,7 +46,7 @@ def paper_table() -> PaperTable:
         },
     ]
 
-    def figure(mean: float | None, published: str | None, difference: float | None = None) -> PaperFigure:
+    def figure(mean: float | None, published: str | None, difference: float | None = None) -> PaperValue:
         return {
             **cell(mean, difference, None if mean is not None else "not in this store; 100 % lost & gone"),
             "published": published,

@@ -127,17 +127,22 @@ class MapKind:
 class Prepared(Protocol):
     """A trained model under one light, ready to be seen from any camera."""
 
-    offers: Mapping[str, MapKind]
-    """Every map that it can render, and how each is to be read.
+    @property
+    def offers(self) -> Mapping[str, MapKind]:
+        """Every map that it can render, and how each is to be read.
 
-    image: what the camera sees. alpha: coverage, one channel. albedo: diffuse, linear. normal: unit, in the world.
-    roughness: perceptual (alpha_GGX = r^2). depth: z-depth, world units. direct, indirect: outgoing radiance after one
-    surface, and after more. incident: mean indirect radiance that arrives over the hemisphere.
-    """
-    default: frozenset[str]
-    """Maps that every rendering has; the others cost extra and are asked for by name."""
-    timed: bool
-    """Whether the seconds of a rendering mean anything (not where images are read from files)."""
+        image: what the camera sees. alpha: coverage, one channel. albedo: diffuse, linear. normal: unit, in the world.
+        roughness: perceptual (alpha_GGX = r^2). depth: z-depth, world units. direct, indirect: outgoing radiance after
+        one surface, and after more. incident: mean indirect radiance that arrives over the hemisphere.
+        """
+
+    @property
+    def default(self) -> frozenset[str]:
+        """Maps that every rendering has; the others cost extra and are asked for by name."""
+
+    @property
+    def timed(self) -> bool:
+        """Whether the seconds of a rendering mean anything (not where images are read from files)."""
 
     def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of one view: the default ones and those of ``further`` that it offers."""
@@ -147,8 +152,9 @@ class Prepared(Protocol):
 class Trained(Protocol):
     """What training has found."""
 
-    light: EnvironmentMap | None
-    """The light of the training views as it was recovered, linear; None for a method that finds none."""
+    @property
+    def light(self) -> EnvironmentMap | None:
+        """The light of the training views as it was recovered, linear; None for a method that finds none."""
 
     def facts(self) -> dict[str, Any]:
         """Plain values that go into the result, such as the number of surfels; ``metrics`` among them maps names such
@@ -178,16 +184,25 @@ class Trained(Protocol):
 class Method(Protocol):
     """A method of inverse rendering."""
 
-    name: str
-    """As suites and ``--method`` call it: lower case, such as ``radiogs``."""
-    title: str
-    """As tables print it, such as ``RadioGS``."""
-    variant: type
-    """A frozen dataclass: every field that an ablation may turn, with the full method as default."""
-    presets: Mapping[str, Any]
-    """Budgets by name: smoke, tiny, small, paper."""
-    sources: tuple[str, ...]
-    """Modules that turn a trained model into maps; they and what they import decide its metrics."""
+    @property
+    def name(self) -> str:
+        """As suites and ``--method`` call it: lower case, such as ``radiogs``."""
+
+    @property
+    def title(self) -> str:
+        """As tables print it, such as ``RadioGS``."""
+
+    @property
+    def variant(self) -> type:
+        """A frozen dataclass: every field that an ablation may turn, with the full method as default."""
+
+    @property
+    def presets(self) -> Mapping[str, Any]:
+        """Budgets by name: smoke, tiny, small, paper."""
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Modules that turn a trained model into maps; they and what they import decide its metrics."""
 
     def stages(self, variant: Any, budget: Any) -> Sequence[StageSpec]:
         """The stages of training, in order; at least one."""

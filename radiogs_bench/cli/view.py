@@ -10,7 +10,7 @@ from .options import add_verbose, positive
 
 if TYPE_CHECKING:
     from radiogs_core.surfels.surfels import Surfels
-    from radiogs_reports.surfel_view import Disks
+    from radiogs_reports.figures.surfel_view import Disks
 
     from .options import Commands
 
@@ -31,7 +31,7 @@ def add_to(commands: "Commands") -> None:
 
 def view(options: argparse.Namespace) -> int:
     """Write figures/surfels.png and figures/surfels.gif into the folder. Raises UsageError where VTK cannot draw."""
-    from radiogs_reports.surfel_view import draw, why_not
+    from radiogs_reports.figures.surfel_view import draw, why_not
 
     from .reporter import say
 
@@ -89,7 +89,7 @@ def disks_of(surfels: "Surfels", colour: str) -> "Disks":
 
     from radiogs_core.scene.colour import srgb_encode
     from radiogs_core.surfels.harmonics import surfel_radiance
-    from radiogs_reports.surfel_view import Disks
+    from radiogs_reports.figures.surfel_view import Disks
 
     with torch.no_grad():
         frame = surfels.frame

@@ -8,14 +8,15 @@ from statistics import median
 
 import torch
 
-from radiogs.relighting import RelitByRays, RelitBySurfels
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 from .clock import seconds
@@ -63,18 +64,19 @@ def bench_frames(
         surfels = surfels_on(scene.true_surfaces(spacing))
         surfels = Surfels.of({name: value.to(device) for name, value in surfels.parameters().items()})
         announce(f"{len(surfels)} surfels, {spacing:g} apart")
-        ways = (by_rays(surfels, light), RelitBySurfels(surfels))
+        ways = (by_rays(surfels, light), partial(radiance_maps, surfels=surfels))
         taken = [
-            [1e3 * seconds(partial(way.render, camera), device) for way in ways] for camera in cameras
+            [1e3 * seconds(partial(way, camera), device) for way in ways] for camera in cameras
         ][WARM_UP:]  # fmt: skip
         yield FrameRow(spacing, len(surfels), *map(median, zip(*taken, strict=True)))
 
 
 @torch.no_grad()
-def by_rays(surfels: Surfels, light: EnvironmentMap) -> RelitByRays:
-    """The surfels with their incident light."""
+def by_rays(surfels: Surfels, light: EnvironmentMap) -> Callable[[Camera], object]:
+    """How the surfels are shown from any camera, shaded from incident light that is traced now."""
     generator = torch.Generator(surfels.centre.device).manual_seed(0)
     direction, weight = relighting_directions(
         surfels.frame[..., 2], LightSampler(light), HEMISPHERE_SAMPLES, LIGHT_SAMPLES, generator
     )
-    return RelitByRays(surfels, surfels.albedo, light, incident_along(SurfelTracer(surfels), direction, weight))
+    incident = incident_along(SurfelTracer(surfels), direction, weight)
+    return lambda camera: shaded_maps(camera, surfels, surfels.albedo, incident, light.radiance)

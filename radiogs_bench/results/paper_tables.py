@@ -11,11 +11,11 @@ from dataclasses import asdict
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
-from radiogs_reports.summary import Interval, PaperColumn, PaperFigure, PaperTable
+from radiogs_reports.statistics import Estimate, Sample, estimate, paired_difference
+from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
 from ..methods import budget_of, method, variant_of
 from ..plain_values import to_plain
-from ..statistics import Estimate, Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.experiment import TRAINING
@@ -136,12 +136,12 @@ def paper_column(name: str, table: PublishedTable) -> PaperColumn:
 
 def paper_figure(
     table: PublishedTable, rows: Rows, row: str, column: str, reference: str, suite: Suite | None
-) -> PaperFigure:
+) -> PaperValue:
     """One figure, measured and published."""
     mine = sample(rows, row, column)
     mean = estimate(list(mine.values()))
     difference = None if row == reference else paired_difference(mine, sample(rows, reference, column))
-    return PaperFigure(
+    return PaperValue(
         mean=None if mean is None else mean.mean,
         count=0 if mean is None else mean.count,
         difference=interval(difference),
@@ -197,9 +197,4 @@ def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
 
 def interval(difference: Estimate | None) -> Interval | None:
     """A difference with the ends of its 95 % interval."""
-    if difference is None:
-        return None
-    mean, reach = difference.mean, difference.half_width
-    return Interval(
-        mean=mean, low=None if reach is None else mean - reach, high=None if reach is None else mean + reach
-    )
+    return None if difference is None else Interval(mean=difference.mean, low=difference.low, high=difference.high)

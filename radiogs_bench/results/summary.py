@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from radiogs_reports.statistics import Sample, estimate, paired_difference
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
@@ -14,7 +15,6 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
-from ..statistics import Sample, estimate, paired_difference
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.suite import MEASURES, Metric

@@ -82,13 +82,13 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
 
     def scored(stage: Stage) -> dict[str, float]:
         assert score is not None
-        return score(method.restore(run_of(bench, cell, scene, cell.stages[-1]), stage.product()))
+        return score(method.restore(run_of(bench, cell, scene), stage.product()))
 
     for place, stage in enumerate(cell.stages):
         asked = scored if score is not None and stage is cell.stages[-1] else None
         outcome = stage_outcome(bench, cell, scene, place, product, asked)
         product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
-    return method.restore(run_of(bench, cell, scene, cell.stages[-1]), product), ledgers
+    return method.restore(run_of(bench, cell, scene), product), ledgers
 
 
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
@@ -104,13 +104,13 @@ def stage_outcome(
     """The outcome of one of a cell's stages, run now or before; ``before`` is the product of the stage before it."""
     stage = cell.stages[place]
     spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
-    run = run_of(bench, cell, scene, stage)
+    run = run_of(bench, cell, scene)
     return completed(bench, stage, lambda: spec.begin(run, before), score)
 
 
-def run_of(bench: Bench, cell: Cell, scene: Scene, stage: StageKey) -> Run:
-    """What a method is given to run a stage of a cell."""
-    workspace = bench.store.folder / "work" / stage.key
+def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
+    """What a method is given to train a cell; its workspace is that of the trained model."""
+    workspace = bench.store.folder / "work" / str(cell.training_key)
     return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 

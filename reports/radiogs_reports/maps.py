@@ -1,4 +1,4 @@
-"""The maps of one view as pictures: what a cell keeps beside its result, in display colours."""
+"""Maps of one view in display colours, and their errors as false colours."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -9,20 +9,20 @@ from matplotlib import colormaps
 from numpy.typing import NDArray
 
 INDIRECT_GAIN = 4.0
-"""Indirect light is shown four times brighter, or it would be too dark to judge."""
+"""Indirect light is shown four times brighter; at its own brightness it is too dark to judge."""
 
 ERROR_RANGE = 0.25
-"""Mean absolute difference over the channels, in display units, that has the brightest colour."""
+"""Mean absolute difference over the channels, in display units, at which false colours saturate."""
 
 ANGLE_RANGE = 45.0
-"""Angle between normals, in degrees, that has the brightest colour."""
+"""Angle between normals, in degrees, at which false colours saturate."""
 
 Image = NDArray[np.float64]
 """[height, width, channels]."""
 
 
 def as_is(image: Image) -> Image:
-    """A map that is stored in display units."""
+    """The map itself, for maps that are stored in display units."""
     return image
 
 
@@ -32,7 +32,7 @@ def display(linear: Image) -> Image:
 
 
 def linear(displayed: Image) -> Image:
-    """The inverse of ``display``."""
+    """sRGB as linear RGB: the inverse of ``display``."""
     return np.where(displayed <= 0.04045, displayed / 12.92, ((np.maximum(displayed, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
@@ -42,14 +42,14 @@ def normal_colour(normal: Image) -> Image:
 
 
 def difference(mine: Image, theirs: Image) -> Image:
-    """Mean absolute difference over the channels of two displayed maps, as a share of ``ERROR_RANGE``, clipped."""
+    """Mean absolute difference over the channels of two displayed maps, over ``ERROR_RANGE``, clipped to [0, 1]."""
     return np.clip(np.abs(mine - theirs).mean(-1, keepdims=True) / ERROR_RANGE, 0, 1)
 
 
 def angle(mine: Image, theirs: Image) -> Image:
-    """Angle between two maps of normals, as a share of ``ANGLE_RANGE``, clipped.
+    """Angle between the normals of two maps, over ``ANGLE_RANGE``, clipped to [0, 1].
 
-    Zero where neither has a surface, full where only one has. atan2, because acos is NaN a rounding error above one.
+    0 where neither map has a surface, 1 where only one has. By atan2: acos is NaN for a cosine one rounding above 1.
     """
     cross = np.linalg.norm(np.cross(mine, theirs), axis=-1, keepdims=True)
     degrees = np.degrees(np.arctan2(cross, (mine * theirs).sum(-1, keepdims=True)))
@@ -60,7 +60,7 @@ def angle(mine: Image, theirs: Image) -> Image:
 
 @dataclass(frozen=True)
 class Kind:
-    """How a kind of map is called and shown; ``error_unit`` says what the brightest colour of its error means."""
+    """Label of a kind of map, its display transform, and the unit and range of its error map."""
 
     label: str
     shown: Callable[[Image], Image]
@@ -76,28 +76,28 @@ KINDS: Mapping[str, Kind] = {
     "incident": Kind(f"incident light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
     "relit": Kind("relit", as_is),
 }
-"""In the order in which they are shown."""
+"""Kinds of maps by name, in the order in which they are shown."""
 
 
 def error(kind: str, mine: Image, theirs: Image) -> Image:
-    """Error of a map against the truth, 0 to 1, one channel; see the kind's ``error_unit``."""
+    """Error of a map against the truth in [0, 1], [height, width, 1]; the kind's ``error_unit`` says what 1 means."""
     if kind == "normal":
         return angle(mine, theirs)
     return difference(*(np.clip(KINDS[kind].shown(image), 0, 1) for image in (mine, theirs)))
 
 
 def read_maps(path: Path) -> dict[str, Image]:
-    """The arrays of a cell under ``render/<map>`` and ``truth/<map>``."""
+    """A cell's arrays by name, ``render/<map>`` and ``truth/<map>``, in float64."""
     with np.load(path) as archive:
         return {name: archive[name].astype(np.float64) for name in archive.files}
 
 
 def false_colour(values: Image) -> Image:
-    """0 to 1 as matplotlib's inferno."""
+    """Values in [0, 1], [height, width, 1], as colours of matplotlib's inferno."""
     return colormaps["inferno"](np.clip(values[..., 0], 0, 1))[..., :3]
 
 
 def levels(image: Image) -> NDArray[np.uint8]:
-    """A displayed map in 8 bits, three channels."""
+    """A displayed map as 8-bit RGB, [height, width, 3]."""
     rounded = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
     return rounded.repeat(3, -1) if rounded.shape[2] == 1 else rounded[..., :3]

@@ -1,6 +1,6 @@
-"""The stored summary of a run, which every report is made from: OUT/summary.json, key by key.
+"""The stored summary of a run, OUT/summary.json, key by key: every report is made from it.
 
-The harness writes it from the store; the reports only read. ``SCHEMA`` rises when a key changes its meaning.
+The harness writes it from the store, the reports read it. ``SCHEMA`` rises when a key changes its meaning.
 """
 
 import json
@@ -9,9 +9,12 @@ from typing import Any, Literal, NotRequired, TypedDict
 
 SCHEMA = "radiogs-bench/summary/3"
 
+EVALUATION = "evaluate"
+"""The stage that scores a trained model; all other stages train it."""
+
 
 class Interval(TypedDict):
-    """A paired difference to the reference row: mean, and the ends of its 95 % interval (None with one pair)."""
+    """A paired difference to the reference row: its mean, and the ends of its 95 % interval (None for one pair)."""
 
     mean: float
     low: float | None
@@ -19,18 +22,18 @@ class Interval(TypedDict):
 
 
 class CellSummary(TypedDict):
-    """One figure of the table: mean over scenes and seeds, or None with the reason."""
+    """One value of the table: the mean over scenes and seeds, or None and the reason."""
 
     mean: float | None
     count: int
-    """How many (scene, seed) pairs it is the mean of."""
+    """Number of (scene, seed) pairs in the mean."""
     difference: Interval | None
-    """Against the reference row; None in that row, and where nothing is shared."""
+    """To the reference row; None in that row, and where the two share no pair."""
     reason: str | None
 
 
 class ColumnSummary(TypedDict):
-    """A column: ``key`` such as ``nvs/psnr``, its heading, unit, direction of better, printed decimals."""
+    """A column: its key such as ``nvs/psnr``, label, unit, which values are better, and printed decimals."""
 
     key: str
     label: str
@@ -40,7 +43,10 @@ class ColumnSummary(TypedDict):
 
 
 class RowSummary(TypedDict):
-    """A row: key, label in LaTeX, label in plain text, and the mean seconds of training a cell."""
+    """A row: its key, its label in LaTeX and in plain text, and its mean training seconds per cell.
+
+    ``latex`` may be empty; ``write.latex.row_label`` then escapes ``text``.
+    """
 
     key: str
     latex: str
@@ -49,10 +55,10 @@ class RowSummary(TypedDict):
 
 
 class SheetSummary(TypedDict):
-    """One row of the contact sheet: a row of the table, and the array file (relative to OUT) with its maps.
+    """One view of the contact sheet: the table row it belongs to, and the file of its maps, relative to OUT.
 
-    Arrays are float, [height, width, channels], under ``render/<map>`` and ``truth/<map>`` for the maps image,
-    albedo, normal (world, -1 to 1), roughness, indirect (linear), relit; all composited on black.
+    Arrays are float, [height, width, channels], under ``render/<map>`` and ``truth/<map>`` for the maps image, albedo,
+    normal (world, -1 to 1), roughness, indirect (linear) and relit; all are composited on black.
     """
 
     row: str
@@ -62,11 +68,18 @@ class SheetSummary(TypedDict):
     light: NotRequired[str]
 
 
-class TrailPoint(TypedDict):
-    """How far a stage had come after so many steps and seconds.
+class StageSummary(TypedDict):
+    """A training stage: the name that seconds, work and losses are listed under, and its title in texts and plots."""
 
-    ``losses`` are weighted, by name, each the mean over the steps since the point before; ``metrics`` by column, over a
-    few test views, empty where the model was not scored.
+    name: str
+    title: str
+
+
+class TrailPoint(TypedDict):
+    """Progress of a stage after a number of steps and seconds.
+
+    ``losses``: weighted, by name, averaged over the steps since the previous point. ``metrics``: by column, over a few
+    test views; empty where the model was not scored.
     """
 
     iteration: int
@@ -76,54 +89,60 @@ class TrailPoint(TypedDict):
 
 
 class PlanSummary(TypedDict):
-    """Which effects a cell simulated when its training ended, and what probes predicted and took."""
+    """Which light-transport effects a cell simulated at the end of its training, and what probing them cost."""
 
     plan: dict[str, Any]
-    """By field; of masks the share of surfels that are on."""
+    """By field; a mask over surfels is stored as the share that is on."""
     bound: float | None
-    """dB that the plan costs at most, by the probe that says most; None where results do not hold it."""
+    """Largest predicted loss of PSNR, in dB, over all probes; None where the result does not hold it."""
     tolerance: float | None
-    """dB that probes tolerated; None where nothing was probed."""
+    """Loss in dB that the probes were allowed; None where nothing was probed."""
     probing: dict[str, float] | None
-    """``seconds`` and ``rays`` of stage 2 that probes took; None in results from before it was kept."""
+    """``seconds`` and ``rays`` that probes took in the last stage; None in results that do not hold them."""
 
 
 class RunSummary(TypedDict):
-    """One cell of the run: its place in the table, its figures, what it took, and where it comes from."""
+    """One cell of the run: its place in the table, its metric values, what it cost, and its provenance.
+
+    What a method may lack (``effects``, ``surfels``, entries of ``work`` such as rays) is None or absent, and reports
+    print n/a for it.
+    """
 
     row: str
     scene: str
     seed: int
     key: str
     state: str
-    """``finished``, or how far it is, or why it failed; what follows is empty or None unless it is finished."""
+    """``finished``, or its progress, or why it failed. Unless finished, all keys below are empty or None."""
     figures: dict[str, float | None]
-    """By column; None where there is no finite figure."""
+    """Metric values by column; None where the value is not finite."""
+    stages: NotRequired[list[StageSummary]]
+    """Training stages in the order in which they run; see ``stages_of`` for summaries without it."""
     seconds: dict[str, float]
-    """By stage: initialise, invert, evaluate."""
+    """By stage, ``evaluate`` included."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage."""
     guards: dict[str, dict[str, int]]
-    """How often each guard acted, by stage."""
+    """How often each numerical guard acted, by stage."""
     losses: dict[str, dict[str, float]]
-    """The last step's weighted losses by stage."""
+    """Weighted losses of the last step, by stage."""
     trail: dict[str, list[TrailPoint]]
-    """How the losses fell and, where the model was scored along the way, how the figures rose; by stage."""
+    """Losses, and metrics where the model was scored during training, by stage."""
     effects: PlanSummary | None
-    """None where nothing was trained, and in results from before plans were kept."""
+    """None for methods without a plan, and where nothing was trained."""
     surfels: int | None
     view: str | None
     light: str | None
     arrays: str | None
-    """The array file (relative to OUT), as in ``SheetSummary``; None where there is none."""
+    """The file of its maps, as in ``SheetSummary``; None where there is none."""
     made_from: dict[str, Any]
     """Everything that the key is the hash of."""
     sessions: dict[str, list[dict[str, Any]]]
-    """Dates, commits, versions, machines and memory of the processes that made it, by stage."""
+    """Date, commit, versions, machine and memory of each process that worked on it, by stage."""
 
 
 class PaperColumn(TypedDict):
-    """A column of a table of the paper; ``group`` is the heading that it shares with its neighbours."""
+    """A column of a table of the paper; neighbouring columns with the same ``group`` share that heading."""
 
     key: str
     group: str
@@ -131,16 +150,16 @@ class PaperColumn(TypedDict):
     unit: str
     direction: Literal["up", "down", "none"]
     decimals: int
-    """Of measured figures: as many as the paper prints."""
+    """Printed decimals of measured values: as many as the paper prints."""
 
 
-class PaperFigure(TypedDict):
-    """A figure of a table of the paper, measured and published."""
+class PaperValue(TypedDict):
+    """A value of a table of the paper, measured and published."""
 
     mean: float | None
     count: int
     difference: Interval | None
-    """Against the table's reference row, paired over (scene, seed)."""
+    """To the table's reference row, paired over (scene, seed)."""
     reason: str | None
     """Why nothing was measured."""
     published: str | None
@@ -150,19 +169,19 @@ class PaperFigure(TypedDict):
 
 
 class PaperTable(TypedDict):
-    """A table of the paper, with all of its rows and columns, whichever of them the store has figures for."""
+    """A table of the paper with all of its rows and columns, measured or not."""
 
     key: str
     title: str
     label: str
     """The paper's LaTeX label."""
     data: str
-    """What the published figures are the mean of."""
+    """The data that published values are averaged over."""
     reference: str | None
     columns: list[PaperColumn]
     rows: list[dict[str, str]]
-    """``key``, ``text`` and ``remark`` (empty where there is none)."""
-    cells: dict[str, dict[str, PaperFigure]]
+    """``key``, ``text`` and ``remark``, which may be empty."""
+    cells: dict[str, dict[str, PaperValue]]
     """By row, then column."""
 
 
@@ -177,25 +196,25 @@ class Summary(TypedDict):
     scenes: list[str]
     seeds: list[int]
     reference: str | None
-    """The row that differences are taken to; None where the rows are no variants of one thing."""
+    """The row that differences are taken to; None where rows are not variants of one method."""
     columns: list[ColumnSummary]
     rows: list[RowSummary]
     cells: dict[str, dict[str, CellSummary]]
     """By row, then column."""
     published: dict[str, dict[str, float]]
-    """Published figures by row, then column; a figure that was not published is absent."""
+    """Published values by row, then column; unpublished ones are absent."""
     published_data: str
-    """What the published figures are the mean of."""
+    """The data that published values are averaged over."""
     machine: str
     sheet: list[SheetSummary]
     keys: list[str]
-    """Keys of the results that the figures come from."""
+    """Keys of the results that the values come from."""
     runs: list[RunSummary]
-    """Every cell, in the order in which they are run."""
+    """Every cell, in the order in which cells are run."""
     paper: list[PaperTable]
-    """The tables of the paper that the store holds figures for, also of other suites than this run's."""
+    """Tables of the paper with at least one measured value, those of other suites included."""
     conventions: dict[str, Any]
-    """What the metric protocol does, spelled out; empty before the first result."""
+    """Every convention of the metric protocol; empty before the first result."""
 
 
 def read_summary(out: Path) -> Summary:
@@ -207,8 +226,50 @@ def read_summary(out: Path) -> Summary:
 
 
 def reference_of(summary: Summary) -> str:
-    """The row that others are compared with. Raises ValueError for a run whose rows are no variants of one thing."""
+    """The reference row's key. Raises ValueError for a run without a reference row."""
     reference = summary["reference"]
     if reference is None:
-        raise ValueError(f"the rows of suite '{summary['suite']}' are not compared with one of them")
+        raise ValueError(f"suite '{summary['suite']}' has no reference row")
     return reference
+
+
+def row_texts(summary: Summary) -> dict[str, str]:
+    """Plain-text labels by row key, in the table's order."""
+    return {row["key"]: row["text"] for row in summary["rows"]}
+
+
+def half_width(interval: Interval | None) -> float | None:
+    """Half the length of an interval; None where there is no interval."""
+    if interval is None or interval["low"] is None or interval["high"] is None:
+        return None
+    return (interval["high"] - interval["low"]) / 2
+
+
+def stages_of(run: RunSummary) -> list[StageSummary]:
+    """The training stages of a run, first to last.
+
+    Summaries from before stages were listed name them in ``seconds``, in alphabetical order, which for the two stages
+    of those summaries is the order of running; their titles are "stage 1" and "stage 2".
+    """
+    if "stages" in run:
+        return run["stages"]
+    names = [name for name in run["seconds"] if name != EVALUATION]
+    return [StageSummary(name=name, title=f"stage {place}") for place, name in enumerate(names, start=1)]
+
+
+def last_stage(run: RunSummary) -> StageSummary | None:
+    """The training stage that runs last; None for a run without training."""
+    stages = stages_of(run)
+    return stages[-1] if stages else None
+
+
+def last_trail(run: RunSummary) -> list[TrailPoint]:
+    """Progress of the last training stage; empty where none was kept."""
+    stage = last_stage(run)
+    return [] if stage is None else run["trail"].get(stage["name"], [])
+
+
+def last_stage_title(summary: Summary) -> str:
+    """Title of the last training stage if all runs share one, otherwise "the last stage"."""
+    titles = {stage["title"] for run in summary["runs"] if (stage := last_stage(run)) is not None}
+    return titles.pop() if len(titles) == 1 else "the last stage"

@@ -36,7 +36,7 @@ def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
     rays = len(surfels) * (HEMISPHERE_SAMPLES + LIGHT_SAMPLES)
     assert prepared.work["rays"] == rays
     with recording() as drawn:
-        relit.render(scene.test[0].camera.to(dtype=torch.float32))
+        relit(scene.test[0].camera.to(dtype=torch.float32))
     assert drawn.work["shaded_samples"] == rays
     assert drawn.work["rays"] == 0
     assert len(scene.test) <= FRAMES

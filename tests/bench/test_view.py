@@ -13,7 +13,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.sweep import Request, write_sweep
 from radiogs_core.errors import DataError, UsageError
-from radiogs_reports import surfel_view
+from radiogs_reports.figures import surfel_view
 
 REQUEST = Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")
 

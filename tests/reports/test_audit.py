@@ -11,14 +11,16 @@ import pytest
 from scipy import stats
 
 from made_up_run import cell, run, summary, write_run
-from radiogs_reports import texts, write_reports
-from radiogs_reports.audit import AuditReport, audit_csv, audit_latex, audit_markdown, audit_report
-from radiogs_reports.audit.lines import Line, judged
-from radiogs_reports.audit.words import left_out, over_seeds
+from radiogs_reports import write_reports
+from radiogs_reports.analysis.audit import AuditReport, audit_report
+from radiogs_reports.analysis.audit.lines import Line, judged
+from radiogs_reports.analysis.audit.plan_text import left_out, over_seeds
+from radiogs_reports.analysis.grid import Item
 from radiogs_reports.figures.audit import audit_figure
-from radiogs_reports.grids import Item
-from radiogs_reports.paired import Estimate
+from radiogs_reports.run_folder import texts
+from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
+from radiogs_reports.write.audit import audit_csv, audit_latex, audit_markdown
 
 SEEDS = (0, 1, 2)
 COLUMNS = ("nvs/psnr", "albedo/psnr", "relight/psnr")
@@ -135,7 +137,7 @@ def test_the_table_says_what_was_worked_out_by_hand() -> None:
 
 def test_ratios_of_seconds_are_geometric_means() -> None:
     line = line_of(made_up(), "room", "auto")
-    for found, given in ((line.stage2, [2, 1, 4]), (line.training, [16 / 12, 16 / 16, 16 / 10])):
+    for found, given in ((line.last_stage, [2, 1, 4]), (line.training, [16 / 12, 16 / 16, 16 / 10])):
         assert found is not None
         assert found.mean == pytest.approx(stats.gmean(given))
         assert (found.low, found.high) == pytest.approx(np.exp(ends(np.log(given))))
@@ -143,7 +145,7 @@ def test_ratios_of_seconds_are_geometric_means() -> None:
 
 def test_rays_of_evaluation_do_not_count_and_none_at_all_is_everything_saved() -> None:
     line = line_of(made_up(), "ball", "no-rays")
-    assert line.rays == Estimate(1.0, 1.0, 1.0, 3)
+    assert line.rays_saved == Estimate(1.0, 1.0, 1.0, 3)
     assert line_of(made_up(), "ball", "auto").probe_rays == Estimate(0.04, 0.04, 0.04, 3)
 
 
@@ -230,8 +232,8 @@ def test_only_an_audit_has_an_audit() -> None:
         ({"traced": 0.214, "indirect": False}, "rays from 21 % of the surfels, no indirect light"),
         ({"visibility": False, "specular": False}, "no visibility, no lobes"),
         ({"specular_at": 0.5, "sh_degree": 1}, "lobes on 50 % of the surfels, own radiance of degree 1"),
-        ({"samples": 2, "refresh": 4}, "1/2 of the directions, all traced anew 1/4 as often"),
-        ({"bounces": False, "light_sampling": False}, "one bounce, nothing drawn from the light"),
+        ({"samples": 2, "refresh": 4}, "1/2 of the directions, all surfels re-traced 1/4 as often"),
+        ({"bounces": False, "light_sampling": False}, "one bounce, no light sampling"),
     ],
 )
 def test_plans_are_said_in_words(changes: dict[str, Any], said: str) -> None:
@@ -266,7 +268,9 @@ def test_the_csv_has_a_line_for_each_scene_and_row() -> None:
     assert line.rays_saved == pytest.approx(0.7)
     assert line.probe_rays_share == pytest.approx(0.04)
     assert (
-        stored.loc["room", "no-rays"][["bound", "under_bound", "probes_of_stage2", "probes_of_training"]].isna().all()
+        stored.loc["room", "no-rays"][["bound", "under_bound", "probes_of_last_stage", "probes_of_training"]]
+        .isna()
+        .all()
     )
 
 

@@ -11,16 +11,17 @@ import pytest
 from scipy import stats
 
 from made_up_run import run, summary
-from radiogs_reports import texts
-from radiogs_reports.cost import CostReport, cost_csv, cost_latex, cost_markdown, cost_report
-from radiogs_reports.cost.along import Point, figure_at, seconds_to, to_equal_quality
+from radiogs_reports.analysis.cost import CostReport, cost_report
+from radiogs_reports.analysis.cost.progress import Point, seconds_to, to_equal_quality, value_at
+from radiogs_reports.analysis.grid import Item
+from radiogs_reports.analysis.pareto import points
+from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
 from radiogs_reports.figures.knobs import knob_figures
-from radiogs_reports.front import points
-from radiogs_reports.grids import Item
-from radiogs_reports.paired import figures_of
-from radiogs_reports.plain import signed_figure
+from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
+from radiogs_reports.wording import signed
+from radiogs_reports.write.cost import cost_csv, cost_latex, cost_markdown
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
 ROWS: dict[str, dict[str, int]] = {
@@ -53,7 +54,7 @@ def made_up(seeds: tuple[int, ...] = SEEDS) -> Summary:
     made["cells"] = {
         row: {
             column["key"]: {
-                "mean": float(np.mean(list(figures_of(made, row, column["key"]).values()))),
+                "mean": float(np.mean(list(values_of(made, row, column["key"]).values()))),
                 "count": len(seeds), "difference": None, "reason": None,
             }
             for column in made["columns"]
@@ -148,10 +149,10 @@ def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
     curve = [Point(2.0, 20.0), Point(3.0, 24.0), Point(5.0, 25.0)]
     seconds = np.linspace(2, 5, 13)
     expected = np.interp(seconds, [2, 3, 5], [20, 24, 25])
-    assert [figure_at(curve, each) for each in seconds] == pytest.approx(expected)
+    assert [value_at(curve, each) for each in seconds] == pytest.approx(expected)
     assert [seconds_to(curve, each, column) for each in expected] == pytest.approx(seconds)
-    assert figure_at(curve, 1.9) is None
-    assert figure_at(curve, 99.0) == 25.0
+    assert value_at(curve, 1.9) is None
+    assert value_at(curve, 99.0) == 25.0
     assert seconds_to(curve, 25.1, column) is None
     assert seconds_to([Point(1, 9.0), Point(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
 
@@ -179,7 +180,7 @@ def test_targets_are_each_scenes_own_and_the_reference_reaches_them() -> None:
 
 
 def test_what_rounds_to_nothing_has_no_sign() -> None:
-    shown = [signed_figure(value, 2) for value in (-0.004, 0.004, 0.0, -0.006, 0.006)]
+    shown = [signed(value, 2) for value in (-0.004, 0.004, 0.0, -0.006, 0.006)]
     assert shown == ["0.00", "0.00", "0.00", "-0.01", "+0.01"]
 
 
@@ -241,7 +242,7 @@ def test_figures_of_the_knobs_and_of_convergence_hold_the_means() -> None:
     assert line.get_xydata() == pytest.approx(np.array([[1, 0.5], [2, 0.25], [4, 0.125], [8, 0.0625]]))
     (line, *_) = metrics.figure.axes[0].get_lines()
     assert line.get_ydata() == pytest.approx([26, 27, 28, 29])
-    assert mean_curve([], "invert", lambda point: 1.0) == []
+    assert mean_curve([], lambda point: 1.0) == []
 
 
 def test_rows_that_share_a_training_are_one_line_and_others_are_not() -> None:

@@ -13,15 +13,16 @@ from PIL import Image
 from made_up_run import LIGHTS, arrays, run, summary, write_run
 from radiogs_reports import write_reports
 from radiogs_reports.figures import write_figures
-from radiogs_reports.figures.canvas import ALL, file_name, number
-from radiogs_reports.figures.cost import cost_figure
+from radiogs_reports.figures.canvas import ALL, file_name
+from radiogs_reports.figures.cost import cost_figures
 from radiogs_reports.figures.environment import factors
-from radiogs_reports.figures.illumination import components, direct, illumination_figures
+from radiogs_reports.figures.illumination import components, direct, illumination_figures, indirect_as_incident
 from radiogs_reports.figures.qualitative import crop_place, qualitative_figures
 from radiogs_reports.figures.relighting import relighting_figures
 from radiogs_reports.figures.views import MOST_ACROSS, scene_views
 from radiogs_reports.maps import display, linear
 from radiogs_reports.summary import Summary
+from radiogs_reports.wording import short_number
 
 OF_A_SCENE = ("image", "albedo", "normal", "indirect", "relit", "illumination", "environment", "relighting")
 CONVERGENCE = ("convergence-losses", "convergence-metrics")
@@ -80,7 +81,7 @@ def test_a_figure_is_large_enough_for_print(reports: Path) -> None:
 def test_better_is_higher_up_in_every_panel_and_every_mark_is_inside() -> None:
     made = summary()
     made["runs"].append(run("no-rad", "my_scene", 1, "fed", {"nvs/psnr": 29.0, "normal/mae": 9.0}))
-    (figure,) = [sketch.figure for sketch in cost_figure(made) if sketch.name == "cost-seconds"]
+    (figure,) = [sketch.figure for sketch in cost_figures(made) if sketch.name == "cost-seconds"]
     panels = [axes for axes in figure.axes if axes.get_visible()]
     assert [axes.get_title() for axes in panels] == ["NVS PSNR ↑ (dB)", "Normal MAE ↓ (degrees)"]
     for axes, key, upwards in zip(panels, ("nvs/psnr", "normal/mae"), (True, False), strict=True):
@@ -95,7 +96,7 @@ def test_a_cost_that_is_the_same_for_all_rows_has_no_figure() -> None:
     made = summary()
     for each in made["runs"]:
         each["work"] = {"invert": {"rays": 5}} if each["work"] else {}
-    assert [sketch.name for sketch in cost_figure(made)] == ["cost-seconds"]
+    assert [sketch.name for sketch in cost_figures(made)] == ["cost-seconds"]
 
 
 def test_the_crop_is_the_window_of_the_largest_variance() -> None:
@@ -128,7 +129,7 @@ def test_the_light_that_arrives_stands_where_the_protocol_compares_it() -> None:
     """Truth that a protocol takes for arriving light is no part of the image, so that nothing is direct there."""
     found = {"image": np.full((2, 2, 3), 0.5), "indirect": np.full((2, 2, 3), 0.01)}
     assert components(found).keys() == {"image", "indirect", "direct"}
-    arriving = components(found, arriving=True)
+    arriving = components(indirect_as_incident(found))
     assert arriving.keys() == {"image", "incident"}
     assert arriving["incident"] == pytest.approx(components(found)["indirect"])
 
@@ -209,9 +210,9 @@ def test_rows_that_show_different_views_are_refused(tmp_path: Path) -> None:
 def test_dollars_in_names_are_dollars(tmp_path: Path) -> None:
     made = two_rows()
     made["rows"][0]["text"], made["columns"][0]["label"] = r"$\undefined$ 5", "$^$"
-    for sketch in [*cost_figure(made), *illumination_figures(made, write_run(tmp_path, made))]:
+    for sketch in [*cost_figures(made), *illumination_figures(made, write_run(tmp_path, made))]:
         sketch.figure.draw_without_rendering()  # raises where a name is taken for a formula
-    (figure,) = [sketch.figure for sketch in cost_figure(made) if sketch.name == "cost-seconds"]
+    (figure,) = [sketch.figure for sketch in cost_figures(made) if sketch.name == "cost-seconds"]
     assert figure.axes[0].get_title() == r"\$^\$ ↑ (dB)"
 
 
@@ -221,5 +222,5 @@ def test_names_of_files_suit_every_system_and_latex() -> None:
 
 
 def test_numbers_of_ticks_are_short() -> None:
-    shown = [number(value) for value in (0.2, 5, 1000, 20_000, 5e6)]
+    shown = [short_number(value) for value in (0.2, 5, 1000, 20_000, 5e6)]
     assert shown == ["0.2", "5", "1k", "20k", "5M"]

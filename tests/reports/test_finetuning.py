@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import brentq
 
 from made_up_run import arrays, cell, run, summary, write_run
+from radiogs_reports.analysis.finetuning import Times, times_of, tunings
 from radiogs_reports.figures.finetuning import finetuning_figures
-from radiogs_reports.finetuning import Times, times_of, tunings
 from radiogs_reports.summary import Summary
 
 ROWS = {"split-sum": ("pbr", 1.0), "rays-2": ("finetuned", 0.1), "rays-8": ("finetuned", 0.4),
@@ -77,10 +77,10 @@ def test_when_a_row_is_ahead_is_where_the_lines_meet(mine: Times, other: Times, 
 
     assert mine.versus(other) == said
     if "frames" in said:
-        assert mine.meets(other) == pytest.approx(brentq(lead, 1, 1e9))
+        assert mine.break_even(other) == pytest.approx(brentq(lead, 1, 1e9))
         assert (lead(1) > 0) == ("for" in said)
     else:
-        assert mine.meets(other) is None
+        assert mine.break_even(other) is None
         assert (lead(1) > 0) == (lead(1e9) > 0) == ("always" in said)
 
 

@@ -8,10 +8,11 @@ from pathlib import Path
 import pytest
 
 from made_up_run import paper_table, summary, write_run
-from radiogs_reports import texts, write_reports
-from radiogs_reports.latex import as_formula, escape
-from radiogs_reports.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.paper.reading import caption, measured, ranks
+from radiogs_reports import write_reports
+from radiogs_reports.run_folder import texts
+from radiogs_reports.write.latex import as_formula, escape
+from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
+from radiogs_reports.write.paper.reading import caption, measured, paper_ranks
 
 TABLE, SUMMARY = paper_table(), summary()
 LATEX = paper_latex(TABLE, SUMMARY)
@@ -129,11 +130,11 @@ def test_every_missing_figure_has_its_reason_below_the_table() -> None:
 
 def test_measured_and_published_figures_are_ranked_each_among_themselves() -> None:
     psnr, lpips, hours, samples = TABLE["columns"]
-    assert ranks(TABLE, psnr, of_published=False) == {"ours": 1, "detach": 2}
-    assert ranks(TABLE, psnr, of_published=True) == {"ours": 1, "detach": 2, "split-sum": 3}
-    assert ranks(TABLE, lpips, of_published=False) == {"ours": 1, "detach": 1}
-    assert ranks(TABLE, hours, of_published=False) == {"detach": 1, "ours": 2}
-    assert ranks(TABLE, samples, of_published=True) == {}
+    assert paper_ranks(TABLE, psnr, of_published=False) == {"ours": 1, "detach": 2}
+    assert paper_ranks(TABLE, psnr, of_published=True) == {"ours": 1, "detach": 2, "split-sum": 3}
+    assert paper_ranks(TABLE, lpips, of_published=False) == {"ours": 1, "detach": 1}
+    assert paper_ranks(TABLE, hours, of_published=False) == {"detach": 1, "ours": 2}
+    assert paper_ranks(TABLE, samples, of_published=True) == {}
     assert r"\cellcolor[HTML]{FF9999}31.623" in LATEX
     assert r"\cellcolor[HTML]{FF9999}\textcolor{darkgray}{37.858}" in LATEX
 
@@ -141,7 +142,7 @@ def test_measured_and_published_figures_are_ranked_each_among_themselves() -> No
 def test_one_measured_row_alone_has_no_rank() -> None:
     alone = paper_table()
     alone["cells"]["detach"]["nvs/psnr"]["mean"] = None
-    assert ranks(alone, alone["columns"][0], of_published=False) == {}
+    assert paper_ranks(alone, alone["columns"][0], of_published=False) == {}
 
 
 def test_a_small_figure_is_not_printed_as_zero() -> None:

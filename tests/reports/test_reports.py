@@ -13,10 +13,10 @@ from PIL import Image
 
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
-from radiogs_reports.latex import escape, table
-from radiogs_reports.plain import csv, markdown
-from radiogs_reports.ranks import ranks
+from radiogs_reports.analysis.ranks import suite_ranks
 from radiogs_reports.summary import read_summary
+from radiogs_reports.write.latex import escape
+from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path:
 
 
 def test_the_table_says_everything_that_the_summary_says() -> None:
-    text = table(summary())
+    text = suite_latex(summary())
     assert r"\cellcolor[HTML]{FF9999}31.23~\textcolor{gray}{(37.86)}" in text
     assert r"\cellcolor[HTML]{FFD7D7}30.00" in text
     assert r"\cellcolor[HTML]{FF9999}7.00" in text
@@ -65,15 +65,15 @@ def test_the_table_says_everything_that_the_summary_says() -> None:
 def test_ranks_go_by_what_is_printed_and_ties_share() -> None:
     made = summary()
     made["cells"]["no-rad"]["nvs/psnr"]["mean"] = 31.2341
-    assert ranks(made, made["columns"][0]) == {"ours": 1, "no-rad": 1}
-    assert ranks(made, made["columns"][1]) == {"ours": 2, "no-rad": 1}
-    assert ranks(made, made["columns"][2]) == {}
+    assert suite_ranks(made, made["columns"][0]) == {"ours": 1, "no-rad": 1}
+    assert suite_ranks(made, made["columns"][1]) == {"ours": 2, "no-rad": 1}
+    assert suite_ranks(made, made["columns"][2]) == {}
 
 
 def test_markdown_and_csv_carry_the_same_figures() -> None:
-    text = markdown(summary())
+    text = suite_markdown(summary())
     assert "| Ours | 31.23 | 7.50 | n/a (no_weights) | 37.86 | 61 |" in text
-    records = list(csv_reader.DictReader(io.StringIO(csv(summary()))))
+    records = list(csv_reader.DictReader(io.StringIO(suite_csv(summary()))))
     assert len(records) == 6
     found = next(record for record in records if record["row"] == "no-rad" and record["column"] == "nvs/psnr")
     assert float(found["difference_low"]) == pytest.approx(-1.734)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from radiogs_reports import surfel_view
-from radiogs_reports.surfel_view import FACETS, REACH, SMALLEST_OPACITY, Disks, draw, mesh_of, why_not
+from radiogs_reports.figures import surfel_view
+from radiogs_reports.figures.surfel_view import FACETS, RADIUS, SMALLEST_OPACITY, Disks, draw, mesh_of, why_not
 
 
 def disks() -> Disks:
@@ -27,7 +27,7 @@ def test_disks_are_ellipses_of_two_deviations_in_their_own_plane() -> None:
     assert mesh.n_points == 8 * FACETS
     offsets = np.asarray(mesh.points).reshape(8, FACETS, 3) - disks().centres[:8, None]
     assert np.abs(offsets[..., 0]).max() < 1e-6
-    assert (offsets[..., 1] / 0.2) ** 2 + (offsets[..., 2] / 0.1) ** 2 == pytest.approx(REACH**2, rel=1e-4)
+    assert (offsets[..., 1] / 0.2) ** 2 + (offsets[..., 2] / 0.1) ** 2 == pytest.approx(RADIUS**2, rel=1e-4)
 
 
 def test_the_still_shows_the_near_wall_and_the_turntable_comes_around(tmp_path: Path) -> None:

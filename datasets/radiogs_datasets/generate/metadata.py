@@ -6,7 +6,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -29,31 +29,38 @@ SHARE_SAMPLES = 256
 """Samples a pixel for shares of energy, which are sums over a whole image."""
 
 
+@dataclass(frozen=True)
+class Making:
+    """How a scene was made: bounces, samples a pixel by split, seed; and the share of its energy that is indirect."""
+
+    depth: int
+    samples: Mapping[str, int]
+    seed: int
+    indirect_share: float
+
+
 def describe(
     recipe: Recipe,
     scene: mi.Scene,
     camera: Pinhole,
-    depth: int,
-    samples: Mapping[str, int],
-    seed: int,
-    indirect_share: float,
+    made: Making,
     folder: Path,
 ) -> dict[str, object]:
     """The metadata of a scene whose lights lie in ``folder``.
 
-    Noise, and the shares of specular and shadowed light, are measured on the view of ``camera``; ``indirect_share`` is
-    given, of all views.
+    Noise, and the shares of specular and shadowed light, are measured on the view of ``camera``.
     """
+    depth, samples = made.depth, made.samples
     light = read_hdr(folder / "envmaps" / "training.hdr")
     return {
         "scene": recipe.name,
         "purpose": recipe.purpose,
-        "seed": seed,
+        "seed": made.seed,
         "samples": dict(samples),
         "sampler": "multijitter",
         "depth": depth,
         "noise_floor_db": round(noise_floor(scene, camera, samples["test"], depth), 2),
-        "indirect_share": round(indirect_share, 4),
+        "indirect_share": round(made.indirect_share, 4),
         **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, camera, depth).items()},
         "lights": {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").iterdir())

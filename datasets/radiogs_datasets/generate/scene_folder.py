@@ -23,7 +23,7 @@ from . import render
 from .cameras import Pinhole, pinhole
 from .catalogue import Pictures, Recipe
 from .environments import LIGHTS
-from .metadata import describe
+from .metadata import Making, describe
 
 TRAIN_SAMPLES, TEST_SAMPLES = 1024, 4096
 
@@ -82,9 +82,8 @@ def _write_all(
         (folder / f"transforms_{split.name}.json").write_text(json.dumps(table, indent=1) + "\n")
     scored = pinhole(recipe.rig, test.first, pictures.size)
     samples = {split.name: split.samples for split in (train, test)}
-    metadata = describe(
-        recipe, lights[TRAINING_LIGHT], scored, pictures.depth, samples, seed, float(energy[0] / energy[1]), folder
-    )
+    made = Making(pictures.depth, samples, seed, float(energy[0] / energy[1]))
+    metadata = describe(recipe, lights[TRAINING_LIGHT], scored, made, folder)
     (folder / "metadata.json").write_text(json.dumps(metadata, indent=1) + "\n")
 
 

@@ -6,7 +6,7 @@ from ..summary import Summary
 from .audit import audit_figure
 from .canvas import Drawn, save
 from .convergence import convergence_figures
-from .cost import cost_figure
+from .cost import cost_figures
 from .environment import environment_figures
 from .finetuning import finetuning_figures
 from .illumination import illumination_figures
@@ -19,9 +19,9 @@ __all__ = ["Drawn", "write_figures"]
 
 
 def write_figures(summary: Summary, out: Path) -> list[Drawn]:
-    """Write every figure that the stored results give into ``out``/figures; the same results give the same bytes."""
+    """Write every figure that the stored results allow into ``out``/figures; the same results give the same bytes."""
     figures = [
-        *(knob_figures(summary) or cost_figure(summary)),
+        *(knob_figures(summary) or cost_figures(summary)),
         *audit_figure(summary),
         *convergence_figures(summary),
         *finetuning_figures(summary, out),

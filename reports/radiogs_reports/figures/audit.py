@@ -1,4 +1,4 @@
-"""What probes predicted beside what was observed: the bound on the loss and the loss, scene by scene."""
+"""Predicted bound on the loss against the observed loss, scene by scene."""
 
 from collections.abc import Sequence
 from typing import Literal
@@ -10,27 +10,29 @@ from matplotlib.lines import Line2D
 from matplotlib.scale import SymmetricalLogScale
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from ..audit.lines import Line, audit_lines
+from ..analysis.audit.lines import Line, audit_lines
 from ..summary import Summary
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, number, plain
+from ..wording import short_number
+from .axes import add_grid
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 ACROSS = 2
 PANEL = (3.4, 3.2)
 LEGEND = 2.1
-"""Inches for the names of scenes."""
+"""Width of the legend in inches."""
 
 LINEAR_UP_TO = 5.0
-"""Tolerances: axes that reach further are logarithmic beyond one tolerance."""
+"""In tolerances: axes that reach further are logarithmic beyond one tolerance."""
 
 DECADES = 4
-"""Beyond the tolerance that have ticks: images that differ by more are not images of one thing."""
+"""Decades beyond the tolerance that have ticks: no loss is larger."""
 
 ROOM = 1.15
-"""By how much axes reach beyond what they show."""
+"""How far axes extend, as a multiple of the largest value shown."""
 
 
 def audit_figure(summary: Summary) -> list[Sketch]:
-    """A panel for each row that was probed; none where no row was, or nothing of it is known."""
+    """A figure with a panel for each row that was probed; none without a row that has a bound and a loss."""
     lines = [line for line in audit_lines(summary) if line.bound is not None and line.losses["nvs"] is not None]
     rows = [row for row in summary["rows"] if any(line.row == row["key"] for line in lines)]
     if not rows:
@@ -46,8 +48,8 @@ def audit_figure(summary: Summary) -> list[Sketch]:
             axes.set_visible(False)
         figure.legend(handles=_handles(summary, lines), loc="outside right center", frameon=False)
     caption = (
-        "Predicted bound on the loss of NVS PSNR (the largest of all probes and seeds) and the observed loss against"
-        " everything on (mean over paired seeds; bars: 95 % t interval). Below the diagonal the loss is under its"
+        "Predicted bound on the loss of NVS PSNR (the largest of all probes and seeds) and the observed loss compared"
+        " with everything on (mean over paired seeds; bars: 95 % t interval). Below the diagonal the loss is under its"
         " bound. Dashed: the tolerance. Where nothing was left out, bound and loss are 0."
     )
     return [Sketch("audit", caption, figure, on_page=True)]
@@ -82,23 +84,22 @@ def _panel(axes: Axes, summary: Summary, lines: Sequence[Line]) -> None:
         axes.axvline(tolerance, color="#444444", linestyle="--", linewidth=0.8, zorder=1)
     axes.set_xlabel("predicted bound (dB)")
     axes.set_ylabel("observed loss of NVS PSNR (dB)")
-    axes.grid(color="#e4e4e4", linewidth=0.5)
-    axes.set_axisbelow(True)
+    add_grid(axes)
 
 
-def _scale(axes: Axes, which: Literal["x", "y"], tolerance: float, reach: float) -> None:
-    """Logarithmic beyond the tolerance, to both sides, where the axis reaches far."""
-    if reach <= LINEAR_UP_TO * tolerance:
+def _scale(axes: Axes, which: Literal["x", "y"], tolerance: float, largest: float) -> None:
+    """Make an axis logarithmic beyond the tolerance, to both sides, if its largest magnitude is far beyond it."""
+    if largest <= LINEAR_UP_TO * tolerance:
         return
     axes.set(**{f"{which}scale": SymmetricalLogScale(None, linthresh=tolerance)})
     axis = {"x": axes.xaxis, "y": axes.yaxis}[which]
     steps = [tolerance * step * 10.0**decade for decade in range(DECADES) for step in (1, 2, 5)]
     axis.set_major_locator(FixedLocator([0.0, *(sign * each for sign in (-1, 1) for each in (tolerance / 2, *steps))]))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))
 
 
 def _style(summary: Summary, scene: str) -> tuple[str, str]:
-    """A scene's colour and mark: no two of 64 scenes have both in common."""
+    """A scene's colour and marker; the pair is different for 64 scenes."""
     place = summary["scenes"].index(scene)
     return COLOURS[place % 8], MARKERS[(place + place // 8) % 8]
 
@@ -108,13 +109,13 @@ def _handles(summary: Summary, lines: Sequence[Line]) -> list[Line2D]:
     handles = []
     for scene in scenes:
         colour, marker = _style(summary, scene)
-        label = _named(scene, lines)
+        label = _scene_label(scene, lines)
         handles.append(Line2D([], [], linestyle="", marker=marker, color=colour, markersize=5, label=label))
     diagonal = Line2D([], [], color="#888888", linewidth=0.8, label="loss = bound")
     tolerance = Line2D([], [], color="#444444", linestyle="--", linewidth=0.8, label="tolerance")
     return [*handles, diagonal, tolerance]
 
 
-def _named(scene: str, lines: Sequence[Line]) -> str:
+def _scene_label(scene: str, lines: Sequence[Line]) -> str:
     left = [line.bound for line in lines if line.scene == scene]
     return plain(scene) if any(left) else f"{plain(scene)}: nothing left out"

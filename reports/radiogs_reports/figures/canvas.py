@@ -1,4 +1,4 @@
-"""What all figures share: type, sizes, and files whose bytes depend on nothing but what is drawn."""
+"""What all figures share: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
 
 import re
 import textwrap
@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from numpy import object_
 from numpy.typing import NDArray
 
 from .. import maps
@@ -30,34 +28,36 @@ STYLE: dict[Any, Any] = {
 }
 
 COLOURS = ("#0072b2", "#d55e00", "#00795a", "#a9487f", "#8a6d00", "#2f8fc4", "#5b4bb7", "#444444")
-"""For rows, in order; dark enough on white, told apart without red and green (after Okabe and Ito)."""
+"""Colours of rows, in order: dark enough on white, distinct without red and green (after Okabe and Ito)."""
 
 MARKERS = "osD^vPX*"
 
 TILE = 1.25
-"""Inches of a picture in a grid."""
+"""Width and height of a picture in a grid, in inches."""
 
 ALL = "all rows"
-"""The label of what is the same in all of them."""
+"""Label of a picture or curve that is the same for all rows."""
 
-LETTERS_ACROSS = 20
-"""Of a name, in the type of titles, that are as wide as a tile."""
+CHARACTERS_PER_TILE = 20
+"""Characters of a title that fit over a tile."""
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """A figure that is still to be saved; ``name`` is its file's without ending, ``caption`` plain text."""
+    """A figure before it is saved: file name without ending, caption in plain text, the figure.
+
+    ``on_page``: whether the page shows it; the page draws scatter plots and maps itself.
+    """
 
     name: str
     caption: str
     figure: Figure
     on_page: bool = False
-    """Whether the page shows it: what it does not draw itself."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A saved figure."""
+    """A saved figure: its files, its caption, and whether the page shows it."""
 
     png: Path
     pdf: Path
@@ -66,14 +66,14 @@ class Drawn:
 
 
 def blank(width: float, height: float) -> Figure:
-    """An empty figure of so many inches, apart from matplotlib's global state."""
+    """An empty figure of a size in inches, outside matplotlib's global state."""
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 
 
 def save(sketch: Sketch, out: Path) -> Drawn:
-    """Write a figure as PNG and PDF, without the date and the version that matplotlib would put into them."""
+    """Write a figure as PNG and PDF, without the date and version that matplotlib would add."""
     folder = out / FOLDER
     folder.mkdir(exist_ok=True)
     png, pdf = folder / f"{sketch.name}.png", folder / f"{sketch.name}.pdf"
@@ -84,37 +84,22 @@ def save(sketch: Sketch, out: Path) -> Drawn:
 
 
 def file_name(*parts: str) -> str:
-    """Parts of a name as one that every system and LaTeX take."""
+    """Join parts into a file name that every system and LaTeX accept."""
     return "-".join(re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "_" for part in parts)
 
 
 def plain(text: str) -> str:
-    """Text that matplotlib prints as it is: a pair of dollars would otherwise be a formula."""
+    """Escape dollars, which matplotlib would read as the ends of a formula."""
     return text.replace("$", r"\$")
 
 
-def plain_numbers(axis: Axis) -> None:
-    """Of a logarithmic axis: ticks at 1, 2, 5 of each decade, or a span below a decade would have one or none."""
-    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: number(value)))
-    axis.set_minor_formatter(NullFormatter())
-
-
-def number(value: float) -> str:
-    """A tick's number in few letters: thousands as k, millions as M."""
-    for unit, size in (("M", 1e6), ("k", 1e3)):
-        if abs(value) >= size:
-            return f"{value / size:g}{unit}"
-    return f"{value:g}"
-
-
 def wrapped(text: str) -> str:
-    """A row's name in lines that fit over a tile."""
-    return textwrap.fill(text, LETTERS_ACROSS, break_long_words=False)
+    """Break a row's name into lines that fit over a tile."""
+    return textwrap.fill(text, CHARACTERS_PER_TILE, break_long_words=False)
 
 
 def show(axes: Axes, image: maps.Image) -> None:
-    """A displayed map, pixel by pixel, without axes."""
+    """Show a displayed map pixel by pixel, without ticks and frame."""
     axes.imshow(maps.levels(image), interpolation="nearest")
     axes.set_xticks([])
     axes.set_yticks([])
@@ -123,7 +108,7 @@ def show(axes: Axes, image: maps.Image) -> None:
 
 
 def show_absence(axes: Axes, like: maps.Image) -> None:
-    """A frame as large as another map's, where the data have no such map."""
+    """Show an empty frame, shaped like another map, where there is no ground truth."""
     axes.set_xticks([])
     axes.set_yticks([])
     axes.set_box_aspect(like.shape[0] / like.shape[1])
@@ -132,12 +117,12 @@ def show_absence(axes: Axes, like: maps.Image) -> None:
         spine.set(visible=True, linewidth=0.5, edgecolor="#bbbbbb")
 
 
-def hide_empty(grid: NDArray[np.object_]) -> None:
-    """Leave no frame where a grid has nothing to show."""
+def hide_empty(grid: NDArray[object_]) -> None:
+    """Hide the axes of a grid that hold neither data nor text."""
     for axes in grid.ravel():
         axes.set_visible(axes.has_data() or bool(axes.texts))
 
 
 def name_row(axes: Axes, text: str) -> None:
-    """What a row of pictures shows, to its left."""
+    """Put the name of a row of pictures to the left of its first."""
     axes.set_ylabel(text, fontsize=8)

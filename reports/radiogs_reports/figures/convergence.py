@@ -1,30 +1,30 @@
-"""How L_rad and the figures developed with the iterations."""
+"""Losses and metrics during training, by iteration."""
 
 import math
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..plain import ARROWS
-from ..summary import RunSummary, Summary, TrailPoint
-from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain, plain_numbers
+from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail, stages_of
+from .axes import add_grid, metric_title, plain_numbers
+from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain
 
-STAGES = {"initialise": "stage 1", "invert": "stage 2"}
 CONSISTENCY = "consistency"
-"""The name of L_rad among the losses."""
+"""The loss L_rad of methods that train for radiometric consistency."""
 
 ACROSS = 2
 PANEL = (3.4, 2.5)
 MOST_COLUMNS = 3
 LONGEST = 48
-"""Letters of a label in a line."""
+"""Characters of a legend's label per line."""
 
-INCHES_A_LETTER = 0.065
-"""Of a legend, on average."""
+INCHES_PER_CHARACTER = 0.065
+"""Mean width of a legend's characters."""
 
 THICKEST, THINNEST = 3.0, 1.0
 DASHES = ("-", "--", ":", "-.")
@@ -32,122 +32,165 @@ DASHES = ("-", "--", ":", "-.")
 Curve = list[tuple[int, float]]
 """Iterations and values."""
 
+Read = Callable[[TrailPoint], float | None]
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel's title and its curves by row; losses are drawn on a logarithmic axis without markers."""
+
+    title: str
+    curves: dict[str, Curve]
+    logarithmic: bool
+
 
 def convergence_figures(summary: Summary) -> list[Sketch]:
-    """L_rad by iteration, and the figures where they were scored along the way; none where no trail was kept."""
+    """A loss by iteration, and the metrics where models were scored during training; none without a trail."""
     return [sketch for sketch in (_losses(summary), _metrics(summary)) if sketch is not None]
 
 
-def mean_curve(runs: list[RunSummary], stage: str, value: Callable[[TrailPoint], float | None]) -> Curve:
-    """The mean over the runs, at the points that all of them have."""
+def mean_curve(trails: Sequence[Sequence[TrailPoint]], read: Read) -> Curve:
+    """Mean over trails of what ``read`` returns for their points, at the iterations that all of them have."""
     curves = []
-    for run in runs:
-        known = [(point["iteration"], value(point)) for point in run["trail"].get(stage, [])]
-        curves.append({iteration: each for iteration, each in known if each is not None})
+    for trail in trails:
+        known = [(point["iteration"], read(point)) for point in trail]
+        curves.append({iteration: value for iteration, value in known if value is not None})
     shared = sorted(set.intersection(*(set(curve) for curve in curves))) if curves else []
     return [(iteration, math.fsum(curve[iteration] for curve in curves) / len(curves)) for iteration in shared]
 
 
-def _curves(summary: Summary, stage: str, value: Callable[[TrailPoint], float | None]) -> dict[str, Curve]:
-    """By row."""
-    runs = {
+def stage_titles(summary: Summary) -> dict[str, str]:
+    """Titles of all training stages of all runs, by name, in the order of training."""
+    titles: dict[str, str] = {}
+    for run in summary["runs"]:
+        for stage in stages_of(run):
+            titles.setdefault(stage["name"], stage["title"])
+    return titles
+
+
+def _finished(summary: Summary) -> dict[str, list[RunSummary]]:
+    """Finished runs by row."""
+    return {
         row["key"]: [run for run in summary["runs"] if run["row"] == row["key"] and run["figures"]]
         for row in summary["rows"]
     }
-    return {row: mean_curve(mine, stage, value) for row, mine in runs.items()}
 
 
 def _losses(summary: Summary) -> Sketch | None:
+    """L_rad where any run trains for it, otherwise the sum of all weighted losses."""
+    trained = [point for run in summary["runs"] for trail in run["trail"].values() for point in trail]
+    consistent = any(CONSISTENCY in point["losses"] for point in trained)
+    symbol = r"$L_\mathrm{rad}$" if consistent else "loss"
     panels = []
-    for stage, text in STAGES.items():
-        every = _curves(summary, stage, lambda point: point["losses"].get(CONSISTENCY))
-        # Before the loss begins, and where its weight is zero, it is zero: a logarithmic axis has no place for that.
+    read = _consistency if consistent else _total
+    for stage, title in stage_titles(summary).items():
+        every = {
+            row: mean_curve([run["trail"].get(stage, []) for run in runs], read)
+            for row, runs in _finished(summary).items()
+        }
+        # L_rad is zero before it sets in and where its weight is zero, which a logarithmic axis cannot show.
         curves = {row: [(x, y) for x, y in curve if y > 0] for row, curve in every.items()}
         if any(curves.values()):
-            panels.append((f"$L_\\mathrm{{rad}}$ (weighted), {text}", curves))
+            panels.append(Panel(f"{symbol} (weighted), {plain(title)}", curves, logarithmic=True))
     if not panels:
         return None
+    what = "the weighted loss of radiometric consistency" if consistent else "the sum of all weighted losses"
     caption = (
-        "Convergence of radiometric consistency: the weighted loss, mean over the steps since the point before and over"
-        " the finished cells. Where its weight is zero there is no curve."
+        f"Convergence of {what}: mean over the steps since the previous point and over the finished cells. A row whose"
+        " loss is zero has no curve."
     )
-    return _figure(summary, "convergence-losses", caption, panels, True)
+    return _figure(summary, "convergence-losses", caption, panels)
+
+
+def _consistency(point: TrailPoint) -> float | None:
+    return point["losses"].get(CONSISTENCY)
+
+
+def _total(point: TrailPoint) -> float | None:
+    return math.fsum(point["losses"].values()) if point["losses"] else None
+
+
+def _metric(key: str) -> Read:
+    return lambda point: point["metrics"].get(key)
 
 
 def _metrics(summary: Summary) -> Sketch | None:
     panels = []
     for column in summary["columns"]:
-        curves = _curves(summary, "invert", lambda point, key=column["key"]: point["metrics"].get(key))  # type: ignore[misc]
+        read = _metric(column["key"])
+        curves = {row: mean_curve([last_trail(run) for run in runs], read) for row, runs in _finished(summary).items()}
         if any(curves.values()):
-            unit = f" ({column['unit']})" if column["unit"] else ""
-            panels.append((plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"), curves))
+            panels.append(Panel(metric_title(column), curves, logarithmic=False))
     if not panels:
         return None
     caption = (
-        "Figures along stage 2, scored on a few test views while the clock stood still; mean over the finished cells."
+        f"Metrics during {last_stage_title(summary)}, scored on a few test views with the clock stopped; mean over the"
+        " finished cells."
     )
-    return _figure(summary, "convergence-metrics", caption, panels, False)
+    return _figure(summary, "convergence-metrics", caption, panels)
 
 
-def _figure(
-    summary: Summary, name: str, caption: str, panels: list[tuple[str, dict[str, Curve]]], losses: bool
-) -> Sketch:
+def _figure(summary: Summary, name: str, caption: str, panels: list[Panel]) -> Sketch:
     lines = -(-len(panels) // ACROSS)
-    drawn = _labels(summary, [curves for _, curves in panels])
-    columns = _columns(list(drawn.values()))
-    below = sum(1 + label.count("\n") for label in drawn.values()) // columns
+    labels = _labels(summary, panels)
+    columns = _legend_columns(list(labels.values()))
+    below = sum(1 + label.count("\n") for label in labels.values()) // columns
     handles = []
     with rc_context(STYLE):
         figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines + 0.16 * (2 + below))
         grid = figure.subplots(lines, ACROSS, squeeze=False).ravel()
-        for place, (row, label) in enumerate(drawn.items()):
+        for place, (row, label) in enumerate(labels.items()):
             look: dict[str, Any] = {
                 "color": COLOURS[place % 8],
                 "linestyle": DASHES[place // 8 % 4],
-                "linewidth": _width(place, len(drawn)),
+                "linewidth": _line_width(place, len(labels)),
             }
             handles.append(Line2D([], [], label=label, **look))
-            for axes, (_, curves) in zip(grid, panels, strict=False):
-                if curves[row]:
-                    axes.plot(*zip(*curves[row], strict=True), marker=None if losses else "o", markersize=3, **look)
-        for axes, (title, _) in zip(grid, panels, strict=False):
-            _dress(axes, title, losses)
+            for axes, panel in zip(grid, panels, strict=False):
+                if panel.curves[row]:
+                    marker = None if panel.logarithmic else "o"
+                    axes.plot(*zip(*panel.curves[row], strict=True), marker=marker, markersize=3, **look)
+        for axes, panel in zip(grid, panels, strict=False):
+            _dress(axes, panel)
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     return Sketch(name, caption, figure, on_page=True)
 
 
-def _labels(summary: Summary, panels: list[dict[str, Curve]]) -> dict[str, str]:
-    """What each line is called, by its row; rows that agree in every panel (they share a training) are one line."""
-    alike: dict[str, list[str]] = {}
+def _labels(summary: Summary, panels: list[Panel]) -> dict[str, str]:
+    """Label of each line, by its first row; rows that agree in every panel (they share a training) are one line."""
+    texts_by_row: dict[str, list[str]] = {}
     for row in summary["rows"]:
-        same = (first for first in alike if all(curves[first] == curves[row["key"]] for curves in panels))
-        alike.setdefault(next(same, row["key"]), []).append(plain(row["text"]))
-    if len(alike) == 1 < len(summary["rows"]):
-        return dict.fromkeys(alike, ALL)
-    return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in alike.items()}
+        same = (
+            first for first in texts_by_row if all(panel.curves[first] == panel.curves[row["key"]] for panel in panels)
+        )
+        texts_by_row.setdefault(next(same, row["key"]), []).append(plain(row["text"]))
+    if len(texts_by_row) == 1 < len(summary["rows"]):
+        return dict.fromkeys(texts_by_row, ALL)
+    return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in texts_by_row.items()}
 
 
-def _columns(labels: list[str]) -> int:
-    """How many of the longest label a legend has room for side by side."""
+def _legend_columns(labels: list[str]) -> int:
+    """How many columns as wide as the longest label fit into the figure."""
     longest = max(len(line) for label in labels for line in label.split("\n"))
-    return max(1, min(len(labels), MOST_COLUMNS, int(PANEL[0] * ACROSS / (INCHES_A_LETTER * longest + 0.5))))
+    return max(1, min(len(labels), MOST_COLUMNS, int(PANEL[0] * ACROSS / (INCHES_PER_CHARACTER * longest + 0.5))))
 
 
-def _width(place: int, count: int) -> float:
-    """Later lines are thinner and lie above: rows that share a stage have the same curve there, and all are seen."""
+def _line_width(place: int, count: int) -> float:
+    """Line width of the row at ``place``: later rows are drawn above earlier ones and thinner, so that equal curves
+    of rows that share a stage are all seen.
+    """  # fmt: skip
     step = min(0.5, (THICKEST - THINNEST) / max(1, count - 1))
     return THINNEST + step * (count - 1 - place)
 
 
-def _dress(axes: Axes, title: str, losses: bool) -> None:
-    axes.set_title(title)
+def _dress(axes: Axes, panel: Panel) -> None:
+    axes.set_title(panel.title)
     axes.set_xlabel("iteration")
     axes.set_xscale("log")
     plain_numbers(axes.xaxis)
-    if losses:
+    if panel.logarithmic:
         axes.set_yscale("log")
         plain_numbers(axes.yaxis)
-    axes.grid(color="#e4e4e4", linewidth=0.5)
-    axes.set_axisbelow(True)
+    add_grid(axes)

@@ -1,13 +1,14 @@
-"""Quality against cost, a panel for each metric."""
+"""Quality against training cost, one panel per metric."""
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..front import COSTS, Point, cost_of, points
-from ..plain import ARROWS
+from ..analysis.pareto import Point, points
+from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
+from .axes import add_grid, better_is_up, cost_axis, metric_title
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
@@ -15,27 +16,26 @@ LOGARITHMIC_FROM = 8.0
 """Ratio of the largest to the smallest cost from which the axis is logarithmic."""
 
 
-def cost_figure(summary: Summary) -> list[Sketch]:
-    """A figure for each kind of cost that differs between rows; none where a suite costs the same all over."""
+def cost_figures(summary: Summary) -> list[Sketch]:
+    """A figure for each kind of cost that differs between rows."""
     made = []
-    for cost, label in COSTS.items():
+    for cost in COSTS:
         panels = [(column, points(summary, column, cost)) for column in summary["columns"]]
         panels = [(column, found) for column, found in panels if found]
         if len({point.cost for _, found in panels for point in found}) > 1:
-            made.append(_figure(summary, cost, label, panels))
+            made.append(_figure(summary, cost, panels))
     return made
 
 
-def _figure(summary: Summary, cost: str, label: str, panels: list[tuple[ColumnSummary, list[Point]]]) -> Sketch:
+def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[Point]]]) -> Sketch:
     lines = -(-len(panels) // PANELS_ACROSS)
     across = min(len(panels), PANELS_ACROSS)
-    rows = {row["key"]: place for place, row in enumerate(summary["rows"])}
     with rc_context(STYLE):
         figure = blank(PANEL[0] * across, PANEL[1] * lines + 0.5)
         grid = figure.subplots(lines, across, squeeze=False).ravel()
         for axes, (column, found) in zip(grid, panels, strict=False):
-            _panel(axes, summary, column, cost, found, rows)
-            axes.set_xlabel(label)
+            _panel(axes, summary, column, cost, found)
+            axes.set_xlabel(COSTS[cost])
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         handles = [
@@ -44,16 +44,15 @@ def _figure(summary: Summary, cost: str, label: str, panels: list[tuple[ColumnSu
         ]
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), frameon=False)
     caption = (
-        f"Quality against {label}. Large marks: means of rows, filled where no other row beats them at both; small"
-        " marks: single cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a"
-        " panel; line: the front."
+        f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
+        " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel;"
+        " line: the front."
     )
     return Sketch(f"cost-{cost}", caption, figure)
 
 
-def _panel(
-    axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found: list[Point], rows: dict[str, int]
-) -> None:
+def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found: list[Point]) -> None:
+    places = {row["key"]: place % 8 for place, row in enumerate(summary["rows"])}
     qualities = [point.quality for point in found]
     costs = [point.cost for point in found]
     for run in summary["runs"]:
@@ -62,24 +61,17 @@ def _panel(
             continue
         qualities.append(quality)
         costs.append(spent)
-        place = rows[run["row"]] % 8
+        place = places[run["row"]]
         axes.plot(spent, quality, MARKERS[place], color=COLOURS[place], markersize=2.5, alpha=0.5, linewidth=0)
     best = sorted((point.cost, point.quality) for point in found if point.on_front)
     axes.plot(*zip(*best, strict=True), linestyle="--", color="#888888", linewidth=0.8, zorder=1)
     for point in found:
-        place = rows[point.row] % 8
+        place = places[point.row]
         axes.errorbar(
-            point.cost, point.quality, point.reach, fmt=MARKERS[place], color=COLOURS[place], markersize=6,
+            point.cost, point.quality, point.half_width, fmt=MARKERS[place], color=COLOURS[place], markersize=6,
             markerfacecolor=COLOURS[place] if point.on_front else "white", elinewidth=0.8,
         )  # fmt: skip
-    room = 0.1 * (max(qualities) - min(qualities) or abs(max(qualities)) or 1.0)
-    low, high = min(qualities) - room, max(qualities) + room
-    upside_down = column["direction"] == "down"  # better is higher up, but where zero is the best
-    axes.set_ylim((high, low) if upside_down else (low, high))
-    if max(costs) / min(costs) >= LOGARITHMIC_FROM:
-        axes.set_xscale("log")
-        plain_numbers(axes.xaxis)
-    unit = f" ({column['unit']})" if column["unit"] else ""
-    axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"))
-    axes.grid(color="#e4e4e4", linewidth=0.5)
-    axes.set_axisbelow(True)
+    better_is_up(axes, qualities, column)
+    cost_axis(axes, costs, LOGARITHMIC_FROM)
+    axes.set_title(metric_title(column))
+    add_grid(axes)

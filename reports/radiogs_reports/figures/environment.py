@@ -1,4 +1,4 @@
-"""The light that each row found, beside the true one."""
+"""The environment map that each row recovered, beside the true one."""
 
 from pathlib import Path
 
@@ -14,22 +14,22 @@ from .views import SceneViews, scene_views
 WIDTH = 2.6
 ACROSS = 3
 WHITE = 0.95
-"""The share of the true map's texels that are not burnt out as shown: a sun may be, the sky not."""
+"""Share of the true map's texels that the exposure keeps below white: the sky, but not the sun."""
 
 
 def environment_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """A figure for every scene whose rows keep the light they found, and whose true light is known."""
+    """A figure for every scene with a known light whose rows keep the light that they recovered."""
     return [
-        _figure(views.told_apart("environment"))
+        _figure(views.merged_if_equal("environment"))
         for views in scene_views(summary, out)
         if "environment" in views.truth and all("environment" in found for _, found in views.rows)
     ]
 
 
 def factors(mine: maps.Image, theirs: maps.Image) -> NDArray[np.float64]:
-    """The factor of each channel that brings a map closest to another (least squares over solid angle), [3].
+    """Least-squares factor per channel from one environment map to another, weighted by solid angle, [3].
 
-    Light and albedo are known up to such a factor only. Zero for a black channel.
+    Light and albedo are determined only up to such a factor. Zero for a black channel.
     """
     height = mine.shape[0]
     weight = np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None, None]
@@ -53,13 +53,13 @@ def _figure(views: SceneViews) -> Sketch:
         for axes, (label, radiance) in zip(grid, tiles, strict=False):
             show(axes, maps.display(radiance / white))
             axes.set_title(label)
-            for spine in axes.spines.values():  # a white sky would end nowhere
+            for spine in axes.spines.values():  # a white sky has no visible edge
                 spine.set(visible=True, linewidth=0.5, edgecolor="#888888")
         for axes in grid[len(tiles) :]:
             axes.set_visible(False)
     caption = (
         f"Recovered light of {views.scene}, latitude-longitude, Z up, centre column towards +X; all at the exposure of"
-        " the truth, each times the factor of each channel that fits it best, because albedo and light are known up to"
-        " one."
+        " the truth. Each is multiplied by its best-fitting factor per channel, because albedo and light are determined"
+        " only up to one."
     )
     return Sketch(file_name(views.scene, "environment"), caption, figure)

@@ -1,4 +1,4 @@
-"""Where the light of a view comes from: all of it, its direct and indirect part, the indirect light that arrives."""
+"""All light of a view, its direct and indirect parts, and the indirect light that arrives at the surfels."""
 
 from pathlib import Path
 
@@ -12,44 +12,45 @@ from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row,
 from .views import SceneViews, scene_views
 
 COMPONENTS = ("image", "direct", "indirect", "incident")
-NAMES = {"image": "all light", "direct": "direct"}
+LABELS = {"image": "all light", "direct": "direct"}
 
 
 def illumination_figures(summary: Summary, out: Path) -> list[Sketch]:
     """A figure for every scene whose rows have an image and its indirect part."""
-    compared = summary["conventions"].get("indirect")  # null where the protocol compares no indirect light
-    arriving = compared is not None and compared["quantity"] == "incident"
+    compared = summary["conventions"].get("indirect")  # None where the protocol compares no indirect light
+    truth_is_incident = compared is not None and compared["quantity"] == "incident"
     return [
-        _figure(views.told_apart("image", "indirect", "incident"), arriving)
+        _figure(views.merged_if_equal("image", "indirect", "incident"), truth_is_incident)
         for views in scene_views(summary, out)
         if all({"image", "indirect"} <= found.keys() for _, found in views.rows)
     ]
 
 
 def direct(found: dict[str, maps.Image]) -> maps.Image:
-    """What is left of the image without its indirect part, linear, not below zero.
+    """The image less its indirect part, linear, at least zero.
 
-    The image is stored in display units, clipped at 1: where it is, this is a lower bound.
+    A lower bound where the image is clipped: it is stored in display units, at most 1.
     """
     return np.maximum(maps.linear(found["image"]) - found["indirect"], 0)
 
 
-def components(found: dict[str, maps.Image], arriving: bool = False) -> dict[str, maps.Image]:
-    """The displayed parts of ``COMPONENTS`` that maps give.
-
-    ``arriving``: what is called indirect there is light that arrives, so that it is no part of the image.
-    """
-    maps_of = {("incident" if arriving and name == "indirect" else name): image for name, image in found.items()}
-    known = [name for name in COMPONENTS if name in maps_of]
-    parts: dict[str, maps.Image] = {name: maps.KINDS[name].shown(maps_of[name]) for name in known}
+def components(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
+    """Those of ``COMPONENTS`` that the maps give, in display colours."""
+    known = [name for name in COMPONENTS if name in found]
+    parts: dict[str, maps.Image] = {name: maps.KINDS[name].shown(found[name]) for name in known}
     if parts.keys() >= {"image", "indirect"}:
-        parts["direct"] = maps.display(direct(maps_of))
+        parts["direct"] = maps.display(direct(found))
     return parts
 
 
-def _figure(views: SceneViews, arriving: bool) -> Sketch:
-    """``arriving`` is what the protocol takes the scene's true indirect light for."""
-    truth = components(views.truth, arriving)
+def indirect_as_incident(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
+    """The maps with the one called indirect named incident: arriving light, which is no part of the image."""
+    return {("incident" if name == "indirect" else name): image for name, image in found.items()}
+
+
+def _figure(views: SceneViews, truth_is_incident: bool) -> Sketch:
+    """``truth_is_incident``: the protocol takes the scene's true indirect light for light that arrives."""
+    truth = components(indirect_as_incident(views.truth) if truth_is_incident else views.truth)
     rows = [components(found) for _, found in views.rows]
     names = [name for name in COMPONENTS if all(name in parts for parts in rows)]
     bands = views.bands()
@@ -68,7 +69,7 @@ def _figure(views: SceneViews, arriving: bool) -> Sketch:
         " radiance; a lower bound where the image is clipped."
     )
     if "incident" in names:
-        caption += " Incident: the mean of the indirect radiance that arrives over each surfel's hemisphere."
+        caption += " Incident: mean indirect radiance over each surfel's hemisphere."
     return Sketch(file_name(views.scene, "illumination"), caption, figure)
 
 
@@ -81,4 +82,4 @@ def _band(grid: NDArray[np.object_], columns: list[tuple[str, dict[str, maps.Ima
             else:
                 show_absence(line, parts["image"])
     for line, name in zip(grid[:, 0], names, strict=True):
-        name_row(line, NAMES.get(name) or maps.KINDS[name].label)
+        name_row(line, LABELS.get(name) or maps.KINDS[name].label)

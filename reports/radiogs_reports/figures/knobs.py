@@ -1,36 +1,45 @@
-"""What each knob of the budget gives for its cost: quality against cost, a line a knob, with the front."""
+"""What each knob of the budget gives for its cost: quality against cost with a line per knob, and slopes."""
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ..cost.knobs import Knob, knobs
-from ..cost.marginal import doublings
-from ..front import COSTS, Point, points
-from ..plain import ARROWS
-from ..summary import ColumnSummary, Summary, reference_of
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain, plain_numbers
+from ..analysis.cost.knobs import Knob, knobs
+from ..analysis.cost.marginal import Doubling, doublings
+from ..analysis.pareto import Point, points
+from ..analysis.samples import COSTS
+from ..summary import ColumnSummary, Summary, reference_of, row_texts
+from ..wording import ARROWS
+from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 ACROSS = 2
 PANEL = (3.6, 2.7)
 LOGARITHMIC_FROM = 4.0
-NAMES = {"seconds": "cost", "rays": "cost-in-rays"}
+"""Ratio of the largest to the smallest cost from which the axis is logarithmic."""
+
+FILE_NAMES = {"seconds": "cost", "rays": "cost-in-rays"}
 OTHER = "#777777"
+"""Colour of rows that belong to no knob."""
+
 TICKS = 5
-"""Of an axis of slopes, at most: numbers with signs are wide."""
+"""Ticks of an axis of slopes, at most: signed numbers are wide."""
 
 
 def knob_figures(summary: Summary) -> list[Sketch]:
-    """A figure for each kind of cost, and one of what doublings give; none where no knob was turned."""
+    """A figure for each kind of cost that is known, and one of slopes; none where no knob was turned."""
     turned = knobs(summary)
     if not turned:
         return []
-    return [*(_fronts(summary, turned, cost) for cost in COSTS), _doublings(summary, turned)]
+    fronts = [_fronts(summary, turned, cost) for cost in COSTS]
+    return [*(sketch for sketch in fronts if sketch is not None), _doublings(summary, turned)]
 
 
-def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch:
+def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
     columns = [column for column in summary["columns"] if points(summary, column, cost)]
+    if not columns:
+        return None
     lines = -(-(len(columns) + 1) // ACROSS)
     with rc_context(STYLE):
         figure = blank(PANEL[0] * ACROSS, PANEL[1] * lines)
@@ -43,20 +52,20 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch:
             axes.set_axis_off()
     caption = (
         f"What accuracy costs in {COSTS[cost]}: means over the finished cells. A line joins the settings of one knob,"
-        " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the front (dashed);"
-        " bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel. A row that costs"
-        " nothing has no point."
+        " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the Pareto front"
+        " (dashed); bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel. A row"
+        " that costs nothing has no point."
     )
-    return Sketch(NAMES[cost], caption, figure, on_page=True)
+    return Sketch(FILE_NAMES[cost], caption, figure, on_page=True)
 
 
 def _panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Point], reference: str) -> None:
-    there = {point.row: point for point in found}
+    by_row = {point.row: point for point in found}
     best = sorted((point.cost, point.quality) for point in found if point.on_front)
     axes.plot(*zip(*best, strict=True), linestyle="--", color="#aaaaaa", linewidth=0.9, zorder=1)
     drawn = {reference}
     for place, knob in enumerate(turned):
-        mine = [there[setting.row] for setting in knob.settings if setting.row in there]
+        mine = [by_row[setting.row] for setting in knob.settings if setting.row in by_row]
         colour = COLOURS[place % 8]
         axes.plot([point.cost for point in mine], [point.quality for point in mine], color=colour, linewidth=0.9)
         for point in mine:
@@ -65,38 +74,30 @@ def _panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Po
                 drawn.add(point.row)
     for place, point in enumerate(point for point in found if point.row not in drawn):
         _mark(axes, point, MARKERS[1 + place % 7], OTHER, 5)
-    if reference in there:
-        _mark(axes, there[reference], "*", "#000000", 9)
-    qualities, costs = [point.quality for point in found], [point.cost for point in found]
-    room = 0.1 * (max(qualities) - min(qualities) or abs(max(qualities)) or 1.0)
-    low, high = min(qualities) - room, max(qualities) + room
-    axes.set_ylim((high, low) if column["direction"] == "down" else (low, high))  # better is higher up
-    if max(costs) / min(costs) >= LOGARITHMIC_FROM:
-        axes.set_xscale("log")
-        plain_numbers(axes.xaxis)
-    unit = f" ({column['unit']})" if column["unit"] else ""
-    axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]}{unit}"))
-    axes.grid(color="#e4e4e4", linewidth=0.5)
-    axes.set_axisbelow(True)
+    if reference in by_row:
+        _mark(axes, by_row[reference], "*", "#000000", 9)
+    better_is_up(axes, [point.quality for point in found], column)
+    cost_axis(axes, [point.cost for point in found], LOGARITHMIC_FROM)
+    axes.set_title(metric_title(column))
+    add_grid(axes)
 
 
 def _mark(axes: Axes, point: Point, marker: str, colour: str, size: float) -> None:
     axes.errorbar(
-        point.cost, point.quality, point.reach, fmt=marker, color=colour, markersize=size,
+        point.cost, point.quality, point.half_width, fmt=marker, color=colour, markersize=size,
         markerfacecolor=colour if point.on_front else "white", elinewidth=0.5,
     )  # fmt: skip
 
 
 def _handles(summary: Summary, turned: list[Knob]) -> list[Line2D]:
-    texts = {row["key"]: plain(row["text"]) for row in summary["rows"]}
-    known = {reference_of(summary), *(setting.row for knob in turned for setting in knob.settings)}
-    handles = [
-        Line2D([], [], linestyle="", marker="*", markersize=9, color="#000000", label=texts[reference_of(summary)])
-    ]
+    texts = {row: plain(text) for row, text in row_texts(summary).items()}
+    reference = reference_of(summary)
+    known = {reference, *(setting.row for knob in turned for setting in knob.settings)}
+    handles = [Line2D([], [], linestyle="", marker="*", markersize=9, color="#000000", label=texts[reference])]
     for place, knob in enumerate(turned):
         label = f"{knob.text}:\n{', '.join(str(setting.value) for setting in knob.settings)}"
         handles.append(Line2D([], [], marker="^", markersize=5, color=COLOURS[place % 8], label=label))
-    for place, row in enumerate(row["key"] for row in summary["rows"] if row["key"] not in known):
+    for place, row in enumerate(row for row in texts if row not in known):
         handles.append(Line2D([], [], linestyle="", marker=MARKERS[1 + place % 7], color=OTHER, label=texts[row]))
     return handles
 
@@ -109,21 +110,26 @@ def _doublings(summary: Summary, turned: list[Knob]) -> Sketch:
         figure = blank(PANEL[0] * ACROSS, (0.8 + 0.24 * len(turned)) * lines)
         grid = figure.subplots(lines, ACROSS, squeeze=False, sharey=True).ravel()
         for axes, column in zip(grid, columns, strict=False):
-            for place, knob in enumerate(turned):
-                slope = next((each.slope for each in found if each.knob == knob and each.column == column), None)
-                if slope is not None:
-                    reach = 0.0 if slope.high is None else slope.high - slope.mean
-                    axes.errorbar(slope.mean, place, xerr=reach, fmt="o", color=COLOURS[place % 8], markersize=5)
-            axes.axvline(0, color="#888888", linewidth=0.8)
-            axes.xaxis.set_major_locator(MaxNLocator(TICKS))
-            axes.set_yticks(range(len(turned)), [knob.text for knob in turned])
-            axes.set_ylim(len(turned) - 0.5, -0.5)
-            axes.grid(color="#e4e4e4", linewidth=0.5, axis="x")
-            unit = f" ({column['unit']})" if column["unit"] else ""
-            axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]} a doubling{unit}"))
+            _slopes(axes, turned, column, [each for each in found if each.column == column])
         for axes in grid[len(columns) :]:
             axes.set_visible(False)
     caption = (
         "What each doubling of a knob gives: slope over its binary logarithm, with the 95 % t interval over seeds."
     )
     return Sketch("cost-doublings", caption, figure, on_page=True)
+
+
+def _slopes(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Doubling]) -> None:
+    """One line per knob: the slope of one metric and its interval."""
+    for place, knob in enumerate(turned):
+        slope = next((each.slope for each in found if each.knob == knob), None)
+        if slope is not None:
+            bar = 0.0 if slope.high is None else slope.high - slope.mean
+            axes.errorbar(slope.mean, place, xerr=bar, fmt="o", color=COLOURS[place % 8], markersize=5)
+    axes.axvline(0, color="#888888", linewidth=0.8)
+    axes.xaxis.set_major_locator(MaxNLocator(TICKS))
+    axes.set_yticks(range(len(turned)), [knob.text for knob in turned])
+    axes.set_ylim(len(turned) - 0.5, -0.5)
+    axes.grid(color=GRID, linewidth=0.5, axis="x")
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]} per doubling{unit}"))

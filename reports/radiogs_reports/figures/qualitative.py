@@ -15,15 +15,15 @@ from .views import SceneViews, scene_views
 
 SHOWN = ("image", "albedo", "normal", "indirect", "relit")
 CROP = 3
-"""A crop is a third of the picture's width and height."""
+"""A crop has a third of the picture's width and height."""
 
 BOX = "#ffd400"
 
 
 def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """A figure for every scene and every kind of map that its rows have."""
+    """A figure for every scene and every kind of map that all of its rows have."""
     return [
-        _figure(views.told_apart(kind), kind)
+        _figure(views.merged_if_equal(kind), kind)
         for views in scene_views(summary, out)
         for kind in SHOWN
         if all(kind in found for _, found in views.rows)
@@ -31,7 +31,7 @@ def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
 
 
 def crop_place(images: list[maps.Image]) -> tuple[slice, slice]:
-    """The window of a third of the picture in which the images vary most (mean variance over the images)."""
+    """Rows and columns of the window, a third of the picture, with the largest variance over the images."""
     variance = np.var(np.stack(images), axis=0).mean(-1)
     height, width = (max(1, size // CROP) for size in variance.shape)
     means = uniform_filter(variance, (height, width), mode="constant")
@@ -47,7 +47,7 @@ def _figure(views: SceneViews, name: str) -> Sketch:
     kind = maps.KINDS[name]
     true = views.truth.get(name)
     mine = [np.clip(kind.shown(found[name]), 0, 1) for _, found in views.rows]
-    # One row alone differs from nothing but the truth.
+    # A single row has only the truth to differ from.
     place = crop_place(mine if len(mine) > 1 or true is None else [np.clip(kind.shown(true), 0, 1), *mine])
     bands = views.bands()
     lines = 2 if true is None else 3
@@ -67,7 +67,7 @@ def _figure(views: SceneViews, name: str) -> Sketch:
 
 
 def _band(grid: NDArray[np.object_], views: SceneViews, name: str, place: tuple[slice, slice]) -> None:
-    """Pictures, crops and, where there is a truth, errors; the truth on the left."""
+    """Pictures, crops and, if there is a ground truth, errors; the ground truth on the left."""
     shown = maps.KINDS[name].shown
     true = views.truth.get(name)
     truth = [] if true is None else [("truth", views.truth)]

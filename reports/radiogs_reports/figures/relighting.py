@@ -1,4 +1,4 @@
-"""Strips of one view under every light that the results keep: the truth, then what each row made of it."""
+"""One view under every light that the results keep: the ground truth, then each row."""
 
 from pathlib import Path
 
@@ -9,16 +9,16 @@ from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row,
 from .views import SceneViews, scene_views
 
 PREFIX = "relit/"
-"""Of the maps of a view under a light; the light's name follows."""
+"""Prefix of the names of relit maps; the light's name follows."""
 
 
 def relighting_figures(summary: Summary, out: Path) -> list[Sketch]:
-    """A figure for every scene of which a view was relit by several lights; one alone stands in the grids."""
+    """A figure for every scene with a view under several lights; a single light is shown in the grids of maps."""
     return [_figure(views) for views in scene_views(summary, out) if len(lights(views)) > 1]
 
 
 def lights(views: SceneViews) -> list[str]:
-    """The lights under which every row keeps its view and the truth is known, in the scene's order."""
+    """Lights with a ground truth under which every row keeps the view, in the scene's order."""
     known = [name.removeprefix(PREFIX) for name in views.truth if name.startswith(PREFIX)]
     return [light for light in known if all(f"{PREFIX}{light}" in found for _, found in views.rows)]
 
@@ -38,7 +38,7 @@ def _figure(views: SceneViews) -> Sketch:
                 name_row(grid[line, 0], plain(light))
         hide_empty(grid)
     caption = (
-        f"{views.scene}, view {views.view}, relit: a line for each light, the training's is none of them. Albedo is"
-        " aligned with the true one beforehand where that is known, as for the figures of the table."
+        f"{views.scene}, view {views.view}, relit: a line per light, none of them the light of the training views."
+        " Where the true albedo is known, albedo is aligned with it first, as for the values of the table."
     )
     return Sketch(file_name(views.scene, "relighting"), caption, figure)

@@ -1,4 +1,4 @@
-"""Error of float32 against a condition that grows worse: two panels an axis, one for values, one for gradients."""
+"""Float32 error of the kernels along conditions of growing difficulty: a panel for values, one for gradients."""
 
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from .. import maps
 from ..summary import RunSummary, Summary
+from .axes import add_grid
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
 
 EXPERIMENT = "stability"
@@ -17,7 +18,7 @@ ACROSS = 4
 PANEL = (2.2, 1.75)
 EPS = float(np.finfo(np.float32).eps)
 LOWEST, HIGHEST = 1e-10, 10.0
-"""Ends of the error axes: a share of eps that no longer matters, and results that are nothing but error."""
+"""Ends of the error axes: far below eps, and errors ten times the result."""
 
 TASKS = ("forward", "gradient")
 
@@ -31,16 +32,16 @@ AXES = {
     "roughness": "roughness",
     "sun": "radiance of the sun",
 }
-"""What the axes are called below their panels."""
+"""Labels of the conditions, by name."""
 
 FALLING = ("grazing", "gap", "roughness")
-"""Axes that are worse the smaller the number: drawn from right to left, so that worse is always to the right."""
+"""Conditions that are harder for smaller numbers: drawn from right to left, so that harder is to the right."""
 
 KERNELS = ("draw", "trace", "shade", "GGX D")
 
 
 def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
-    """The curves of every axis under the first seed; none where the run holds no such cells."""
+    """A figure of all conditions with the first seed; none for a run without such cells."""
     runs = [
         run
         for run in summary["runs"]
@@ -66,22 +67,22 @@ def stability_figure(summary: Summary, out: Path) -> list[Sketch]:
             axes.set_visible(axes.has_data())
         figure.legend(handles=legend(), loc="outside lower center", ncols=7, frameon=False)
     caption = (
-        "Error of float32 against float64 on the same rounded inputs, of values and of gradients, relative to their"
-        " largest entry (values: or to their unit, where that is larger). Every axis grows worse to the right, the"
-        " scale's to both sides. Dashed: the documented tolerance; grey: eps = 1.19e-7. Ticks along the top: a guard"
-        " acted there. A curve ends where nothing is left to err about."
+        "Float32 error of values and of gradients, against float64 on the same rounded inputs, relative to their"
+        " largest entry (values: or to their unit, if that is larger). Conditions are harder to the right, the scale to"
+        " both sides. Dashed: the documented tolerance; grey: eps = 1.19e-7. Ticks along the top: a guard acted there."
+        " A curve has a gap where the error is exactly zero."
     )
     return [Sketch(EXPERIMENT, caption, figure, on_page=True)]
 
 
 def panel(axes: Axes, run: RunSummary, arrays: dict[str, NDArray[np.float64]], task: str) -> None:
-    """The errors of every kernel, their tolerances, eps, and where guards acted."""
+    """Draw errors and tolerances of every kernel, eps, and marks where guards acted."""
     condition = arrays["conditions"]
     axes.axhline(EPS, color="#999999", linewidth=0.8, zorder=1)
     for kernel in sorted({name.split("/")[1] for name in arrays if name.startswith("curve/")}, key=KERNELS.index):
         colour, marker = COLOURS[KERNELS.index(kernel)], MARKERS[KERNELS.index(kernel)]
         error, tolerance = arrays[f"curve/{kernel}/{task}"], arrays[f"curve/{kernel}/{task} tolerance"]
-        # No error at all has no logarithm: a gap in the curve.
+        # An error of zero has no logarithm: it leaves a gap in the curve.
         shown = np.where(error > 0, np.clip(error, LOWEST, HIGHEST), np.nan)
         axes.plot(condition, shown, f"{marker}-", color=colour, markersize=2.5, linewidth=0.9)
         axes.plot(condition, np.minimum(tolerance, HIGHEST), "--", color=colour, linewidth=0.8)
@@ -93,17 +94,16 @@ def panel(axes: Axes, run: RunSummary, arrays: dict[str, NDArray[np.float64]], t
     axes.set_ylim(LOWEST, HIGHEST)
     (axis,) = run["made_from"]["settings"]
     if task == TASKS[-1]:
-        axes.set_xlabel(AXES[axis])
+        axes.set_xlabel(AXES.get(axis, axis))
     else:
         axes.tick_params(labelbottom=False)
     if axis in FALLING:
         axes.invert_xaxis()
-    axes.grid(color="#e4e4e4", linewidth=0.5)
-    axes.set_axisbelow(True)
+    add_grid(axes)
 
 
 def legend() -> list[Line2D]:
-    """What the lines and marks are."""
+    """Handles of the figure's legend."""
     curves = [
         Line2D([], [], color=COLOURS[place], marker=MARKERS[place], markersize=3, linewidth=0.9, label=kernel)
         for place, kernel in enumerate(KERNELS)

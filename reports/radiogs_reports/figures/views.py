@@ -1,4 +1,4 @@
-"""The stored views by scene: the truth and what each row of the table made of it."""
+"""The stored views by scene: maps of the ground truth and of each row of the table."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,12 +10,12 @@ from ..summary import Summary
 from .canvas import ALL, plain
 
 MOST_ACROSS = 7
-"""Rows of the table that stand side by side; more of them go on below, or print would make them too small to read."""
+"""Rows of the table side by side; more rows continue below, because print would make them too small to see."""
 
 
 @dataclass(frozen=True)
 class SceneViews:
-    """One view of a scene under the first seed: ``rows`` holds label and maps of each row, in the table's order."""
+    """One view of a scene with the first seed; ``rows`` holds label and maps of each row, in the table's order."""
 
     scene: str
     view: str
@@ -24,13 +24,13 @@ class SceneViews:
     rows: list[tuple[str, dict[str, maps.Image]]]
 
     def bands(self) -> "list[SceneViews]":
-        """The same with a share of the rows each, in order, as equal as can be; none is wider than the first."""
+        """Split the rows, in order, into bands of nearly equal size; none is wider than the first."""
         count = -(-len(self.rows) // MOST_ACROSS)
         across = -(-len(self.rows) // count)
         return [replace(self, rows=self.rows[start : start + across]) for start in range(0, len(self.rows), across)]
 
-    def told_apart(self, *names: str) -> "SceneViews":
-        """One row for all where they agree in these maps bit by bit: rows that relight one model, say."""
+    def merged_if_equal(self, *names: str) -> "SceneViews":
+        """A single row for all if their maps of these names are equal, as for rows that relight one model."""
         _, first = self.rows[0]
         for _, found in self.rows[1:]:
             if not all(np.array_equal(found[name], first[name]) for name in names if name in first):
@@ -39,7 +39,7 @@ class SceneViews:
 
 
 def scene_views(summary: Summary, out: Path) -> list[SceneViews]:
-    """Every scene that has arrays. Raises ValueError if the rows of a scene do not show one view."""
+    """Views of every scene with stored maps. Raises ValueError if the rows of a scene show different views."""
     labels = {row["key"]: plain(row["text"]) for row in summary["rows"]}
     found = []
     for scene in summary["scenes"]:
@@ -56,5 +56,5 @@ def scene_views(summary: Summary, out: Path) -> list[SceneViews]:
 
 
 def part(arrays: dict[str, maps.Image], side: str) -> dict[str, maps.Image]:
-    """The maps of one side, ``truth`` or ``render``, by their own names."""
+    """Maps of one side, ``truth`` or ``render``, by name without the prefix."""
     return {name.removeprefix(f"{side}/"): image for name, image in arrays.items() if name.startswith(f"{side}/")}

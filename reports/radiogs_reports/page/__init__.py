@@ -1,4 +1,4 @@
-"""``report.html``: a run to look at, in one file that needs no network and no server."""
+"""``report.html``: the run as one page in a single file that needs no network and no server."""
 
 from .assemble import write_page
 

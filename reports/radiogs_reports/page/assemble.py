@@ -1,4 +1,4 @@
-"""The page's parts put together: template, style, script, plotting library, data, pictures."""
+"""Assembles the page from template, style, script, plotting library, data and pictures."""
 
 import base64
 from collections.abc import Sequence
@@ -11,34 +11,35 @@ from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import maps
-from ..audit import audit_report
-from ..cost import cost_report
-from ..front import COSTS, cost_of, points
-from ..plain import note
+from ..analysis.audit import audit_report
+from ..analysis.cost import cost_report
+from ..analysis.pareto import points
+from ..analysis.samples import COSTS, cost_of
 from ..summary import Summary
+from ..write.caption import run_note
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
 from .tables import cells_table, grid_table, paper_table, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
-"""In the order in which they run; each is a closed block that needs none of the others."""
+"""In the order in which they run; none needs another."""
 
 STYLES = ("page", "tables", "comparison")
 
 
 def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] = ()) -> Path:
-    """Write ``report.html`` into ``out``; returns its path. The same stored results give the same bytes.
+    """Write ``report.html`` into ``out`` and return its path. The same stored results give the same bytes.
 
-    ``figures`` are PNG files that it shows, with their captions.
+    ``figures``: PNG files to show, with their captions.
     """
     path = out / "report.html"
-    shown = [(embedded(png), caption) for png, caption in figures]
-    path.write_text(page(summary, album(summary["runs"], out), shown), encoding="utf-8")
+    embedded = [(data_address(png), caption) for png, caption in figures]
+    path.write_text(page(summary, album(summary["runs"], out), embedded), encoding="utf-8")
     return path
 
 
 def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
-    """The whole page; ``figures`` are data addresses and captions."""
+    """The page as text; ``figures`` are data addresses and captions."""
     cost, audit = cost_report(summary), audit_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
@@ -58,8 +59,8 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         audit=audit,
         audit_table=None if audit is None else grid_table(audit.grid),
         figures=figures,
-        note=note(summary),
-        lacking=lacking(summary),
+        note=run_note(summary),
+        missing=missing(summary),
         scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
         finished=sum(run["state"] == "finished" for run in summary["runs"]),
         kinds=maps.KINDS,
@@ -74,19 +75,19 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
     )
 
 
-def embedded(path: Path) -> str:
+def data_address(path: Path) -> str:
     """A PNG file as a data address."""
     return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
 
 
 def part(*path: str) -> str:
-    """A file that lies beside this module."""
+    """Text of a file in this module's folder."""
     place: Traversable = resources.files(__package__)
     return place.joinpath(*path).read_text(encoding="utf-8")
 
 
 def data(summary: Summary, pictures: Album) -> dict[str, Any]:
-    """What the script reads: the cells, and the points of the scatter by metric and cost."""
+    """What the scripts read: the cells, and the points of the scatter plot by metric and cost."""
     columns = [column for column in summary["columns"] if any(run["figures"].get(column["key"]) is not None
                for run in summary["runs"])]  # fmt: skip
     return {
@@ -107,8 +108,8 @@ def data(summary: Summary, pictures: Album) -> dict[str, Any]:
     }
 
 
-def lacking(summary: Summary) -> dict[str, list[str]]:
-    """Why figures are lacking: the columns by reason."""
+def missing(summary: Summary) -> dict[str, list[str]]:
+    """Labels of columns with missing values, by reason."""
     reasons: dict[str, list[str]] = {}
     for column in summary["columns"]:
         for row in summary["rows"]:

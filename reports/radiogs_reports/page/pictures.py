@@ -1,7 +1,7 @@
-"""Every cell's maps and error maps as pictures inside the page, within a budget of bytes.
+"""Maps and error maps of every cell as pictures inside the page, within a budget of bytes.
 
-A picture is a WebP without loss (half the bytes of a PNG) at the largest scale that fits; true maps that cells share
-are stored once.
+Pictures are lossless WebP (half the bytes of PNG) at the largest scale that fits; ground truth that cells share is
+stored once.
 """
 
 import base64
@@ -18,19 +18,18 @@ from .. import maps
 from ..summary import RunSummary
 
 BUDGET = 20 * 2**20
-"""Bytes of all pictures; the rest of the page is far below 5 MiB, so that it stays below 25 MB."""
-
+"""Bytes of all pictures. The rest of the page is far below 5 MiB, so the page stays below 25 MB."""
 
 LEGIBLE = 32
-"""Pixels: a picture is made no smaller; then some cells show none."""
+"""Smallest width and height in pixels; if pictures of that size exceed the budget, some cells have none."""
 
 
 @dataclass(frozen=True)
 class Album:
     """The pictures of a page, as data addresses.
 
-    ``views[key]`` holds a cell's rendered maps and errors, ``truths[name]`` true maps, ``truth_of[key]`` the name of
-    a cell's. ``factor`` is by how much width and height were divided; 1 is as stored.
+    views: rendered maps ("mine") and errors by cell key. truths: true maps by name. truth_of: that name by cell key.
+    factor: divisor of the stored width and height.
     """
 
     views: dict[str, dict[str, dict[str, str]]]
@@ -40,27 +39,27 @@ class Album:
 
     @property
     def size(self) -> int:
-        """Bytes of all pictures."""
+        """Total bytes."""
         pictures = [each for view in self.views.values() for group in view.values() for each in group.values()]
         return sum(map(len, pictures)) + sum(len(each) for group in self.truths.values() for each in group.values())
 
 
 def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
-    """The pictures of the cells that keep maps: smaller if they do not fit, then fewer, later seeds first to go.
+    """Pictures of the cells that keep maps: halved until they fit the budget, then without those of later seeds.
 
-    The scale is judged by the first cell (bytes fall with the square of the factor), then kept to by measuring.
+    The scale is estimated from the first cell (bytes fall with the square of the factor), then checked by measuring.
     """
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
         return Album({}, {}, {}, 1)
     stored = maps.read_maps(out / str(shown[0]["arrays"]))
     largest = max(max(stored[f"render/{name}"].shape) for name in maps.KINDS if f"render/{name}" in stored)
-    first = bound(shown[:1], out, 1)
+    first = pictures_of(shown[:1], out, 1)
     expected = len(shown) * dataclasses.replace(first, truths={}).size
     factor = 1
     while expected / factor**2 > budget and largest // (2 * factor) >= LEGIBLE:
         factor *= 2
-    while (made := bound(shown, out, factor)).size > budget:
+    while (made := pictures_of(shown, out, factor)).size > budget:
         if largest // (2 * factor) >= LEGIBLE:
             factor *= 2
         else:
@@ -68,8 +67,8 @@ def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
     return made
 
 
-def bound(runs: list[RunSummary], out: Path, factor: int) -> Album:
-    """The pictures of these cells, width and height divided by a factor."""
+def pictures_of(runs: list[RunSummary], out: Path, factor: int) -> Album:
+    """Pictures of these cells with width and height divided by a factor."""
     made = Album({}, {}, {}, factor)
     for run in runs:
         arrays = maps.read_maps(out / str(run["arrays"]))
@@ -89,7 +88,7 @@ def bound(runs: list[RunSummary], out: Path, factor: int) -> Album:
 
 
 def reduced(image: maps.Image, factor: int) -> maps.Image:
-    """The means of blocks of factor x factor pixels; what is left over at the right and below is cut off."""
+    """Means of blocks of factor x factor pixels; incomplete blocks at the right and bottom are dropped."""
     factor = min(factor, *image.shape[:2])
     height, width, channels = image.shape[0] // factor, image.shape[1] // factor, image.shape[2]
     blocks = image[: height * factor, : width * factor].reshape(height, factor, width, factor, channels)
@@ -97,17 +96,17 @@ def reduced(image: maps.Image, factor: int) -> maps.Image:
 
 
 def picture(image: maps.Image) -> str:
-    """A displayed map as a data address; the bytes depend on nothing but its content."""
+    """A displayed map as the data address of a WebP; the same content gives the same bytes."""
     packed = io.BytesIO()
     Image.fromarray(maps.levels(image)).save(packed, "WEBP", lossless=True, quality=100, method=4)
     return "data:image/webp;base64," + base64.b64encode(packed.getvalue()).decode("ascii")
 
 
 def false_colours(error: maps.Image) -> str:
-    """An error map, 0 to 1, in false colours."""
+    """An error map in [0, 1] as a picture in false colours."""
     return picture(maps.false_colour(error))
 
 
 def scale_bar() -> str:
-    """The false colours from 0 on the left to 1 on the right."""
+    """A picture of the false colours, 0 on the left to 1 on the right."""
     return false_colours(np.linspace(0, 1, 256)[None, :, None])

@@ -1,21 +1,20 @@
-"""Tables of the page as plain values; the template turns them into markup and the script sorts them."""
+"""Tables of the page as plain values; the template renders them, the script sorts them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..front import cost_of
-from ..grids import Grid
-from ..paper.layout import as_printed
-from ..paper.reading import change, measured
-from ..paper.reading import ranks as paper_ranks
-from ..plain import ARROWS, signed_figure
-from ..ranks import ranks
-from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary
+from ..analysis.grid import Grid
+from ..analysis.ranks import suite_ranks
+from ..analysis.samples import cost_of
+from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary, half_width, row_texts
+from ..wording import ARROWS, plus_minus, signed
+from ..write.paper.layout import as_printed
+from ..write.paper.reading import change, measured, paper_ranks
 
 
 @dataclass(frozen=True)
 class Head:
-    """A column's heading; ``numeric`` columns sort by number and are set flush right."""
+    """A column's heading; ``numeric`` columns sort by number and are aligned right."""
 
     label: str
     unit: str = ""
@@ -25,9 +24,9 @@ class Head:
 
 @dataclass(frozen=True)
 class Entry:
-    """What stands in a cell of a table: the text and the number it sorts by, and what stands below it.
+    """An entry of a table: its text and the value that it sorts by, with the difference and published value below it.
 
-    ``opens`` is the key of a cell whose provenance the entry opens.
+    ``opens``: key of the cell whose provenance the entry opens.
     """
 
     text: str
@@ -43,10 +42,7 @@ class Entry:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: ``rows`` are entries under ``heads``, the first of them the row's name.
-
-    ``title`` is what it is called where it is folded away; its ``caption`` then says the rest.
-    """
+    """A table: rows of entries under ``heads``, the row's name first. ``title``: shown while the table is folded."""
 
     name: str
     caption: str
@@ -56,98 +52,95 @@ class Table:
 
     @property
     def reasons(self) -> list[str]:
-        """Why entries are n/a, each reason once: a hint at the mouse alone would be out of many people's reach."""
+        """Why entries are n/a, each reason once: printed, because tooltips need a mouse."""
         return list(
             dict.fromkeys(entry.reason.rstrip(".") for row in self.rows for entry in row if entry.value is None)
         )
 
     @property
     def compared(self) -> bool:
-        """Whether there is a published figure or a difference, by which it can be sorted too."""
+        """Whether entries have differences or published values, by which the table can be sorted too."""
         return any(entry.difference or entry.published for row in self.rows for entry in row)
 
 
 def heads_of(columns: Sequence[ColumnSummary]) -> list[Head]:
-    """The headings of figures."""
+    """Headings of metrics."""
     return [Head(column["label"], column["unit"], ARROWS[column["direction"]]) for column in columns]
 
 
 def suite_table(summary: Summary) -> Table:
-    """The suite's own table: means, differences with intervals, published figures, and what a cell costs."""
-    placed = {column["key"]: ranks(summary, column) for column in summary["columns"]}
+    """The suite's own table: means, differences with intervals, published values, and training seconds."""
+    ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
     rows = []
     for row in summary["rows"]:
         published = summary["published"].get(row["key"], {})
-        figures = [
-            figure(
+        values = [
+            value_entry(
                 summary["cells"][row["key"]][column["key"]],
                 column,
                 published.get(column["key"]),
-                placed[column["key"]].get(row["key"], 0),
+                ranks[column["key"]].get(row["key"], 0),
             )
             for column in summary["columns"]
         ]
-        rows.append([Entry(row["text"], row["text"]), *figures, seconds_of(row)])
+        rows.append([Entry(row["text"], row["text"]), *values, seconds_entry(row)])
     heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
     return Table("means", summary["title"], heads, rows)
 
 
-def figure(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int) -> Entry:
-    """One figure with its difference to the reference row and the published one."""
-    digits = column["decimals"]
+def value_entry(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int) -> Entry:
+    """A value with its difference to the reference row and the published value."""
+    decimals = column["decimals"]
     interval = cell["difference"]
     difference = ""
     if interval is not None:
-        difference = signed_figure(interval["mean"], digits)
-        if interval["low"] is not None and interval["high"] is not None:
-            difference += f" ± {(interval['high'] - interval['low']) / 2:.{digits}f}"
+        difference = plus_minus(signed(interval["mean"], decimals), half_width(interval), decimals)
     return Entry(
-        text="n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}",
-        value=sorted_by(cell["mean"], column),
+        text="n/a" if cell["mean"] is None else f"{cell['mean']:.{decimals}f}",
+        value=sort_value(cell["mean"], column),
         difference=difference,
         difference_value=None if interval is None else interval["mean"],
-        published="" if published is None else f"{published:.{digits}f}",
+        published="" if published is None else f"{published:.{decimals}f}",
         published_value=published,
         reason=cell["reason"] or "",
         rank=rank if rank <= 3 else 0,
     )
 
 
-def sorted_by(value: float | None, column: ColumnSummary) -> float | None:
-    """What a figure sorts by: itself, or how far it is from zero where zero is the best."""
+def sort_value(value: float | None, column: ColumnSummary) -> float | None:
+    """What a value sorts by: itself, or its magnitude where zero is the best."""
     return abs(value) if value is not None and column["direction"] == "zero" else value
 
 
-def seconds_of(row: RowSummary) -> Entry:
-    """Mean seconds of training a cell of the row."""
+def seconds_entry(row: RowSummary) -> Entry:
+    """Mean training seconds per cell of the row."""
     if row["seconds"] is None:
         return Entry("n/a", None, reason="no finished cell of the row trained anything")
     return Entry(f"{row['seconds']:.1f}", row["seconds"])
 
 
 def paper_table(table: PaperTable) -> Table:
-    """A table of the paper, measured beside published; what has no measured figure is there with its reason."""
+    """A table of the paper with measured and published values; missing ones have their reason."""
     table = as_printed(table)
     rows = []
     for row in table["rows"]:
         entries = [Entry(row["text"], row["text"], reason=row["remark"])]
         for column in table["columns"]:
-            cell = table["cells"][row["key"]][column["key"]]
+            value = table["cells"][row["key"]][column["key"]]
             entries.append(
                 Entry(
-                    text=measured(cell, column) or "n/a",
-                    value=cell["mean"],
-                    difference=change(cell, column, " ± "),
-                    difference_value=cell["difference"]["mean"] if cell["difference"] else None,
-                    published=cell["published"] or "",
-                    published_value=float(cell["published"]) if cell["published"] else None,
-                    reason=cell["reason"] or "",
+                    text=measured(value, column) or "n/a",
+                    value=value["mean"],
+                    difference=change(value, column, " ± "),
+                    difference_value=value["difference"]["mean"] if value["difference"] else None,
+                    published=value["published"] or "",
+                    published_value=float(value["published"]) if value["published"] else None,
+                    reason=value["reason"] or "",
                     rank=paper_ranks(table, column, of_published=False).get(row["key"], 0),
                 )
             )
         rows.append(entries)
-    arrows = {**ARROWS, "none": ""}
-    heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], arrows[each["direction"]])
+    heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], ARROWS[each["direction"]])
              for each in table["columns"]]  # fmt: skip
     return Table(
         f"paper-{table['key']}",
@@ -159,7 +152,7 @@ def paper_table(table: PaperTable) -> Table:
 
 
 def grid_table(grid: Grid) -> Table:
-    """A grid of derived figures; a column sorts by number if all that is known of it are numbers."""
+    """A grid of derived values; a column sorts by number if all of its known values are numbers."""
     rows = [[Entry(item.text, item.value, reason=item.reason) for item in row] for row in grid.rows]
     kinds = [{type(row[place].value) for row in rows} - {type(None)} for place in range(len(grid.heads))]
     heads = [Head(text, numeric=str not in kind) for text, kind in zip(grid.heads, kinds, strict=True)]
@@ -167,8 +160,8 @@ def grid_table(grid: Grid) -> Table:
 
 
 def cells_table(summary: Summary) -> Table:
-    """Every cell with its figures; its name opens its provenance."""
-    texts = {row["key"]: row["text"] for row in summary["rows"]}
+    """Every cell with its metric values; its name opens its provenance."""
+    texts = row_texts(summary)
     heads = [
         Head("row", numeric=False),
         Head("scene", numeric=False),
@@ -183,9 +176,9 @@ def cells_table(summary: Summary) -> Table:
             Entry(texts[run["row"]], texts[run["row"]], opens=run["key"]),
             Entry(run["scene"], run["scene"]),
             Entry(str(run["seed"]), run["seed"]),
-            *(plain_figure(run, column) for column in summary["columns"]),
-            training(run),
-            count(run),
+            *(metric_entry(run, column) for column in summary["columns"]),
+            training_entry(run),
+            surfels_entry(run),
             Entry(run["state"], run["state"]),
         ]
         for run in summary["runs"]
@@ -193,24 +186,29 @@ def cells_table(summary: Summary) -> Table:
     return Table("cells", "Every cell of the run", heads, rows)
 
 
-def plain_figure(run: RunSummary, column: ColumnSummary) -> Entry:
-    """A cell's own figure."""
+def metric_entry(run: RunSummary, column: ColumnSummary) -> Entry:
+    """A cell's own value of a metric."""
     value = run["figures"].get(column["key"])
     if value is None:
-        return Entry("n/a", None, reason=run["state"] if not run["figures"] else "the cell has no such figure")
-    return Entry(f"{value:.{column['decimals']}f}", sorted_by(value, column))
+        return Entry("n/a", None, reason=run["state"] if not run["figures"] else "the cell has no such value")
+    return Entry(f"{value:.{column['decimals']}f}", sort_value(value, column))
 
 
-def training(run: RunSummary) -> Entry:
-    """A cell's seconds of training."""
+def training_entry(run: RunSummary) -> Entry:
+    """A cell's training seconds."""
     spent = cost_of(run, "seconds")
     if spent is None:
-        return Entry("n/a", None, reason="nothing was trained" if run["state"] == "finished" else run["state"])
+        return Entry("n/a", None, reason=why_not(run, "nothing was trained"))
     return Entry(f"{spent:.1f}", spent)
 
 
-def count(run: RunSummary) -> Entry:
-    """How many surfels a cell's model has."""
+def surfels_entry(run: RunSummary) -> Entry:
+    """Number of surfels of a cell's model."""
     if run["surfels"] is None:
-        return Entry("n/a", None, reason=run["state"])
+        return Entry("n/a", None, reason=why_not(run, "the result holds no number of surfels"))
     return Entry(str(run["surfels"]), run["surfels"])
+
+
+def why_not(run: RunSummary, reason: str) -> str:
+    """Why a cell has no value: the reason if it is finished, otherwise its state."""
+    return reason if run["state"] == "finished" else run["state"]

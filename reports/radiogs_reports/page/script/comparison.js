@@ -1,4 +1,4 @@
-// Two pictures under one slider, their error beside them, all under one zoom.
+// Two pictures under one slider with their error beside them; all zoom and move together.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const found = (name) => document.getElementById(name);

@@ -1,4 +1,4 @@
-// Where a cell comes from, in a dialogue; the protocol's conventions, in the page. Text only: names never become markup.
+// A cell's provenance in a dialog, the protocol's conventions in the page. Text nodes only: names never become markup.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const dialog = document.getElementById("provenance");
@@ -53,7 +53,7 @@
       });
       body.append(button);
     }
-    const parts = { "What the key is made of": run.made_from, Figures: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses, Effects: run.effects ?? {} };
+    const parts = { "What the key is made of": run.made_from, Metrics: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses, Effects: run.effects ?? {} };
     for (const [title, content] of Object.entries(parts)) {
       if (Object.keys(content).length) body.append(part(title, content));
     }

@@ -1,4 +1,4 @@
-// Quality against cost: rows as large marks with intervals and the front, cells as small ones; hover or arrow keys.
+// Quality against cost: rows as large marks with intervals and the Pareto front, cells as small marks; hover or arrow keys.
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const box = document.getElementById("scatter");
@@ -6,7 +6,7 @@
   const said = document.getElementById("scatter-said");
   const qualitySelect = document.getElementById("scatter-quality");
   const costSelect = document.getElementById("scatter-cost");
-  const REACH = 28; // pixels from a mark within which it is hovered
+  const HOVER = 28; // pixels from a mark within which it is hovered
   const LOGARITHMIC_FROM = 8; // ratio of the largest to the smallest cost
 
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -40,10 +40,10 @@
   function describe(mark, column, cost) {
     const unit = column.unit ? ` ${column.unit}` : "";
     const name = mark.large ? `${textOf[mark.row]}, mean` : `${textOf[mark.row]}, ${mark.run.scene}, seed ${mark.run.seed}`;
-    const reach = mark.large && mark.reach !== null ? ` ± ${mark.reach.toFixed(column.decimals)}` : "";
+    const interval = mark.large && mark.half_width !== null ? ` ± ${mark.half_width.toFixed(column.decimals)}` : "";
     const amount = cost === "seconds" ? `${digits(mark.cost)} s` : `${digits(mark.cost)} ${cost}`;
     const front = mark.large && mark.on_front ? "; on the front" : "";
-    return `${name}: ${column.label} ${mark.quality.toFixed(column.decimals)}${reach}${unit} for ${amount}${front}`;
+    return `${name}: ${column.label} ${mark.quality.toFixed(column.decimals)}${interval}${unit} for ${amount}${front}`;
   }
 
   function seriesOf(large) {
@@ -91,10 +91,10 @@
     context.stroke();
     context.setLineDash([]);
     for (const mark of marks) {
-      if (!mark.large || mark.reach === null) continue;
+      if (!mark.large || mark.half_width === null) continue;
       const [middle] = place(mark);
-      const low = chart.valToPos(mark.quality - mark.reach, "y", true);
-      const high = chart.valToPos(mark.quality + mark.reach, "y", true);
+      const low = chart.valToPos(mark.quality - mark.half_width, "y", true);
+      const high = chart.valToPos(mark.quality + mark.half_width, "y", true);
       context.strokeStyle = colourOf(data.rows.findIndex((row) => row.key === mark.row));
       context.beginPath();
       context.moveTo(middle, low);
@@ -123,7 +123,7 @@
   function nearest(event) {
     const frame = plot.over.getBoundingClientRect();
     let best = -1;
-    let least = REACH;
+    let least = HOVER;
     marks.forEach((mark, place) => {
       const across = plot.valToPos(mark.cost, "x") - (event.clientX - frame.left);
       const down = plot.valToPos(mark.quality, "y") - (event.clientY - frame.top);

@@ -1,4 +1,4 @@
-// Tables sort by a click on a heading: best first, then the other way. What does not exist stays last both ways.
+// Tables sort by a click on a heading: best first, then in reverse. Missing values stay last both ways.
 (() => {
   function valueOf(row, place, by) {
     const cell = row.cells[place];
@@ -16,7 +16,7 @@
     const body = table.tBodies[0];
     const rows = [...body.rows];
     const has = rows.some((row) => row.cells[place].dataset[asked] !== undefined);
-    const by = has ? asked : "value"; // a column without published figures sorts by what it has
+    const by = has ? asked : "value"; // a column without published values sorts by its measured ones
     const sign = descending ? -1 : 1;
     rows.sort((one, other) => {
       const first = valueOf(one, place, by);

@@ -1,4 +1,4 @@
-// Light, dark or as the system has it; kept for the next visit where the browser lets a file keep anything.
+// Light or dark, as the system says or as chosen; the choice is kept where the browser lets a file store it.
 (() => {
   const names = { system: "as the system", light: "light", dark: "dark" };
   const order = Object.keys(names);

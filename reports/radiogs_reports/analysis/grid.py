@@ -1,0 +1,55 @@
+"""Tables of derived values: texts with the values that they sort by. ``write`` and ``page`` show them."""
+
+from typing import NamedTuple
+
+from ..statistics import Estimate
+from ..wording import plus_minus, signed
+
+UNKNOWN = "the results do not hold it"
+
+
+class Item(NamedTuple):
+    """A text in a grid and the value that it sorts by; ``reason`` says why there is none."""
+
+    text: str
+    value: float | str | None = None
+    reason: str = UNKNOWN
+
+
+class Grid(NamedTuple):
+    """A table: ``note`` says how to read it, ``name`` names it in labels and on the page."""
+
+    name: str
+    title: str
+    note: str
+    heads: list[str]
+    rows: list[list[Item]]
+
+
+def name_item(text: str) -> Item:
+    """An item that sorts by its text."""
+    return Item(text, text)
+
+
+def estimate_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
+    """Signed mean and half-width of the interval, or n/a."""
+    if estimate is None:
+        return Item("n/a", None, reason)
+    return Item(plus_minus(signed(estimate.mean, decimals), estimate.half_width, decimals), estimate.mean)
+
+
+def factor_item(estimate: Estimate | None, reason: str = UNKNOWN) -> Item:
+    """A ratio and the ends of its interval, or n/a."""
+    if estimate is None:
+        return Item("n/a", None, reason)
+    if estimate.low is None or estimate.high is None:
+        return Item(f"{estimate.mean:.2f}", estimate.mean)
+    return Item(f"{estimate.mean:.2f} ({estimate.low:.2f} to {estimate.high:.2f})", estimate.mean)
+
+
+def share_item(estimate: Estimate | None, reason: str = UNKNOWN) -> Item:
+    """A share in percent and the half-width of its interval, or n/a."""
+    if estimate is None:
+        return Item("n/a", None, reason)
+    percent = None if estimate.half_width is None else 100 * estimate.half_width
+    return Item(f"{plus_minus(f'{100 * estimate.mean:.1f}', percent, 1)} %", estimate.mean)

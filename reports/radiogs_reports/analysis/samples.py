@@ -1,0 +1,41 @@
+"""A row's metric values and training costs by (scene, seed)."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..statistics import Pair
+from ..summary import EVALUATION, RunSummary, Summary
+
+COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays traced in training"}
+"""Kinds of training cost, by key. Seconds differ between machines, ray counts do not."""
+
+
+def runs_of(summary: Summary, row: str) -> dict[Pair, RunSummary]:
+    """The finished runs of a row."""
+    return {(run["scene"], run["seed"]): run for run in summary["runs"] if run["row"] == row and run["figures"]}
+
+
+def values_of(summary: Summary, row: str, column: str) -> dict[Pair, float]:
+    """A row's values in a column, where it has any."""
+    found = {pair: run["figures"].get(column) for pair, run in runs_of(summary, row).items()}
+    return {pair: value for pair, value in found.items() if value is not None}
+
+
+def costs_of(summary: Summary, row: str, cost: str) -> dict[Pair, float]:
+    """A row's training costs of one kind, where they are known and not zero."""
+    found = {pair: cost_of(run, cost) for pair, run in runs_of(summary, row).items()}
+    return {pair: value for pair, value in found.items() if value is not None}
+
+
+def cost_of(run: RunSummary, cost: str) -> float | None:
+    """Training cost of one cell, all stages but the evaluation; None if it is unknown or zero."""
+    if cost == "seconds":
+        spent = sum(seconds for stage, seconds in run["seconds"].items() if stage != EVALUATION)
+    else:
+        spent = float(sum(work.get(cost, 0) for stage, work in run["work"].items() if stage != EVALUATION))
+    return spent or None
+
+
+def made_from(summary: Summary, row: str) -> dict[str, Any] | None:
+    """Content of the key of one of the row's finished cells; None without a finished cell."""
+    return next((run["made_from"] for run in runs_of(summary, row).values()), None)

@@ -1,0 +1,49 @@
+"""How all plots look: titles, grids, and axes of cost and quality."""
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from ..summary import ColumnSummary
+from ..wording import heading, short_number
+from .canvas import plain
+
+MARGIN = 0.1
+"""Room above and below the qualities of a panel, as a share of their range."""
+
+GRID = "#e4e4e4"
+
+
+def metric_title(column: ColumnSummary) -> str:
+    """A column's heading as the title of a panel."""
+    return plain(heading(column))
+
+
+def add_grid(axes: Axes) -> None:
+    """A light grid behind the data."""
+    axes.grid(color=GRID, linewidth=0.5)
+    axes.set_axisbelow(True)
+
+
+def better_is_up(axes: Axes, qualities: Sequence[float], column: ColumnSummary) -> None:
+    """Limit the y axis to the qualities with some room, upside down where smaller is better."""
+    low, high = min(qualities), max(qualities)
+    room = MARGIN * (high - low or abs(high) or 1.0)
+    low, high = low - room, high + room
+    axes.set_ylim((high, low) if column["direction"] == "down" else (low, high))
+
+
+def cost_axis(axes: Axes, costs: Sequence[float], logarithmic_from: float) -> None:
+    """Make the x axis logarithmic if the largest cost is at least ``logarithmic_from`` times the smallest."""
+    if max(costs) / min(costs) >= logarithmic_from:
+        axes.set_xscale("log")
+        plain_numbers(axes.xaxis)
+
+
+def plain_numbers(axis: Axis) -> None:
+    """Put ticks of a logarithmic axis at 1, 2 and 5 of each decade: by default, less than a decade has one or none."""
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: short_number(value)))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,0 +1,75 @@
+"""Every report of a run, written into its folder."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .analysis.audit import audit_report
+from .analysis.cost import cost_report
+from .figures import Drawn, write_figures
+from .figures.canvas import FOLDER
+from .figures.contact_sheet import write_contact_sheet
+from .page import write_page
+from .stale import drop_stale
+from .summary import Summary, read_summary
+from .write.audit import audit_csv, audit_latex, audit_markdown
+from .write.cost import cost_csv, cost_latex, cost_markdown
+from .write.document import report_document
+from .write.paper import paper_csv, paper_latex, paper_markdown
+from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
+
+
+def write_reports(out: Path) -> list[Path]:
+    """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
+
+    The same stored results give the same bytes. Tables and figures that only an earlier run had are deleted.
+    """
+    summary = read_summary(out)
+    figures = write_figures(summary, out)
+    written = []
+    for name, text in texts(summary, figures).items():
+        path = out / name
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        written.append(path)
+    if summary["sheet"]:
+        written.append(write_contact_sheet(summary, out))
+    written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
+    written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
+    drop_stale(out, written)
+    return written
+
+
+def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
+    """Every text report by file name; the LaTeX document of the whole run includes ``figures``."""
+    suite = summary["suite"]
+    own = {
+        f"{suite}_table.tex": suite_latex(summary),
+        f"{suite}.tex": suite_document(summary),
+        f"{suite}.md": suite_markdown(summary),
+        f"{suite}.csv": suite_csv(summary),
+    }
+    tables = _tables(summary)
+    inputs = [f"{suite}_table.tex", *(name for name in tables if name.endswith(".tex"))]
+    included = [(f"{FOLDER}/{drawn.pdf.name}", drawn.caption) for drawn in figures]
+    return own | tables | {"report.tex": report_document(summary, inputs, included)}
+
+
+def _tables(summary: Summary) -> dict[str, str]:
+    """Tables of the paper, of the cost report and of the audit, by file name."""
+    made = {}
+    for table in summary["paper"]:
+        name = f"tables/{table['key']}"
+        made[f"{name}.tex"] = paper_latex(table, summary)
+        made[f"{name}.md"] = paper_markdown(table, summary)
+        made[f"{name}.csv"] = paper_csv(table)
+    cost = cost_report(summary)
+    if cost is not None:
+        made["tables/cost.tex"] = cost_latex(summary, cost)
+        made["tables/cost.md"] = cost_markdown(summary, cost)
+        made["tables/cost.csv"] = cost_csv(summary, cost)
+    audit = audit_report(summary)
+    if audit is not None:
+        made["tables/audit.tex"] = audit_latex(summary, audit)
+        made["tables/audit.md"] = audit_markdown(summary, audit)
+        made["tables/audit.csv"] = audit_csv(audit)
+    return made

@@ -1,0 +1,43 @@
+"""How values, headings and counts are put into plain text."""
+
+from .summary import ColumnSummary
+
+ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
+"""Which values of a column are better, by its direction."""
+
+SUFFIXES = (("M", 1e6), ("k", 1e3))
+
+
+def heading(column: ColumnSummary) -> str:
+    """Label, arrow towards better values, unit: ``NVS PSNR ↑ (dB)``."""
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    return f"{column['label']} {ARROWS[column['direction']]}{unit}"
+
+
+def label_with_unit(column: ColumnSummary) -> str:
+    """``NVS PSNR, dB``."""
+    return f"{column['label']}, {column['unit']}" if column["unit"] else column["label"]
+
+
+def signed(value: float, decimals: int) -> str:
+    """A difference with its sign; without one if it rounds to zero."""
+    text = f"{value:+.{decimals}f}"
+    return text if float(text) else text[1:]
+
+
+def plus_minus(text: str, half_width: float | None, decimals: int, sign: str = " ± ") -> str:
+    """A printed mean followed by the half-width of its interval, if it has one."""
+    return text if half_width is None else f"{text}{sign}{half_width:.{decimals}f}"
+
+
+def count_of(number: int, noun: str) -> str:
+    """A number with its noun, in the plural where it needs one: ``2 seeds``."""
+    return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def short_number(value: float) -> str:
+    """A number in few characters: thousands as k, millions as M."""
+    for suffix, size in SUFFIXES:
+        if abs(value) >= size:
+            return f"{value / size:g}{suffix}"
+    return f"{value:g}"

@@ -1,0 +1,33 @@
+"""One LaTeX document of the whole run: the suite's table, the paper's tables, the figures."""
+
+from collections.abc import Sequence
+
+from ..summary import Summary
+from .latex import END, PREAMBLE, as_formula, escape
+
+
+def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[tuple[str, str]]) -> str:
+    """A document that inputs the ``tables`` (file names) and includes the ``figures`` (file names, plain captions).
+
+    File names are relative to the document's folder. Compiles with pdflatex, in one pass but for references.
+    """
+    parts = [PREAMBLE, f"% {escape(summary['title'])}\n"]
+    parts += [f"\\input{{{name}}}\n\\clearpage\n" for name in tables]
+    for name, caption in figures:
+        parts.append(
+            "\\begin{figure}[p]\n\\centering\n"
+            f"\\includegraphics[width=\\linewidth,height=0.85\\textheight,keepaspectratio]{{{name}}}\n"
+            f"\\caption{{{escape(caption)}}}\n\\end{{figure}}\n\\clearpage\n"
+        )
+    return "".join([*parts, END])
+
+
+def itemized(summary: Summary, title: str, sentences: Sequence[str]) -> list[str]:
+    """A section with its sentences as a list, to be input into a document with ``PREAMBLE``."""
+    return [
+        f"% {as_formula(summary['title'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
+        rf"\section*{{{escape(title)}}}",
+        r"\begin{itemize}",
+        *(rf"\item {as_formula(sentence)}" for sentence in sentences),
+        r"\end{itemize}",
+    ]

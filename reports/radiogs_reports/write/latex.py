@@ -1,0 +1,96 @@
+"""What every LaTeX report shares: the preamble, escapes, symbols, rank colours, notes, and boxes that fit the page."""
+
+import re
+
+from ..summary import RowSummary
+
+RANK_COLOURS = {1: "FF9999", 2: "FFD7D7", 3: "FFFFC7"}
+"""First, second and third, as in the paper's tables."""
+
+ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$", "zero": r"$\to 0$"}
+
+BOX_BEGIN = r"\setbox0=\hbox{%"
+BOX_END = (
+    r"\medskip\leavevmode\ifdim\wd0>\linewidth\setbox0=\hbox{\resizebox{\linewidth}{!}{\box0}}\fi"
+    "\n"
+    r"\ifdim\dimexpr\ht0+\dp0\relax>0.85\textheight\setbox0=\hbox{\resizebox*{!}{0.85\textheight}{\box0}}\fi\box0"
+)
+"""Around a tabular: shrinks it to the line's width and the page's height if it is larger, never enlarges it."""
+
+PREAMBLE = r"""\documentclass{article}
+\usepackage[T1]{fontenc}
+\usepackage[utf8]{inputenc}
+\usepackage[landscape,margin=1.5cm]{geometry}
+\usepackage{amsmath}
+\usepackage{booktabs}
+\usepackage[table]{xcolor}
+\usepackage{graphicx}
+\begin{document}
+"""
+
+END = "\\end{document}\n"
+
+SPECIAL = {
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
+    "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}",
+}  # fmt: skip
+
+GREEK = {
+    character: rf"$\{name}$"
+    for characters, names in (
+        ("αβγδεζηθικλμνξπρστυφχψω", "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho"
+         " sigma tau upsilon phi chi psi omega"),
+        ("ΓΔΘΛΞΠΣΥΦΨΩ", "Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"),
+    )
+    for character, name in zip(characters, names.split(), strict=True)
+}  # fmt: skip
+
+SIGNS = {
+    "\u00d7": r"$\times$", "±": r"$\pm$", "\u2212": r"$-$", "°": r"$^\circ$", "≤": r"$\leq$", "≥": r"$\geq$",
+    "→": r"$\to$", "↑": r"$\uparrow$", "↓": r"$\downarrow$", "·": r"$\cdot$", "\u2013": "--", "—": "---",
+    "…": r"\dots{}", "\u2018": "`", "\u2019": "'", "\u201c": "``", "\u201d": "''", "\u00a0": "~",
+}  # fmt: skip
+
+LATIN = range(0xC0, 0x100)
+"""Letters that pdflatex prints as they are, in the T1 encoding."""
+
+
+def escape(text: str) -> str:
+    """Plain text as LaTeX that pdflatex compiles, whatever characters it has."""
+    return "".join(_escaped(character) for character in text)
+
+
+def _escaped(character: str) -> str:
+    known = SPECIAL.get(character) or SIGNS.get(character) or GREEK.get(character)
+    if known is not None:
+        return known
+    if 32 <= ord(character) < 127 or ord(character) in LATIN:
+        return character
+    return rf"\texttt{{U+{ord(character):04X}}}"  # pdflatex has no glyph for it: print its code point, drop nothing
+
+
+def as_formula(text: str) -> str:
+    """Plain text as LaTeX with symbols such as L_rad and N_g set as the paper sets them."""
+    parts = re.split(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?", text)
+    made = escape(parts[0])
+    for symbol, lower, upper, rest in zip(parts[1::4], parts[2::4], parts[3::4], parts[4::4], strict=True):
+        base = {"λ": r"\lambda"}.get(symbol, symbol)
+        raised = "" if upper is None else rf"^\mathrm{{{upper}}}"
+        made += rf"${base}_\mathrm{{{lower}}}{raised}$" + escape(rest)
+    return made
+
+
+def row_label(row: RowSummary) -> str:
+    """A row's label in LaTeX; its plain text, escaped, if it has no other."""
+    return row["latex"] or escape(row["text"])
+
+
+def rank_colour(rank: int | None) -> str:
+    """The cell colour of a rank; empty below the third."""
+    return rf"\cellcolor[HTML]{{{RANK_COLOURS[rank]}}}" if rank in RANK_COLOURS else ""
+
+
+def note_mark(index: int) -> str:
+    """The superscript of a note: a to z, then aa and so on."""
+    letters = chr(ord("a") + index % 26)
+    return rf"$^{{{letters * (1 + index // 26)}}}$"

@@ -1,0 +1,76 @@
+"""What all forms of a table of the paper share: printed values, ranks, headings and the caption."""
+
+from itertools import groupby
+
+from ...analysis.ranks import ranked
+from ...summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
+from ...wording import ARROWS, count_of, plus_minus, signed
+
+LAST_RANK = 3
+"""The paper colours the first three."""
+
+
+def measured(value: PaperValue, column: PaperColumn) -> str | None:
+    """The measured mean with the paper's decimals; with two significant digits where those decimals would all be 0."""
+    mean = value["mean"]
+    if mean is None:
+        return None
+    text = f"{mean:.{column['decimals']}f}"
+    return f"{mean:.2g}" if float(text) == 0 and mean != 0 else text
+
+
+def change(value: PaperValue, column: PaperColumn, sign: str) -> str:
+    """The paired difference and, after ``sign``, the half-width of its interval; empty without a difference."""
+    difference, decimals = value["difference"], column["decimals"]
+    if difference is None:
+        return ""
+    return plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, sign)
+
+
+def paper_ranks(table: PaperTable, column: PaperColumn, *, of_published: bool) -> dict[str, int]:
+    """First to third by row, of the values as printed. Empty for a single row and for columns without a direction."""
+    direction = column["direction"]
+    if direction == "none":
+        return {}
+    printed = {}
+    for row, cells in table["cells"].items():
+        value = cells[column["key"]]
+        text = value["published"] if of_published else measured(value, column)
+        if text is not None:
+            printed[row] = float(text)
+    if len(printed) < 2:
+        return {}
+    return {row: rank for row, rank in ranked(printed, direction).items() if rank <= LAST_RANK}
+
+
+def heading(column: PaperColumn) -> str:
+    """Group, label, arrow towards better values, unit."""
+    arrow = f" {ARROWS[column['direction']]}" if ARROWS[column["direction"]] else ""
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    return f"{column['group']} {column['label']}".strip() + arrow + unit
+
+
+def groups(table: PaperTable) -> list[tuple[str, int]]:
+    """Headings that neighbouring columns share, and how many columns each spans."""
+    return [(group, len(list(columns))) for group, columns in groupby(table["columns"], key=lambda each: each["group"])]
+
+
+def caption(table: PaperTable, summary: Summary) -> str:
+    """Data, seeds, protocol, interval, and the source of published values; plain text."""
+    seeds, scenes = summary["seeds"], summary["scenes"]
+    values = [value for row in table["cells"].values() for value in row.values()]
+    pairs = max(value["count"] for value in values)
+    text = (
+        f"{table['title']}. Measured: mean over {count_of(len(scenes), 'scene')} ({', '.join(scenes)}) and"
+        f" {count_of(len(seeds), 'seed')} ({', '.join(map(str, seeds))}), preset {summary['preset']}, metric protocol"
+        f" {summary['protocol']}."
+    )
+    reference = next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
+    if reference is not None and any(value["difference"] for value in values):
+        text += f" Below it: paired difference to {reference}"
+        text += (
+            f" and half-width of its 95 % t interval over {pairs} pairs of scene and seed."
+            if pairs > 1
+            else "; one pair of scene and seed gives no interval."
+        )
+    return f"{text} Paper: as published, {table['data']}."

@@ -1,0 +1,92 @@
+"""The suite's table in LaTeX: booktabs, the paper's rank colours, published values beside the measured ones."""
+
+from ...analysis.ranks import suite_ranks
+from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width
+from ...wording import plus_minus, signed
+from ..caption import unfinished
+from ..latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, escape, note_mark, rank_colour, row_label
+from ..notes import note_index
+
+
+def suite_document(summary: Summary) -> str:
+    """A document of its own around ``suite_latex``, which pdflatex compiles."""
+    return f"{PREAMBLE}{suite_latex(summary)}{END}"
+
+
+def suite_latex(summary: Summary) -> str:
+    """The table environment, for documents that load booktabs, graphicx and xcolor (option ``table``).
+
+    Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
+    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note.
+    """
+    notes: list[str] = []
+    ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
+    heads = " & ".join(f"{escape(column['label'])} {ARROWS[column['direction']]}" for column in summary["columns"])
+    units = " & ".join(escape(column["unit"]) for column in summary["columns"])
+    lines = [
+        f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
+        r"\begin{table}[t]",
+        r"\centering",
+        f"\\caption{{{_caption(summary)}}}",
+        f"\\label{{tab:{summary['suite']}}}",
+        BOX_BEGIN,
+        f"\\begin{{tabular}}{{l{'c' * len(summary['columns'])}r}}",
+        r"\toprule",
+        f"Method & {heads} & Training \\\\",
+        f" & {units} & s \\\\",
+        r"\midrule",
+    ]
+    for row in summary["rows"]:
+        lines += _row_lines(summary, row, ranks, notes)
+    lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
+    lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
+    return "\n".join([*lines, r"\end{table}", ""])
+
+
+def _row_lines(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]) -> list[str]:
+    """A line of means and, if the row has any, one of differences."""
+    upper, lower = [row_label(row)], [""]
+    for column in summary["columns"]:
+        cell = summary["cells"][row["key"]][column["key"]]
+        published = summary["published"].get(row["key"], {}).get(column["key"])
+        beside = "" if published is None else rf"~\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
+        upper.append(_mean(cell, column, ranks[column["key"]].get(row["key"]), notes) + beside)
+        lower.append(_difference(cell, column))
+    seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
+    lines = [f"{' & '.join(upper)} & {seconds} \\\\"]
+    return [*lines, f"{' & '.join(lower)} & \\\\"] if any(lower) else lines
+
+
+def _mean(cell: CellSummary, column: ColumnSummary, rank: int | None, notes: list[str]) -> str:
+    if cell["mean"] is None:
+        return f"n/a{note_mark(note_index(notes, cell['reason'] or 'not measured'))}"
+    return f"{rank_colour(rank)}{cell['mean']:.{column['decimals']}f}"
+
+
+def _difference(cell: CellSummary, column: ColumnSummary) -> str:
+    difference, decimals = cell["difference"], column["decimals"]
+    if difference is None:
+        return ""
+    text = plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, r" \pm ")
+    return rf"\scriptsize ${text}$"
+
+
+def _caption(summary: Summary) -> str:
+    reference = [row_label(row) for row in summary["rows"] if row["key"] == summary["reference"]]
+    differences = (
+        f" Below each value: paired difference to {reference[0]} and the half-width of its 95\\,\\% $t$ interval."
+        if reference
+        else ""
+    )
+    ranked = " First to third in colour." if reference else ""
+    seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
+    published = (
+        f" In grey: published ({escape(summary['published_data'])}), at another scale, on other data."
+        if summary["published"]
+        else ""
+    )
+    return (
+        f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
+        f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{unfinished(summary)}"
+        f"{differences}{published}{ranked}"
+    )
