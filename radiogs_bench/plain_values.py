@@ -64,8 +64,8 @@ class PlainReader:
         values = {name: self.convert(hints[name], value, f"{prefix}{name}") for name, value in table.items()}
         try:
             return kind(**values)
-        except UsageError as error:  # what the dataclass itself refuses
-            self.fail(where, error.what, error.why, error.remedy)
+        except UsageError as refused:  # by the dataclass itself, which does not know where it stands
+            self.fail(where, refused.what, refused.why, refused.remedy)
 
     def convert(self, hint: Any, value: Any, where: str) -> Any:
         """A value as its field's type asks for it."""

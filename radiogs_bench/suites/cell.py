@@ -82,8 +82,6 @@ class Cell:
     def training_key(self) -> str | None:
         """Names the trained model; None for an experiment that trains nothing."""
         return self.stages[-1].key if self.stages else None
-        """Names the trained model; None for an experiment that trains nothing."""
-        return self.stages[-1].key if self.stages else None
 
     @property
     def first_key(self) -> str:

@@ -125,14 +125,13 @@ def state_of(store: Store, place: Place) -> str:
     failure = store.failure(place["key"])
     if failure is not None:
         return f"failed: {failure['what']}"
-    done = [store.has_tensors(product_name(key)) for key in place["stages"]]
-    begun = [store.has_tensors(checkpoint_name(key)) for key in place["stages"]]
-    if done and done[-1]:
-        return "trained, not scored"
-    if any(begun):
-        return f"begun: in stage {1 + begun.index(True)}"
-    last = max((number for number, there in enumerate(done, start=1) if there), default=0)
-    return f"to do: stage {last} is there" if last else "to do"
+    for number in range(len(place["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
+        key = place["stages"][number - 1]
+        if store.has_tensors(product_name(key)):
+            return "trained, not scored" if number == len(place["stages"]) else f"to do: stage {number} is there"
+        if store.has_tensors(checkpoint_name(key)):
+            return f"begun: in stage {number}"
+    return "to do"
 
 
 def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:

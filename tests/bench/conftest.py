@@ -9,14 +9,15 @@ from bench import fake_method
 from radiogs_bench.cli import main
 from radiogs_bench.engines import run as sweeping
 from radiogs_bench.experiments.registry import EXPERIMENTS
-from radiogs_bench.suites.cell import TRAINING
+from radiogs_bench.methods import substitutes
+from radiogs_bench.suites.experiment import TRAINING
 from scenes import sphere_scene
 
 
 @pytest.fixture
 def fake_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """``radiogs-bench run`` with further arguments, two seeds, into ``tmp_path``; returns the exit code."""
-    monkeypatch.setattr(sweeping, "RADIOGS", fake_method.FAKE)
+    monkeypatch.setitem(substitutes, fake_method.FAKE.name, fake_method.FAKE)
     monkeypatch.setitem(EXPERIMENTS, TRAINING, fake_method.experiment)
     monkeypatch.setattr(sweeping, "load_scene", lambda name: sphere_scene(views=2, size=16))
     fake_method.begun.clear()

@@ -1,33 +1,57 @@
-"""A method of two stages that costs nothing, for tests of the harness; its results depend on every step taken."""
+"""A method of two stages that costs nothing, in RadioGS's place; its results depend on every step taken.
+
+``FAKE`` has RadioGS's name, variants, presets and dependencies, so every suite runs with it. A command is given it by
+``substitutes``, a bench by ``method``.
+"""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import torch
-from radiogs_bench.experiments.method import Method
 
-from radiogs.budget import Budget, budget
+from radiogs.budget import PRESETS, Budget
+from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.variant import Variant
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.experiments.train import Evaluation, run_cell
+from radiogs_bench.evaluation.evaluate import Evaluation
+from radiogs_bench.experiments.train import train_and_score
+from radiogs_bench.methods import substitutes
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
-from radiogs_bench.suites.cell import Cell
+from radiogs_bench.suites.cell import Cell, Work, cell_of
+from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.suite import Suite
+from radiogs_bench.suites.sweep import Place, Request
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
+from radiogs_core.contract import MapKind, Maps, Run, StageSpec
 from radiogs_core.errors import ExplainedError
 from radiogs_core.instruments import count, current, fire
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.plan import everything
 
 STEPS = 3
 CPU = torch.device("cpu")
 SCENE = Scene("fake", "none", (), (), {}, None, "0" * 64)
+SOURCES = ("radiogs_core.errors",)
+"""What the fake says that it depends on: little, and not what is edited to see a test fail."""
+
+
+def model_at(place: torch.Tensor) -> Model:
+    """Four surfels at one place, of that colour."""
+    colour = place.expand(4, 3)
+    zeros = torch.zeros(4)
+    surfels = Surfels(colour, torch.ones(4, 4), torch.zeros(4, 2), zeros, torch.zeros(4, 16, 3), colour, zeros)
+    return Model(surfels, torch.zeros(2, 4, 3))
 
 
 class FakeStage:
@@ -38,13 +62,6 @@ class FakeStage:
         self.generator = torch.Generator().manual_seed(seed)
         self.drift = drift
         self.place = start.clone()
-
-    @property
-    def model(self) -> Model:
-        colour = self.place.expand(4, 3)
-        zeros = torch.zeros(4)
-        surfels = Surfels(colour, torch.ones(4, 4), torch.zeros(4, 2), zeros, torch.zeros(4, 16, 3), colour, zeros)
-        return Model(surfels, torch.zeros(2, 4, 3))
 
     def step(self) -> Mapping[str, float]:
         self.place = 0.7 * self.place + self.drift + torch.randn(3, generator=self.generator)
@@ -58,47 +75,133 @@ class FakeStage:
     def state(self) -> dict[str, Any]:
         return {"iteration": self.iteration, "place": self.place, "generator": self.generator.get_state()}
 
-    def restore(self, state: dict[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         self.iteration, self.place = state["iteration"], state["place"]
         self.generator.set_state(state["generator"])
+
+    def product(self) -> dict[str, Any]:
+        return {"place": self.place, **model_at(self.place).tensors()}
+
+
+class FakePrepared:
+    """Shows one grey from everywhere."""
+
+    offers: Mapping[str, MapKind] = {"image": MapKind("display"), "alpha": MapKind("data")}
+    default = frozenset(offers)
+    timed = True
+
+    def __init__(self, grey: float) -> None:
+        self.grey = grey
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        return {
+            "image": torch.full((camera.height, camera.width, 3), self.grey),
+            "alpha": torch.ones(camera.height, camera.width, 1),
+        }
+
+
+class FakeTrained:
+    """Where the walk has ended."""
+
+    light = None
+
+    def __init__(self, tensors: Mapping[str, Any]) -> None:
+        self.place, self.kept = tensors["place"], dict(tensors)
+
+    def facts(self) -> dict[str, Any]:
+        return {"surfels": 4, "effects": {"plan": everything().plain(), "evidence": []}}
+
+    def tensors(self) -> dict[str, Any]:
+        return self.kept
+
+    def export(self, folder: Path) -> list[Path]:
+        return []
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: torch.Tensor | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> FakePrepared:
+        return FakePrepared(float(self.place.mean().sigmoid()))
 
 
 begun: list[str] = []
 """Every stage that was begun in this process, in order."""
 
 
-def initialise(scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device) -> FakeStage:
-    begun.append(f"initialise {variant.initialise} {seed}")
+def initialise(run: Run, before: Mapping[str, Any]) -> FakeStage:
+    begun.append(f"initialise {run.variant.initialise} {run.seed}")
     count(begun=1)
-    return FakeStage(torch.zeros(3), 1.0 if variant.initialise == "nvs" else 2.0, seed)
+    return FakeStage(torch.zeros(3), 1.0 if run.variant.initialise == "nvs" else 2.0, run.seed)
 
 
-def invert(
-    scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device, initialised: dict[str, Any]
-) -> FakeStage:
-    begun.append(f"invert {variant.radiometric_weight} {variant.detach} {seed}")
+def invert(run: Run, before: Mapping[str, Any]) -> FakeStage:
+    begun.append(f"invert {run.variant.radiometric_weight} {run.variant.detach} {run.seed}")
     count(begun=1)
-    return FakeStage(initialised["place"], variant.radiometric_weight, seed)
+    return FakeStage(before["place"], run.variant.radiometric_weight, run.seed)
 
 
-FAKE = Method(initialise, invert)
+class FakeMethod:
+    """RadioGS by name, variants, presets and what its stages read; walks instead of training."""
+
+    name = RADIOGS.name
+    title = RADIOGS.title
+    variant = Variant
+    presets: Mapping[str, Budget] = PRESETS
+    sources = SOURCES
+
+    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
+        reads = [stage.reads for stage in RADIOGS.stages(variant, budget)]
+        first, second = (
+            StageSpec(
+                name=begin.__name__, title=f"fake {begin.__name__}", steps=STEPS, owner=self.name, reads=read,
+                sources=SOURCES, begin=begin, compiles=True,
+            )
+            for begin, read in zip((initialise, invert), reads, strict=True)
+        )  # fmt: skip
+        return first, second
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> FakeTrained:
+        return FakeTrained(tensors)
 
 
-def evaluate(
-    model: Model, scene: Scene, cell: Cell, device: torch.device, advance: Callable[[int, int], None]
-) -> Evaluation:
+FAKE = FakeMethod()
+
+
+def method(name: str) -> FakeMethod:
+    """The fake, whatever is asked for; as other processes find it."""
+    return FAKE
+
+
+class FakeRequest(Request):
+    """A request whose rows run the fake."""
+
+    def cells(self) -> list[tuple[Place, Cell]]:
+        with patch.dict(substitutes, {FAKE.name: FAKE}):
+            return super().cells()
+
+
+def asked(seeds: int = 1, suite: Suite = ABLATIONS, preset: str = "smoke") -> FakeRequest:
+    """A suite on the scene that is none."""
+    return FakeRequest(suite, {"fake": SCENE}, seeds, preset, "default", "cpu")
+
+
+def evaluate(bench: Bench, cell: Cell, scene: Scene, model: FakeTrained) -> Evaluation:
+    """Of a scene without views."""
     count(evaluated=1)
-    advance(1, 1)
-    value = float(model.surfels.centre.sum())
+    bench.progress.advance("evaluation", 1, 1)
+    bench.interruption.check()
+    value = float(4 * model.place.sum())
     metric = MetricValue(value=value, reason=None, views=[value])
-    array = model.surfels.centre.numpy().astype(np.float32)[None]
+    array = model.place.expand(4, 3).numpy().astype(np.float32)[None]
     arrays = {"render/image": array, "truth/image": array}
     return Evaluation({"nvs/psnr": metric}, {}, ["view"], "view", None, None, arrays, {"name": "fake"})
 
 
 def experiment(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Train and score, whatever the scene."""
-    run_cell(bench, cell, scene, evaluate)
+    train_and_score(bench, cell, scene, score=evaluate)  # type: ignore[arg-type]
 
 
 def load(name: str) -> Scene:
@@ -107,19 +210,15 @@ def load(name: str) -> Scene:
     return SCENE
 
 
-def fake_cell(seed: int = 0, variant: Variant | None = None, **changes: Any) -> Cell:
-    fields: dict[str, Any] = {
-        "scene": "fake",
-        "checksum": SCENE.checksum,
-        "variant": variant or Variant(),
-        "budget": budget("smoke"),
-        "seed": seed,
-        "device": "cpu",
-        "protocol": "default",
-        "method_code": "m",
-        "evaluation_code": "e",
-    }
-    return Cell(**(fields | changes))
+def fake_cell(seed: int = 0, variant: Variant | None = None, scene: Scene = SCENE, **work: Any) -> Cell:
+    """A cell of the fake; ``work`` are further fields of ``Work``."""
+    budget = work.pop("budget", PRESETS["smoke"])
+    return cell_of(FAKE, scene, Work(variant or Variant(), budget, seed, **work))
+
+
+def place_of(cell: Cell, row: str = "ours") -> Place:
+    """Where a table has the cell."""
+    return Place(row=row, scene=cell.scene, seed=cell.seed, key=cell.key, stages=[stage.key for stage in cell.stages])
 
 
 class FakeSweep:
@@ -128,11 +227,12 @@ class FakeSweep:
     def __init__(self, folder: Path) -> None:
         self.store, self.interruption = Store(folder), Interruption()
         self.bench = Bench(
-            self.store, FAKE, CPU, LogProgress(), self.interruption, checkpoint_seconds=0.0, checkpoint_share=math.inf
-        )
+            self.store, CPU, LogProgress(), self.interruption, method, checkpoint_seconds=0.0,
+            checkpoint_share=math.inf,
+        )  # fmt: skip
 
     def one(self, cell: Cell) -> None:
-        run_cell(self.bench, cell, SCENE, evaluate)
+        experiment(self.bench, cell, SCENE)
 
     def run(self, cells: list[Cell]) -> list[ExplainedError]:
         tasks = [Task(cell, cell.key) for cell in cells]

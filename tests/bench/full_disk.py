@@ -20,16 +20,13 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from bench.fake_method import CPU, SCENE, FakeSweep
+from bench.fake_method import CPU, FakeSweep, asked
 from bench.kill_at_random import kept, unreadable
 from bench.kill_everywhere import table
-from radiogs.budget import budget
 from radiogs_bench.errors import StoreError
 from radiogs_bench.store.provenance import session
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
 
-CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]
+CELLS = [cell for _, cell in asked().cells()]
 UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 STEPS = {"space": 8192, "size": 1024}
 """Bytes from one attempt to the next; a tmpfs has room for whole pages of 4096 only."""

@@ -15,15 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from bench.fake_method import CPU, SCENE, FakeSweep
+from bench.fake_method import CPU, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs.budget import budget
 from radiogs_bench.engines import in_process as engine
 from radiogs_bench.store.provenance import session
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
 
-CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]
+CELLS = [cell for _, cell in asked(2).cells()]
 
 POLL_SECONDS = 0.01
 """How long a process waits for another one's cell; a run's second would be longer than the whole sweep."""

@@ -5,22 +5,16 @@ Started by ``test_kills.py`` with a folder. It forks, so that torch is imported 
 
 import hashlib
 import json
-import math
 import os
 import signal
 import sys
 from pathlib import Path
 from typing import Any
 
-from bench.fake_method import CPU, FAKE, SCENE, evaluate, fake_cell
+from bench.fake_method import CPU, FakeSweep, fake_cell
 from radiogs.variant import Variant
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.experiments.train import run_cell
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.provenance import session
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 
 CELLS = [fake_cell(), fake_cell(variant=Variant(radiometric_weight=0.0))]
 
@@ -64,13 +58,7 @@ def sweep(folder: Path, deadly: int) -> int:
     if child == 0:
         executioner = Executioner(deadly)
         executioner.attach()
-        store, progress, interruption = Store(folder), LogProgress(), Interruption()
-        bench = Bench(store, FAKE, CPU, progress, interruption, checkpoint_seconds=0.0, checkpoint_share=math.inf)
-        run_cells(
-            [Task(cell, cell.key) for cell in CELLS],
-            lambda cell: run_cell(bench, cell, SCENE, evaluate),
-            store, progress, interruption,
-        )  # fmt: skip
+        FakeSweep(folder).run(CELLS)
         os.write(writer, str(executioner.events).encode())
         os._exit(0)
     os.close(writer)

@@ -192,10 +192,10 @@ def test_a_failing_cell_is_shown_and_decides_the_exit_code(
 ) -> None:
     good = fake_method.evaluate
 
-    def bad(model: Any, scene: Any, cell: Any, *rest: Any) -> Any:
+    def bad(bench: Any, cell: Any, *rest: Any) -> Any:
         if cell.seed == 1 and cell.variant.detach == "pbr":
             raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
-        return good(model, scene, cell, *rest)
+        return good(bench, cell, *rest)
 
     monkeypatch.setattr(fake_method, "evaluate", bad)
     assert run() == 4

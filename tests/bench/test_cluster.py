@@ -12,9 +12,8 @@ from typing import Any
 import pytest
 
 from bench import fake_method
-from bench.fake_method import FAKE, SCENE, FakeSweep
+from bench.fake_method import FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs.budget import budget
 from radiogs_bench.cli import main
 from radiogs_bench.engines.choice import Engine, choose
 from radiogs_bench.engines.cluster import Cluster, connected, run_on_cluster
@@ -23,15 +22,13 @@ from radiogs_bench.engines.in_process import Task
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.cell import Cell
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.scene import Scene
 
-CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu").cells()]
+CELLS = [cell for _, cell in asked(3).cells()]
 PLACES = {"fake": "nowhere/fake"}
 CELL_SECONDS = 0.5
 """Long enough for a machine to be lost while it works on one."""
@@ -121,7 +118,7 @@ class Lines(LogProgress):
 def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress, interruption: Interruption) -> Any:
     store = Store(folder)
     with connected(address) as ray:
-        cluster = Cluster(ray, Recipe(FAKE, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store)
+        cluster = Cluster(ray, Recipe(fake_method.method, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store)
         assert cluster.can_run()
         return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
 

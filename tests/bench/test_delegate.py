@@ -8,28 +8,25 @@ from typing import Any
 import pytest
 
 from bench import fake_method
-from bench.fake_method import CPU, FAKE, SCENE, FakeSweep
+from bench.fake_method import CPU, SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs.budget import budget
 from radiogs_bench.engines.delegate import (
     Delivery,
     Order,
     Recipe,
     deliver_cell,
-    deliver_initialisation,
-    initialisation_names,
+    deliver_shared,
+    names_of,
 )
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.cell import Cell
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
 from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.stages import initialised
+from radiogs_bench.training.stages import all_but_last
 from radiogs_core.errors import DataError, NumericalFailure, UsageError
 
-RECIPE = Recipe(FAKE, fake_method.experiment, fake_method.load, "nowhere/fake")
-CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu").cells()]
+RECIPE = Recipe(fake_method.method, fake_method.experiment, fake_method.load, "nowhere/fake")
+CELLS = [cell for _, cell in asked().cells()]
 
 
 def order(cell: Cell = CELLS[0], **changes: Any) -> Order:
@@ -42,8 +39,8 @@ def test_delivered_cells_are_what_a_run_here_would_have_made(tmp_path: Path) -> 
     firsts: dict[str, Delivery] = {}
     for cell in CELLS:
         travelled = pickle.loads(pickle.dumps(order(cell)))
-        key = cell.initialisation_key
-        firsts[key] = firsts.get(key) or deliver_initialisation(travelled, {})
+        key = cell.first_key
+        firsts[key] = firsts.get(key) or deliver_shared(travelled, {})
         delivery = pickle.loads(pickle.dumps(deliver_cell(travelled, {}, firsts[key])))
         assert delivery.failure is None
         there.take_over({**firsts[key].files, **delivery.files})
@@ -61,25 +58,26 @@ def test_a_stage_that_was_begun_here_is_continued_there(tmp_path: Path) -> None:
     begun, cell = Interruption(), CELLS[0]
     begun.requested = True
     with pytest.raises(Interrupted):
-        initialised(replace(sweep.bench, interruption=begun), cell, SCENE)
-    given = sweep.store.files(f"{name}.pt" for name in initialisation_names(cell))
-    assert list(given) == [f"{initialisation_names(cell)[1]}.pt"]
-    sweep.store.take_over(deliver_initialisation(order(cell), given).files)
-    outcome = sweep.store.tensors(initialisation_names(cell)[0], CPU)
+        all_but_last(replace(sweep.bench, interruption=begun), cell, SCENE)
+    product, checkpoint = names_of(cell.stages[0])
+    given = sweep.store.files([f"{product}.pt", f"{checkpoint}.pt"])
+    assert list(given) == [f"{checkpoint}.pt"]
+    sweep.store.take_over(deliver_shared(order(cell), given).files)
+    outcome = sweep.store.tensors(product, CPU)
     assert outcome is not None
     assert len(outcome["ledger"]["sessions"]) == 2
     assert outcome["ledger"]["work"] == {"begun": 1, "steps": 6}
 
 
 def test_other_sources_are_refused() -> None:
-    delivery = deliver_initialisation(order(replace(CELLS[0], method_code="other")), {})
+    delivery = deliver_shared(order(replace(CELLS[0], method_code="other")), {})
     assert delivery.files == {}
     assert isinstance(delivery.failure, UsageError)
     assert "other sources" in delivery.failure.what
 
 
 def test_another_scene_under_the_same_path_is_refused() -> None:
-    delivery = deliver_initialisation(order(replace(CELLS[0], checksum="1" * 64)), {})
+    delivery = deliver_shared(order(replace(CELLS[0], checksum="1" * 64)), {})
     assert isinstance(delivery.failure, DataError)
     assert "nowhere/fake" in delivery.failure.what
 
@@ -88,7 +86,7 @@ def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(mo
     def bad(*arguments: Any) -> Any:
         raise NumericalFailure("the loss is NaN", "it spreads", "look")
 
-    first = deliver_initialisation(order(), {})
+    first = deliver_shared(order(), {})
     delivery = deliver_cell(order(recipe=replace(RECIPE, experiment=bad)), {}, first)
     back = pickle.loads(pickle.dumps(delivery)).failure
     assert isinstance(back, NumericalFailure)

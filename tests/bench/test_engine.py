@@ -5,27 +5,26 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 import torch
 
 from bench import fake_method
-from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
-from radiogs.variant import Variant
+from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.in_process import Task, run_cells
 from radiogs_bench.errors import Interrupted, StoreError
-from radiogs_bench.experiments.train import run_cell
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.suites.cell import Cell
-from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
+from radiogs_bench.store.folder import product_name
 from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 
-ROWS = [fake_cell(variant=row.variant) for row in ABLATIONS.rows]
+ROWS = [cell for _, cell in asked().cells()]
 
 
 @pytest.fixture
@@ -82,9 +81,9 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
     while stopped.store.result(fake_cell().key) is None:
         interruption = Interruption()
         interruption.requested = stops < 6
-        bench = Bench(stopped.store, FAKE, CPU, LogProgress(), interruption)
+        bench = Bench(stopped.store, CPU, LogProgress(), interruption, fake_method.method)
         try:
-            run_cell(bench, fake_cell(), SCENE, fake_method.evaluate)
+            fake_method.experiment(bench, fake_cell(), SCENE)
         except Interrupted:
             stops += 1
     assert stops == 6
@@ -92,7 +91,8 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
     assert resumed is not None
     assert resumed["metrics"] == whole["metrics"]
     assert resumed["work"] == whole["work"]
-    assert resumed["effects"]["probing"] == whole["effects"]["probing"] == {"seconds": 1 + 2 + 3, "rays": 0}
+    assert resumed["parts"] == whole["parts"]
+    assert resumed["parts"]["invert"] == {"probe": 1 + 2 + 3}
     assert len(resumed["sessions"]["initialise"]) == 3
     assert not list(tmp_path.rglob("*.checkpoint.pt"))
 
@@ -156,8 +156,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: 
         "import sys\n"
         "from pathlib import Path\n"
         "from bench import fake_method\n"
-        "from radiogs_bench.suites.paper import ABLATIONS\n"
-        "rows = [fake_method.fake_cell(variant=row.variant) for row in ABLATIONS.rows]\n"
+        "rows = [cell for _, cell in fake_method.asked().cells()]\n"
         "assert fake_method.FakeSweep(Path(sys.argv[1])).run(rows) == []\n"
         "print(len(fake_method.begun))\n"
     )
@@ -173,7 +172,7 @@ def test_a_damaged_checkpoint_costs_the_stage_and_nothing_else(sweep: FakeSweep,
     interruption = Interruption()
     interruption.requested = True
     with pytest.raises(Interrupted):
-        run_cell(Bench(sweep.store, FAKE, CPU, LogProgress(), interruption), fake_cell(), SCENE, fake_method.evaluate)
+        fake_method.experiment(replace(sweep.bench, interruption=interruption), fake_cell(), SCENE)
     (checkpoint,) = tmp_path.rglob("*.checkpoint.pt")
     checkpoint.write_bytes(b"garbage")
     assert sweep.run([fake_cell()]) == []
@@ -203,8 +202,7 @@ def test_checkpoints_are_rarer_where_they_are_slow(sweep: FakeSweep, monkeypatch
         put(name, content)
 
     monkeypatch.setattr(sweep.store, "put_tensors", recording)
-    bench = Bench(sweep.store, FAKE, CPU, LogProgress(), sweep.interruption, 0.0, 1e-9)
-    run_cell(bench, fake_cell(), SCENE, fake_method.evaluate)
+    fake_method.experiment(replace(sweep.bench, checkpoint_share=1e-9), fake_cell(), SCENE)
     assert sum("checkpoint" in name for name in written) == 2
 
 
@@ -215,7 +213,7 @@ def test_claimed_says_who_holds_it(sweep: FakeSweep) -> None:
 
 
 def test_the_model_survives_the_store(sweep: FakeSweep) -> None:
-    sweep.run([fake_cell(variant=Variant())])
-    stored = sweep.store.tensors(f"trained/{fake_cell().training_key}", CPU)
+    sweep.run([fake_cell()])
+    stored = sweep.store.tensors(product_name(fake_cell().stages[-1].key), CPU)
     assert stored is not None
     assert torch.equal(stored["product"]["surfels"]["sh"], torch.zeros(4, 16, 3))

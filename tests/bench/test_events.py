@@ -10,11 +10,10 @@ from typing import Any
 import pytest
 
 from bench import fake_method
-from bench.fake_method import FakeSweep, fake_cell
+from bench.fake_method import FakeSweep, fake_cell, place_of
 from radiogs_bench.cli import main
 from radiogs_bench.cli.events import EventProgress
 from radiogs_bench.suites.registry import SUITES
-from radiogs_bench.suites.sweep import Place
 from radiogs_core.errors import NumericalFailure
 
 Events = Callable[[], list[dict[str, Any]]]
@@ -56,10 +55,10 @@ def test_a_failed_cell_is_told_of_once_and_again_only_if_it_fails_again(
 ) -> None:
     good = fake_method.evaluate
 
-    def bad(model: Any, scene: Any, cell: Any, *rest: Any) -> Any:
+    def bad(bench: Any, cell: Any, *rest: Any) -> Any:
         if cell.seed == 1 and cell.variant.detach == "pbr":
             raise NumericalFailure("the image is not finite", "A NaN.", "Look.")
-        return good(model, scene, cell, *rest)
+        return good(bench, cell, *rest)
 
     monkeypatch.setattr(fake_method, "evaluate", bad)
     assert fake_run("ablations", "--json") == 4
@@ -107,11 +106,7 @@ def test_steps_are_told_once_a_second_and_always_at_their_end(tmp_path: Path, ev
 
 def test_a_cell_that_another_process_finished_is_told_of_too(tmp_path: Path, events: Events) -> None:
     sweep, cell = FakeSweep(tmp_path), fake_cell()
-    place = Place(
-        row="ours", scene="fake", seed=0, key=cell.key, training_key=cell.training_key,
-        initialisation_key=cell.initialisation_key,
-    )  # fmt: skip
-    with EventProgress(sweep.store, [place]) as progress:
+    with EventProgress(sweep.store, [place_of(cell)]) as progress:
         sweep.run([cell])
         progress.advance("cells", 1, 1)
     assert [each["event"] for each in events()] == ["cell", "progress"]

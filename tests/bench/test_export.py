@@ -6,13 +6,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep
-from radiogs.budget import budget
+from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request, write_sweep
+from radiogs_bench.suites.sweep import write_sweep
 
-REQUEST = Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu")
+REQUEST = asked(2)
 
 
 @pytest.fixture

@@ -1,21 +1,20 @@
 """What is expected of missing cells is what finished ones of their like took; what nothing tells of is unknown."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from bench.fake_method import CPU, SCENE, FakeSweep, fake_cell
-from radiogs.budget import budget
+from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
+from radiogs.budget import PRESETS
 from radiogs.variant import Variant
 from radiogs_bench.cli.planning import duration, show_plan, whole_memory, whole_time
 from radiogs_bench.engines.forecast import Expected, forecast, total
-from radiogs_bench.store.folder import Store, strict_json
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
+from radiogs_bench.store.folder import Store, product_name, strict_json
 from radiogs_core.kernels.runtime import workers
 
-CELLS = [cell for _, cell in Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu").cells()]
+CELLS = [cell for _, cell in asked(2).cells()]
 SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
 
 
@@ -64,7 +63,7 @@ def test_several_at_a_time_share_the_work_until_the_longest_cell_decides() -> No
 def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured(
     store: Store, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    request = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+    request = asked(3)
     measured_on = workers(CPU)
     show_plan(request, store, 2, measured_on + 1)
     said = capsys.readouterr().out
@@ -79,8 +78,8 @@ def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured
 
 
 def test_stages_in_the_store_take_nothing(store: Store) -> None:
-    store.put_tensors(f"init/{CELLS[5].initialisation_key}", {})
-    store.put_tensors(f"trained/{CELLS[5].training_key}", {})
+    for stage in CELLS[5].stages:
+        store.put_tensors(product_name(stage.key), {})
     assert forecast(store, CELLS[5:6]) == [Expected(1.0, 2**30, None)]
 
 
@@ -92,10 +91,10 @@ def test_a_row_that_never_ran_takes_what_others_took(store: Store) -> None:
 
 
 def test_another_scene_takes_what_this_one_took(store: Store) -> None:
-    assert forecast(store, [fake_cell(seed=7, checksum="1" * 64)]) == [Expected(111.0, 2**30, None)]
+    assert forecast(store, [fake_cell(seed=7, scene=replace(SCENE, checksum="1" * 64))]) == [Expected(111.0, 2**30, None)]
 
 
-@pytest.mark.parametrize("change", [{"budget": budget("tiny")}, {"device": "cuda"}, {"experiment": "forward-parity"}])
+@pytest.mark.parametrize("change", [{"budget": PRESETS["tiny"]}, {"device": "cuda"}, {"experiment": "forward-parity"}])
 def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) -> None:
     expected = forecast(store, [fake_cell(**change)])
     assert expected == [Expected(None, None, None)]

@@ -7,16 +7,14 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep
-from radiogs.budget import budget
+from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
 from radiogs_bench.results.gate import BAND, baseline_of, compare
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.sweep import Request, read_sweep, write_sweep
 from radiogs_core.errors import DataError
 
-REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+REQUEST = asked(3)
 
 
 def run(folder: Path, request: Request = REQUEST) -> Path:

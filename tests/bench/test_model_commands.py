@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs.model import Model
 from radiogs_bench.cli.main import main
-from radiogs_bench.training.trained_folder import read_trained
+from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets.image_files import read_exr, read_png, write_hdr
 
@@ -23,9 +24,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_the_model_is_written_in_full(folder: Path) -> None:
-    about, model = read_trained(folder, CPU)
-    assert about["scene"] == "convex"
-    assert about["surfels"] == len(model.surfels)
+    run, trained = read_trained(folder, CPU)
+    about, model = read_about(folder), Model.of(trained.tensors())
+    assert about["scene"] == run.scene.name == "convex"
+    assert about["facts"]["surfels"] == trained.facts()["surfels"] == len(model.surfels)
     for name, value in read_ply(folder / "surfels.ply").parameters().items():
         assert torch.equal(value, model.surfels.parameters()[name]), name
     # EXR files hold half floats: eleven bits.

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep
-from radiogs.budget import budget
+from bench.fake_method import FakeSweep, asked
 from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.suites.paper import ABLATIONS, VIEWS
@@ -16,7 +15,7 @@ from radiogs_reports.summary import PaperTable
 
 
 def request(suite: Suite = ABLATIONS, preset: str = "smoke", seeds: int = 2) -> Request:
-    return Request(suite, {"fake": SCENE}, seeds, budget(preset), "default", "cpu")
+    return asked(seeds, suite, preset)
 
 
 def run(sweep: FakeSweep, asked: Request) -> Mapping[str, PaperTable]:

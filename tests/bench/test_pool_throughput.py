@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from radiogs_bench.engines.sweep import read_sweep
 
-from radiogs.model import Model
-from radiogs_bench.store.folder import Store
+from radiogs_bench.store.folder import Store, product_name
+from radiogs_bench.suites.sweep import read_sweep
 
+CPU = torch.device("cpu")
 SEEDS = 4
-MEASURED = ("seconds", "sessions", "timings")
+MEASURED = ("seconds", "parts", "sessions", "timings")
 """What no two runs share."""
 
 SUITE = """
@@ -75,8 +75,9 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
         (place,) = [each for each in read_sweep(folder)["cells"] if each["key"] == result["key"]]
         with np.load(store.arrays_path(result["key"])) as arrays:
             maps = {name: arrays[name].tobytes() for name in arrays.files}
-        model = torch.load(folder / f"trained/{place['training_key']}.pt", weights_only=True)["product"]
-        surfels = [value.numpy().tobytes() for value in Model.of(model).surfels.parameters().values()]
+        model = store.tensors(product_name(place["stages"][-1]), CPU)
+        assert model is not None
+        surfels = [value.numpy().tobytes() for value in model["product"]["surfels"].values()]
         said: dict[str, Any] = {name: value for name, value in result.items() if name not in MEASURED}
         said["trail"] = {
             stage: [{name: value for name, value in point.items() if name not in MEASURED} for point in points]

@@ -27,7 +27,8 @@ def result(key: str, value: float = 1.0) -> Result:
         schema=RESULT_SCHEMA, key=key, scene="s", cell={}, protocol={}, views=["v"], shown_view="v", shown_light=None,
         metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
         albedo_scale=None,
-        surfels=1, losses={}, seconds={"initialise": 0.0, "invert": 0.0, "evaluate": 0.0}, work={}, sessions={},
+        facts={"surfels": 1}, stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
+        sessions={},
     )  # fmt: skip
 
 
@@ -42,7 +43,7 @@ def test_a_result_comes_back_as_it_was_put(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/3", "key": "b"}']
+    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/4", "key": "b"}']
 )
 def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
@@ -78,10 +79,10 @@ def test_json_is_strict() -> None:
 
 def test_tensors_come_back_bit_for_bit(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    assert store.tensors("init/x", CPU) is None
+    assert store.tensors("stages/x", CPU) is None
     content = {"state": {"value": torch.randn(5), "generator": torch.Generator().get_state()}, "work": {"rays": 3}}
-    store.put_tensors("init/x", content)
-    back = store.tensors("init/x", CPU)
+    store.put_tensors("stages/x", content)
+    back = store.tensors("stages/x", CPU)
     assert back is not None
     assert torch.equal(back["state"]["value"], content["state"]["value"])
     assert back["work"] == {"rays": 3}
@@ -90,21 +91,21 @@ def test_tensors_come_back_bit_for_bit(tmp_path: Path) -> None:
 @pytest.mark.parametrize("value", range(0, 100, 33))
 def test_one_wrong_byte_in_stored_tensors_is_noticed(value: int, tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.put_tensors("init/x", {"state": torch.arange(100)})
-    path = tmp_path / "init" / "x.pt"
+    store.put_tensors("stages/x", {"state": torch.arange(100)})
+    path = tmp_path / "stages" / "x.pt"
     content = bytearray(path.read_bytes())
     content[content.find(torch.arange(100).numpy().tobytes()) + 8 * value] ^= 0x10
     path.write_bytes(content)
-    assert store.tensors("init/x", CPU) is None
+    assert store.tensors("stages/x", CPU) is None
     assert not path.exists()
 
 
 def test_stored_tensors_that_were_cut_short_are_noticed(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.put_tensors("init/x", {"state": torch.arange(100)})
-    path = tmp_path / "init" / "x.pt"
+    store.put_tensors("stages/x", {"state": torch.arange(100)})
+    path = tmp_path / "stages" / "x.pt"
     path.write_bytes(path.read_bytes()[:-100])
-    assert store.tensors("init/x", CPU) is None
+    assert store.tensors("stages/x", CPU) is None
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EFBIG])

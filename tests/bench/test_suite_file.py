@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from radiogs.budget import budget, scaled
-from radiogs.variant import Variant
+from radiogs.budget import PRESETS
 from radiogs_bench.cli import main
 from radiogs_bench.suites.effects import EFFECTS_SUITE
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_bench.suites.toml_file import read_suite
+from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError, UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -57,9 +57,9 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         published="ablation",
         reference="a",
         rows=(
-            Row("a", r"50 \% of \#1", "50 % of #1", Variant()),
+            Row("a", r"50 \% of \#1", "50 % of #1"),
             Row(
-                "b", "$b$", "b", Variant(radiometric_weight=1.0, detach="pbr", view_share=0.5),
+                "b", "$b$", "b", {"radiometric_weight": 1, "detach": "pbr", "view_share": 0.5},
                 {"incident_samples": 0.5}, {"spacing": 0.1},
             ),
         ),
@@ -132,10 +132,10 @@ def test_the_example_of_what_plans_gain_differs_in_effects_alone() -> None:
     suite = read_suite(GAIN)
     everything, auto = suite.rows
     assert suite.experiment == EFFECTS_SUITE.experiment
-    assert (everything.variant, auto.variant) == (Variant(), Variant(effects="auto"))
+    assert (everything.variant, auto.variant) == ({}, {"effects": "auto"})
     for row in suite.rows:
-        assert scaled(budget("small"), row.budget).inverse_iterations == 900
-        assert scaled(budget("small"), row.budget).initialise_iterations == 1500
+        assert scaled(PRESETS["small"], row.budget).inverse_iterations == 900
+        assert scaled(PRESETS["small"], row.budget).initialise_iterations == 1500
 
 
 def test_every_field_is_documented() -> None:

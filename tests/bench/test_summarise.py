@@ -4,13 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep
-from radiogs.budget import budget
+from bench.fake_method import FakeSweep, asked
 from radiogs_bench.results.summary import plan_summary, summarise
 from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request
 
-REQUEST = Request(ABLATIONS, {"fake": SCENE}, 3, budget("smoke"), "default", "cpu")
+REQUEST = asked(3)
 PLACES = [place for place, _ in REQUEST.cells()]
 PUBLISHED = {"ours": {"nvs/psnr": 37.86}}
 
@@ -50,13 +48,14 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
     assert plain is not None
     assert plain["plan"]["visibility"]
     assert (plain["bound"], plain["tolerance"], plain["probing"]) == (None, None, {"seconds": 6.0, "rays": 0})
-    result["effects"]["evidence"] = [{"tolerance": 0.0}, {"tolerance": 0.1}]  # a probe that failed tolerates nothing
+    result["facts"]["effects"]["evidence"] = [{"tolerance": 0.0}, {"tolerance": 0.1}]  # a probe that failed tolerates nothing
     result["metrics"]["plan/bound"] = {"value": 0.03, "reason": None, "views": []}
-    del result["effects"]["probing"]
+    result["parts"]["invert"], result["work"]["invert"]["probe_rays"] = {}, 7
     probed = plan_summary(result)
     assert probed is not None
-    assert (probed["bound"], probed["tolerance"], probed["probing"]) == (0.03, 0.1, None)
-    del result["effects"]
+    assert (probed["bound"], probed["tolerance"]) == (0.03, 0.1)
+    assert probed["probing"] == {"seconds": 0.0, "rays": 7}
+    del result["facts"]["effects"]
     assert plan_summary(result) is None
 
 

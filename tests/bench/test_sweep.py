@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep, fake_cell
-from radiogs.budget import budget
-from radiogs_bench.store.folder import Store
+from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of
+from radiogs.budget import PRESETS
+from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Place, Request, read_sweep, state_of, steps_to_take, write_sweep
+from radiogs_bench.suites.sweep import Request, read_sweep, state_of, steps_to_take, write_sweep
 from radiogs_core.errors import DataError
 
 
 def request() -> Request:
-    return Request(ABLATIONS, {"fake": SCENE}, 2, budget("smoke"), "default", "cpu")
+    return asked(2)
 
 
 def test_cells_are_every_row_of_every_scene_and_seed() -> None:
     places = [place for place, _ in request().cells()]
     assert len(places) == 10
     assert len({place["key"] for place in places}) == 10
-    assert len({place["initialisation_key"] for place in places}) == 4  # two kinds, two seeds
+    assert len({place["stages"][0] for place in places}) == 4  # two kinds, two seeds
     assert [place["row"] for place in places[:5]] == [row.key for row in ABLATIONS.rows]
 
 
@@ -46,15 +46,13 @@ def test_a_folder_without_a_run_is_explained(tmp_path: Path) -> None:
 
 def test_states_follow_what_is_stored(tmp_path: Path) -> None:
     sweep, cell = FakeSweep(tmp_path), fake_cell()
-    place = Place(
-        row="ours", scene="fake", seed=0, key=cell.key, training_key=cell.training_key,
-        initialisation_key=cell.initialisation_key,
-    )  # fmt: skip
+    place = place_of(cell)
+    first, second = (product_name(stage.key) for stage in cell.stages)
     kept = {
-        f"init/{cell.initialisation_key}.checkpoint": "begun: in stage 1",
-        f"init/{cell.initialisation_key}": "to do: stage 1 is there",
-        f"trained/{cell.training_key}.checkpoint": "begun: in stage 2",
-        f"trained/{cell.training_key}": "trained, not scored",
+        f"{first}.checkpoint": "begun: in stage 1",
+        first: "to do: stage 1 is there",
+        f"{second}.checkpoint": "begun: in stage 2",
+        second: "trained, not scored",
     }
     assert state_of(sweep.store, place) == "to do"
     for name, state in kept.items():
@@ -68,20 +66,21 @@ def test_states_follow_what_is_stored(tmp_path: Path) -> None:
 
 
 def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_path: Path) -> None:
-    store, cells = Store(tmp_path), [cell for _, cell in request().cells()]
-    cost = budget("smoke")
+    of_radiogs = Request(ABLATIONS, {"fake": SCENE}, 2, "smoke", "default", "cpu")
+    store, cells = Store(tmp_path), [cell for _, cell in of_radiogs.cells()]
+    cost = PRESETS["smoke"]
     whole = 4 * cost.initialise_iterations + 10 * cost.inverse_iterations
     assert steps_to_take(store, cells) == whole
-    store.put_tensors(f"init/{cells[0].initialisation_key}", {})
-    store.put_tensors(f"trained/{cells[0].training_key}", {})
+    for stage in cells[0].stages:
+        store.put_tensors(product_name(stage.key), {})
     assert steps_to_take(store, cells) == whole - cost.initialise_iterations - cost.inverse_iterations
     assert steps_to_take(store, []) == 0
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50])
 def test_shards_are_every_cell_once_and_share_no_first_stage(count: int) -> None:
-    whole = Request(ABLATIONS, {"fake": SCENE}, 4, budget("smoke"), "default", "cpu")
+    whole = asked(4)
     shards = [[cell for _, cell in replace(whole, shard=(number, count)).own_cells()] for number in range(count)]
     assert sorted(cell.key for shard in shards for cell in shard) == sorted(cell.key for _, cell in whole.cells())
-    firsts = [{cell.initialisation_key for cell in shard} for shard in shards]
+    firsts = [{cell.first_key for cell in shard} for shard in shards]
     assert sum(map(len, firsts)) == len(set().union(*firsts))

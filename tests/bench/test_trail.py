@@ -5,13 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from bench import fake_method
-from bench.fake_method import CPU, FAKE, SCENE, FakeSweep, fake_cell
-from radiogs.model import Model
+from bench.fake_method import CPU, SCENE, FakeSweep, FakeTrained, evaluate, fake_cell, method
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.experiments.train import run_cell
+from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.store.schema import Result
-from radiogs_bench.suites.cell import COST
+from radiogs_bench.suites.experiment import COST
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
@@ -21,9 +19,14 @@ from radiogs_core.instruments import count
 CELL = fake_cell(experiment=COST)
 
 
-def scored(model: Model) -> dict[str, float]:
+def scored(model: FakeTrained) -> dict[str, float]:
     count(blended_pairs=1000)
-    return {"nvs/psnr": float(model.surfels.centre.sum())}
+    return {"nvs/psnr": float(4 * model.place.sum())}
+
+
+def run_scored(bench: Bench) -> None:
+    """Run the cell, and score its model along the way."""
+    train_and_score(bench, CELL, SCENE, along_the_way=scored, score=evaluate)  # type: ignore[arg-type]
 
 
 def stored(sweep: FakeSweep) -> Result:
@@ -61,15 +64,13 @@ def test_a_point_holds_the_mean_over_the_steps_since_the_one_before() -> None:
 
 def test_interrupting_after_every_step_gives_the_same_trail(tmp_path: Path) -> None:
     whole, stopped = FakeSweep(tmp_path / "whole"), FakeSweep(tmp_path / "stopped")
-    run_cell(whole.bench, CELL, SCENE, fake_method.evaluate, scored)
+    run_scored(whole.bench)
     stops = 0
     while stopped.store.result(CELL.key) is None:
         interruption = Interruption()
         interruption.requested = stops < 6
         try:
-            run_cell(
-                Bench(stopped.store, FAKE, CPU, LogProgress(), interruption), CELL, SCENE, fake_method.evaluate, scored
-            )
+            run_scored(Bench(stopped.store, CPU, LogProgress(), interruption, method))
         except Interrupted:
             stops += 1
     assert stops == 6
@@ -81,8 +82,8 @@ def test_interrupting_after_every_step_gives_the_same_trail(tmp_path: Path) -> N
 
 def test_scoring_along_the_way_changes_neither_the_result_nor_the_work(tmp_path: Path) -> None:
     watched, alone = FakeSweep(tmp_path / "watched"), FakeSweep(tmp_path / "alone")
-    run_cell(watched.bench, CELL, SCENE, fake_method.evaluate, scored)
-    run_cell(alone.bench, CELL, SCENE, fake_method.evaluate)
+    run_scored(watched.bench)
+    train_and_score(alone.bench, CELL, SCENE, score=evaluate)  # type: ignore[arg-type]
     assert stored(watched)["metrics"] == stored(alone)["metrics"]
     assert stored(watched)["work"] == stored(alone)["work"]
     assert stored(watched)["losses"] == stored(alone)["losses"]
@@ -94,7 +95,7 @@ def test_scoring_along_the_way_changes_neither_the_result_nor_the_work(tmp_path:
 
 def test_a_model_scored_along_the_way_is_another_product_but_shares_stage_one() -> None:
     plain = fake_cell()
-    assert plain.initialisation_key == CELL.initialisation_key
+    assert plain.stages[0].key == CELL.stages[0].key
     assert plain.training_key != CELL.training_key
     assert fake_cell(protocol="irgs").training_key == plain.training_key
     assert fake_cell(protocol="irgs", experiment=COST).training_key != CELL.training_key

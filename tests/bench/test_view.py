@@ -5,17 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep
-from radiogs.budget import budget
+from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
-from radiogs_bench.cli.view import disks_of, model_in
+from radiogs_bench.cli.view import disks_of, surfels_in
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.paper import ABLATIONS
-from radiogs_bench.suites.sweep import Request, write_sweep
+from radiogs_bench.suites.sweep import write_sweep
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.figures import surfel_view
 
-REQUEST = Request(ABLATIONS, {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")
+REQUEST = asked()
 
 
 @pytest.fixture
@@ -28,11 +26,11 @@ def run(tmp_path: Path) -> Path:
 
 
 def test_the_first_trained_model_is_found_and_a_row_that_has_none_is_named(run: Path) -> None:
-    assert len(model_in(run, None).surfels) == len(model_in(run, "no-rad").surfels) == 4
+    assert len(surfels_in(run, None)) == len(surfels_in(run, "no-rad")) == 4
     with pytest.raises(DataError, match="for the row 'ours'"):
-        model_in(run, "ours")
+        surfels_in(run, "ours")
     with pytest.raises(UsageError, match="no row 'our'"):
-        model_in(run, "our")
+        surfels_in(run, "our")
 
 
 def test_where_vtk_cannot_draw_it_is_a_wrong_command_with_what_to_install(
@@ -51,9 +49,8 @@ def test_a_folder_without_a_run_is_missing_data(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("colour", ["radiance", "albedo", "normal"])
 def test_disks_are_the_surfels_as_plain_arrays(run: Path, colour: str) -> None:
-    model = model_in(run, None)
-    disks = disks_of(model, colour)
-    surfels = model.surfels
+    surfels = surfels_in(run, None)
+    disks = disks_of(surfels, colour)
     assert disks.centres == pytest.approx(surfels.centre.numpy())
     assert np.linalg.norm(disks.tangents, axis=-1) == pytest.approx(surfels.log_scale.exp().numpy(), rel=1e-6)
     normals = np.cross(disks.tangents[:, 0], disks.tangents[:, 1])
