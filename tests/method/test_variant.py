@@ -152,5 +152,5 @@ def test_a_row_turns_one_field_by_a_nested_table_and_leaves_the_others() -> None
 
 
 def test_a_field_that_does_not_exist_is_refused_with_the_nearest_one() -> None:
-    with pytest.raises(UsageError, match=r"MaterialWeights has no field 'masks'\n.*'mask'"):
+    with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
         from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}}, "variant")
