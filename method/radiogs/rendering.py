@@ -5,11 +5,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import shaded_maps, splat, split_sum_maps
+from radiogs_core.transport.splatting import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident
 
 from .model import Model
-from .tracing import tracer_of
+from .tracing import Rays
 from .variant import Variant
 
 
@@ -24,19 +24,15 @@ class Renderer:
         self.model, self.incident = model, None
         if variant.shading == "monte-carlo":
             with torch.no_grad():
-                tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
-                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
+                rays, surfels = Rays.of(variant), model.surfels
+                self.incident = gather_incident(
+                    rays.tracer(surfels), surfels, samples, None, rays.floor, model.plan.at_once
+                )
 
-    @torch.no_grad()
     def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
-        """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, splatted on black.
-
-        What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
-        """
+        """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
         assert self.incident is not None
-        weight = self.incident.weight[..., None]
-        arriving = (weight * self.incident.radiance).sum(1) / weight.sum(1)
-        return splat(camera, self.model.surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
+        return incident_map(camera, self.model.surfels, self.incident)
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], all composited on black.
@@ -47,5 +43,5 @@ class Renderer:
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
             return split_sum_maps(camera, surfels, environment)
-        specular = self.model.plan.specular_among(surfels.albedo)
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular)
+        specular_at = self.model.plan.specular_among(surfels.albedo)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at)

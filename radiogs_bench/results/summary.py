@@ -101,8 +101,33 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
         elif result is None:
             reason = f"{place['scene']} seed {place['seed']} is not finished"
         else:
-            reason = f"{place['scene']} has no ground truth for it" if metric is None else metric["reason"]
+            reason = why_absent(place["scene"], result, column) if metric is None else metric["reason"]
     return figures, reason
+
+
+MAP_OF = {"nvs": "image"}
+"""The map that a task compares, where it is called otherwise than the task."""
+
+
+def why_absent(scene: str, result: Result, column: str) -> str:
+    """Why a result lacks a metric: the method gave no such map, or there is nothing to compare it with."""
+    task = column.partition("/")[0]
+    wanted = MAP_OF.get(task, task)
+    if result["maps"] and wanted in COMPARED and wanted not in result["maps"]:
+        return f"{result['cell']['method']} does not give {COMPARED[wanted]}"
+    return f"{scene} has no ground truth for it"
+
+
+COMPARED = {
+    "image": "images",
+    "albedo": "albedo",
+    "normal": "normals",
+    "roughness": "roughness",
+    "depth": "depth",
+    "indirect": "indirect light",
+    "environment": "a light",
+}
+"""What test views are compared by, in words."""
 
 
 def row_seconds(cells: Finished, row: str) -> float | None:

@@ -1,21 +1,22 @@
 """Commands and suites know effects: what probes find is printed, drawn and kept."""
 
 import json
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from radiogs.method import RADIOGS
 from radiogs.variant import Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
-from radiogs_bench.store.folder import Store
+from radiogs_bench.methods import variant_of
+from radiogs_bench.plain_values import to_plain
 from radiogs_bench.suites.registry import suite
-from radiogs_bench.suites.suite import with_effects
+from radiogs_bench.suites.suite import with_field
 from radiogs_bench.suites.toml_file import read_suite
-from radiogs_bench.training.trained_folder import read_trained, variant_of
+from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.errors import UsageError
 from radiogs_core.transport.plan import EFFECTS, everything
 from radiogs_datasets.image_files import write_hdr
@@ -30,15 +31,14 @@ def test_effects_are_given_by_name() -> None:
 
 
 def test_rows_whose_effects_are_chosen_say_so() -> None:
-    marked = with_effects(suite("strategies"), "auto")
+    marked = with_field(suite("strategies"), "effects", "auto", "auto")
     for before, row in zip(suite("strategies").rows, marked.rows, strict=True):
-        if row.variant.shading == "split-sum":
+        if row.variant.get("shading") == "split-sum":
             assert row == before
         else:
-            assert row.variant.effects == "auto"
+            assert row.variant["effects"] == "auto"
             assert "auto" in row.text
             assert "auto" in row.latex
-    assert with_effects(suite("ablations"), "all") == suite("ablations")
 
 
 def test_a_suites_file_may_name_effects(tmp_path: Path) -> None:
@@ -49,12 +49,12 @@ def test_a_suites_file_may_name_effects(tmp_path: Path) -> None:
         '[[rows]]\nkey = "b"\ntext = "B"\nvariant = { effects = ["visibility"] }\n'
         '[[rows]]\nkey = "c"\ntext = "C"\nvariant = { effects = "auto" }\n'
     )
-    assert [row.variant.effects for row in read_suite(path).rows] == ["all", ("visibility",), "auto"]
+    assert [row.variant.get("effects") for row in read_suite(path).rows] == [None, ["visibility"], "auto"]
 
 
 def test_a_variant_survives_being_written_down() -> None:
     for variant in (Variant(), Variant(effects="auto"), Variant(effects=("specular",), deviations=("start-light",))):
-        assert variant_of(json.loads(json.dumps(asdict(variant)))) == variant
+        assert variant_of(RADIOGS, json.loads(json.dumps(to_plain(variant)))) == variant
 
 
 def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
@@ -62,12 +62,10 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
 ) -> None:
     out = tmp_path / "trained"
     assert main(["train", "convex", "--preset", "smoke", "--out", str(out), "--effects", "auto"]) == 0
-    about, model = read_trained(out, torch.device("cpu"))
-    assert about["variant"]["effects"] == "auto"
-    assert {record["iteration"] for record in model.evidence} == {0, 10}
-    assert model.plan.plain().keys() == everything().plain().keys()
-    stored = Store(out).tensors(f"trained/{about['training_key']}", torch.device("cpu"))
-    assert stored is not None
+    assert read_about(out)["variant"]["effects"] == "auto"
+    facts = read_trained(out, torch.device("cpu"))[1].facts()["effects"]
+    assert {record["iteration"] for record in facts["evidence"]} == {0, 10}
+    assert facts["plan"].keys() == everything().plain().keys()
     capsys.readouterr()
 
     picture = tmp_path / "where.png"

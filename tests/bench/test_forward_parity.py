@@ -7,10 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
-from bench.fake_method import CPU, FAKE, fake_cell
 from radiogs.budget import budget
+from radiogs.method import RADIOGS
+from radiogs.variant import Variant
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
 from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.cell import Work, cell_of
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
@@ -19,6 +21,7 @@ from radiogs_core.transport.splatting import SOLID_ALPHA
 from radiogs_datasets import load_scene
 from radiogs_datasets.registry import FORWARD, forward_names
 
+CPU = torch.device("cpu")
 SCENES = ("corner-128", "red_white-128", "bowl-128")
 
 
@@ -88,16 +91,11 @@ def test_a_scene_whose_surfaces_or_light_are_not_known_is_refused() -> None:
 def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     scene = load_scene("furnace-0.5")
     cost = replace(budget("smoke"), finetune_iterations=80, finetune_surfels=400, finetune_samples=48)
-    cell = replace(
-        fake_cell(),
-        scene=scene.name,
-        budget=cost,
-        experiment="forward-parity",
-        settings={"spacing": 0.3, "offset": 0.1},
-    )
+    settings = {"spacing": 0.3, "offset": 0.1}
+    cell = cell_of(RADIOGS, scene, Work(Variant(), cost, experiment="forward-parity", settings=settings))
     store = Store(tmp_path)
     with Interruption() as interruption:
-        run_forward_parity(Bench(store, FAKE, CPU, LogProgress(), interruption), cell, scene)
+        run_forward_parity(Bench(store, CPU, LogProgress(), interruption), cell, scene)
     result = store.result(cell.key)
     assert result is not None
     biases = {part: result["metrics"][f"{part}/bias"]["value"] for part in ("total", "direct", "indirect", "surfels")}
