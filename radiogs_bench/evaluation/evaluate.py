@@ -85,7 +85,7 @@ def evaluate(
         timings=course.costs.timings(),
         views=list(figures.views),
         shown_view=course.shown.name,
-        shown_light=course.shown_light,
+        shown_light=course.shown_light if "render/relit" in course.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
         arrays={name: image.numpy().astype(np.float32) for name, image in course.arrays.items()},
         protocol=rules.describe(),
@@ -187,7 +187,7 @@ class _Course:
 
     def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
         for view in views:
-            self.figures.add("relight", view.name, dict.fromkeys(("psnr", "ssim", "lpips"), Value(None, reason)))
+            self.figures.add("relight", view.name, self.rules.no_comparison(reason))
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:

@@ -42,8 +42,8 @@ def on_black(prepared: Prepared, maps: Maps) -> dict[str, Tensor]:
         image = image.cpu()
         if kind.alpha == "straight" and name not in GEOMETRY and alpha is not None:
             image = image * alpha
-        if name == "image" and kind.colour == "linear":
-            image = srgb_encode(image).clamp(0, 1)
+        if name == "image":
+            image = (srgb_encode(image) if kind.colour == "linear" else image).clamp(0, 1)
         found[name] = image
     if alpha is None and shape is not None:
         found["alpha"] = torch.ones(*shape, 1)
