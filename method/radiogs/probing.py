@@ -14,13 +14,13 @@ from radiogs_core.surfels.surfels import Surfels
 from .budget import Budget
 from .effects.decide.difference_maps import difference_maps
 from .effects.decide.evidence import Evidence
+from .effects.decide.new_light import IN_RELIGHTING, decide_light_sampling
 from .effects.decide.probe import Findings, probe
-from .effects.decide.relighting import IN_RELIGHTING, settle_light_sampling
-from .effects.measure.prices import Step
+from .effects.measure.probe_scene import ProbeScene, trace_scene
 from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
-from .effects.measure.subject import Subject, subject_of
+from .effects.measure.step_cost import Step
 from .model import Model
-from .relighting import probed_under, training_share, training_sights
+from .relighting import probe_relighting, training_share, training_views
 
 EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
 """What a probe of a scene looks at: the radiance that its surfels are given is the same to all sides."""
@@ -64,46 +64,46 @@ def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, Environ
     return surfels_on(samples), scene.training_light
 
 
-def subject_of_scene(run: Run) -> tuple[Subject, Decay]:
+def subject_of_scene(run: Run) -> tuple[ProbeScene, Decay]:
     """The scene as surfels that are true to it, seen from its training views. Raises DataError (see ``true_model``)."""
     samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
     surfels, decay = solved(surfels, light, samples, run.seed)
-    sights, share = training_sights(run.scene, torch.device("cpu")), training_share(run.scene, surfels)
+    sights, share = training_views(run.scene, torch.device("cpu")), training_share(run.scene, surfels)
     generator = torch.Generator().manual_seed(run.seed)
-    return subject_of(surfels, light.radiance, sights, share, samples, generator, bounces=True, offset=OFFSET), decay
+    return trace_scene(surfels, light.radiance, sights, share, samples, generator, bounces=True, offset=OFFSET), decay
 
 
-def subject_of_model(run: Run, model: Model) -> Subject:
+def subject_of_model(run: Run, model: Model) -> ProbeScene:
     """A trained model, seen from training views of its scene."""
     surfels, samples = model.surfels, run.budget.incident_samples
     generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
-    sights, share = training_sights(run.scene, surfels.centre.device), training_share(run.scene, surfels)
-    return subject_of(surfels, model.environment, sights, share, samples, generator, bounces=True)
+    sights, share = training_views(run.scene, surfels.centre.device), training_share(run.scene, surfels)
+    return trace_scene(surfels, model.environment, sights, share, samples, generator, bounces=True)
 
 
-def findings_of(subject: Subject, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
+def findings_of(subject: ProbeScene, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
     """What stage 2 with the run's budget would leave out of a subject."""
     budget: Budget = run.budget
     step = Step(len(subject.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
     return probe(subject, step, run.seed, effects=effects)
 
 
-def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[Subject, Findings]:
+def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[ProbeScene, Findings]:
     """What relighting a model by ``light`` would leave out, and what was looked at; None: the scene as it truly is."""
     if model is not None:
-        return probed_under(model, light, torch.ones(3), run)
+        return probe_relighting(model, light, torch.ones(3), run)
     subject, _ = subject_of_scene(run)
     true = Model(subject.surfels, subject.environment.log())
     on_cpu = replace(run, device=torch.device("cpu"))
-    return probed_under(true, light, torch.ones(3), on_cpu, offset=OFFSET)
+    return probe_relighting(true, light, torch.ones(3), on_cpu, offset=OFFSET)
 
 
-def sampling_of(run: Run, subject: Subject, found: Findings) -> Evidence:
+def sampling_of(run: Run, subject: ProbeScene, found: Findings) -> Evidence:
     """Whether relighting by the scene's own light needs directions that are drawn from it."""
     light, budget = run.scene.training_light, run.budget
     if light is None:
         raise DataError(f"the light of scene '{run.scene.name}' is not known", "There is nothing to draw from.")
-    return settle_light_sampling(
+    return decide_light_sampling(
         subject.surfels, light, found.tolerance,
         budget.relight_hemisphere_samples, budget.relight_light_samples, run.seed,
     )  # fmt: skip
@@ -125,7 +125,7 @@ def bounces_needed(found: Findings, decay: Decay) -> int:
     return decay.needed(first, tolerated)
 
 
-def shown(subject: Subject, found: Findings, effects: tuple[str, ...], bounces: int | None = None) -> Probe:
+def shown(subject: ProbeScene, found: Findings, effects: tuple[str, ...], bounces: int | None = None) -> Probe:
     """Findings as plain data, with pictures of what leaving out each of ``effects`` changes in the first sight."""
     full, differences = difference_maps(subject, effects)
     taken = subject.sights[0].target

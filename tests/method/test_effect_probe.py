@@ -11,17 +11,17 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs.budget import budget
-from radiogs.effects.decide.judge import Judge
+from radiogs.effects.decide.assessment import Assessment
+from radiogs.effects.decide.new_light import concentration, model_error, plan_for_light, reference_colour, scene_under
 from radiogs.effects.decide.planner import Planner
 from radiogs.effects.decide.probe import Findings, _accepted, probe
-from radiogs.effects.decide.relighting import concentration, own_error, plan_for_light, reference_colour, subject_under
-from radiogs.effects.decide.staleness import Staleness, settle_refresh
+from radiogs.effects.decide.staleness import Staleness, decide_refresh
 from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.candidates import Candidates
-from radiogs.effects.measure.gradient import pull_of_images
-from radiogs.effects.measure.prices import Step
-from radiogs.effects.measure.share import image_share
-from radiogs.effects.measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
+from radiogs.effects.measure.gradient import image_gradient
+from radiogs.effects.measure.image_share import image_share
+from radiogs.effects.measure.plan_radiance import PlanRadiance
+from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene, ProbeView, trace_scene
+from radiogs.effects.measure.step_cost import Step
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording
@@ -54,16 +54,16 @@ def cameras(height: float = 2.5) -> list[Any]:
     return [look_at(place, torch.zeros(3), 32, 40.0) for place in places]
 
 
-def subject(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> Subject:
-    """Seen under that light with everything on, as a method sees it whose images are off by ``noise``."""
-    blind = tuple(Sight(camera, None) for camera in cameras())
+def subject(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> ProbeScene:
+    """PosedImage under that light with everything on, as a method sees it whose images are off by ``noise``."""
+    blind = tuple(ProbeView(camera, None) for camera in cameras())
     share = image_share(cameras(), surfels)
-    made = subject_of(
+    made = trace_scene(
         surfels, light, blind, share, SAMPLES, torch.Generator().manual_seed(seed), bounces=True, offset=0.1
     )
     drawn = torch.Generator().manual_seed(99)
     sights = tuple(
-        Sight(sight.camera, image + noise * torch.randn(image.shape, generator=drawn))
+        ProbeView(sight.camera, image + noise * torch.randn(image.shape, generator=drawn))
         for sight in blind
         for image in [shaded_maps(sight.camera, made.surfels, made.surfels.albedo, made.incident, light)["image"]]
     )
@@ -74,7 +74,7 @@ def step(surfels: Surfels) -> Step:
     return Step(len(surfels), 256, SAMPLES, 100)
 
 
-def found(made: Subject, seed: int = 0, **more: Any) -> Findings:
+def found(made: ProbeScene, seed: int = 0, **more: Any) -> Findings:
     return probe(made, step(made.surfels), seed, **more)
 
 
@@ -114,8 +114,8 @@ def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
     """0.3 % of the surfels stand around a pit that is two pixels wide."""
     floor, ring = surfels_over([FLOOR], 0.05), pit()
     assert len(ring) / len(floor) < 0.004
-    joined = {name: torch.cat([value, ring.parameters()[name]]) for name, value in floor.parameters().items()}
-    made = subject(Surfels.of(joined), sky(), noise=0.005)
+    combined = {name: torch.cat([value, ring.parameters()[name]]) for name, value in floor.parameters().items()}
+    made = subject(Surfels.of(combined), sky(), noise=0.005)
     plan = found(made).plan
     assert plan.traces
     if plan.traced is not None:
@@ -133,7 +133,7 @@ def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None
     light[:5] = 1e-6  # more than 39 degrees high; the table's rim is at 45 degrees or higher
     made = subject(grey(surfels_over([floor, table], 0.12), 0.0), light)
     # Everything is seen a tenth too bright: all pulls have one sign.
-    darker = tuple(Sight(sight.camera, 0.9 * sight.target) for sight in made.sights if sight.target is not None)
+    darker = tuple(ProbeView(sight.camera, 0.9 * sight.target) for sight in made.sights if sight.target is not None)
     made = dataclasses.replace(made, sights=darker)
     record = found(made).evidence[0]
     assert record.effect == "visibility"
@@ -155,8 +155,8 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         {
             record.effect: record
             for record in plan_for_light(
-                subject_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, made.share, 0),
-                own_error(surfels, made.sights),
+                scene_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, made.share, 0),
+                model_error(surfels, made.sights),
                 32,
                 32,
                 0,
@@ -226,7 +226,7 @@ def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None
 def test_bolder_masks_leave_out_more_and_masked_images_lie_between() -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), CLAY)
     made = subject(surfels_over([FLOOR, table], 0.12), sky())
-    candidates = Candidates(made)
+    candidates = PlanRadiance(made)
     full = candidates.radiance(everything()).detach()
     masks = [made.occlusion > edge for edge in (0.05, 0.2, 0.4)]
     reduced = [candidates.radiance(EffectPlan(traced=mask)).detach() for mask in masks]
@@ -245,9 +245,9 @@ def test_gradients_are_pulled_by_the_images_errors() -> None:
     """Against central differences of the images' squared error, in the radiance of one surfel."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
     made = subject(ball, sky())
-    pull = pull_of_images(Candidates(made))
+    pull = image_gradient(PlanRadiance(made))
     assert float(pull.abs().max()) > 0
-    behind = (Candidates(made).outgoing * made.surfels.frame[:, None, :, 2]).sum(-1) < -0.2
+    behind = (PlanRadiance(made).outgoing * made.surfels.frame[:, None, :, 2]).sum(-1) < -0.2
     assert not pull[behind].any()
 
 
@@ -289,7 +289,7 @@ class View:
         return self.image
 
 
-def views_of(made: Subject) -> list[View]:
+def views_of(made: ProbeScene) -> list[View]:
     return [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
 
 
@@ -322,7 +322,7 @@ def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
     direction, weight = hemisphere_directions(surfels.frame[..., 2], planner.samples, torch.Generator().manual_seed(3))
     anew = incident_along(SurfelTracer(surfels), direction, weight)
     light = unoccluded(direction, weight) if moved else anew
-    kept = Kept(torch.ones(len(surfels), dtype=torch.bool), light, anew)
+    kept = KeptLight(torch.ones(len(surfels), dtype=torch.bool), light, anew)
     changed = planner.observe(surfels, sky(), views_of(made), step(surfels), 15, kept=kept)
     assert changed == moved
     assert planner.plan.traces == moved
@@ -335,7 +335,7 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
     direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
     mask = torch.arange(len(surfels)) % 3 == 0
     lit = unoccluded(direction[mask], weight[mask])
-    kept = Kept(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
+    kept = KeptLight(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
     with recording() as instruments:
         found = Planner("auto", 0, 30, SAMPLES).subject(surfels, sky(), views_of(made), 5, kept)
     assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
@@ -348,10 +348,10 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
 def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
     still = Staleness(1e-9 * torch.rand(200))
-    factor, record = settle_refresh(still, tolerance, budgeted, everything(), 10, 0, 1e-3)
+    factor, record = decide_refresh(still, tolerance, budgeted, everything(), 10, 0, 1e-3)
     assert (factor, record.verdict) == (2, "off")
     moving = Staleness(1e-2 * torch.rand(200))
-    factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0, 1e-3)
+    factor, record = decide_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0, 1e-3)
     assert (factor, record.verdict) == (1, "on")
 
 
@@ -365,7 +365,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
         "samples": everything().without("samples"),
     }
 
-    class TogetherTooMuch(Judge):
+    class TogetherTooMuch(Assessment):
         def __init__(self) -> None:
             self.step, self.seed, self.tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
 

@@ -11,10 +11,10 @@ import torch
 
 from radiogs.budget import budget
 from radiogs.effects.decide.evidence import Evidence
+from radiogs.effects.decide.new_light import reference_colour
 from radiogs.effects.decide.probe import Findings
-from radiogs.effects.decide.relighting import reference_colour
+from radiogs.effects.measure.probe_scene import ProbeScene
 from radiogs.effects.measure.radiosity import Decay, scattered
-from radiogs.effects.measure.subject import Subject
 from radiogs.probing import (
     EFFECTS,
     bounces_needed,
@@ -42,7 +42,7 @@ def run(name: str, seed: int) -> Run:
 
 
 @functools.cache
-def found_on(name: str, seed: int) -> tuple[Subject, Findings, Decay]:
+def found_on(name: str, seed: int) -> tuple[ProbeScene, Findings, Decay]:
     """As a probe of the scene has it."""
     subject, decay = subject_of_scene(run(name, seed))
     return subject, findings_of(subject, run(name, seed)), decay

@@ -31,7 +31,7 @@ from ..budget import Budget
 from ..consistency import consistency_loss, split_sum_consistency_loss
 from ..effects.decide.planner import Planner
 from ..effects.decide.staleness import staleness
-from ..effects.measure.prices import Step
+from ..effects.measure.step_cost import Step
 from ..learning import MaterialStart
 from ..model import Model, constant_light
 from ..profile import START_RADIANCE

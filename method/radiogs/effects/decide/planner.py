@@ -13,18 +13,18 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 
-from ..measure.prices import Step
-from ..measure.share import image_share
-from ..measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
+from ..measure.image_share import image_share
+from ..measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene, ProbeView, trace_scene
+from ..measure.step_cost import Step
 from .evidence import Evidence
 from .probe import IN_TRAINING, PROBES, Findings, level_of, probe
-from .staleness import Staleness, settle_refresh
+from .staleness import Staleness, decide_refresh
 
 DIRECTIONS = 16
 """That a probe traces from every surfel, or half of those of training if that is less: two probes are then 1 % of the
 rays of a training with preset tiny. Halving samples that are fewer costs more: what it finds is on the safe side."""
 
-SIGHTS = 8
+PROBE_VIEWS = 8
 """Training views that a probe looks from, one of each eighth of their list."""
 
 STEPS_A_PROBE = 400
@@ -33,7 +33,7 @@ of them, and probes are to stay under 3 %."""
 
 
 @runtime_checkable
-class Seen(Protocol):
+class PosedImage(Protocol):
     """A training view as a probe needs it."""
 
     @property
@@ -69,11 +69,11 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[Seen],
+        views: Sequence[PosedImage],
         step: Step,
         iteration: int,
         stale: Staleness | None = None,
-        kept: Kept | None = None,
+        kept: KeptLight | None = None,
     ) -> bool:
         """Probe, and take the plan that follows; says whether it traces other rays than before.
 
@@ -100,10 +100,10 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[Seen],
+        views: Sequence[PosedImage],
         seed: int,
-        kept: Kept | None = None,
-    ) -> Subject:
+        kept: KeptLight | None = None,
+    ) -> ProbeScene:
         """What a probe with this seed looks at: materials that are still being learnt.
 
         Whether light that was ``kept`` still holds is asked of the rays of training, and nothing else: the model has
@@ -112,15 +112,15 @@ class Planner:
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
         chosen = torch.Generator().manual_seed(seed)
         sights = []
-        for place in range(min(SIGHTS, len(views))):
-            low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
+        for place in range(min(PROBE_VIEWS, len(views))):
+            low, high = (len(views) * end // min(PROBE_VIEWS, len(views)) for end in (place, place + 1))
             view = views[int(torch.randint(low, high, (), generator=chosen))]
-            sights.append(Sight(view.camera, view.over(0.0)))
+            sights.append(ProbeView(view.camera, view.over(0.0)))
         if self.share is None:
             # Once: surfels hardly move any more.
             self.share = image_share([view.camera for view in views], surfels)
         others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
-        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator, among=others)
+        seen = trace_scene(surfels, environment, tuple(sights), self.share, self.samples, generator, among=others)
         # What is below the horizon is the surface itself, for rays that start beyond it too.
         clear = seen.incident.visibility * seen.untraced.visibility
         incident, untraced = replace(seen.incident, visibility=clear), seen.untraced
@@ -148,7 +148,7 @@ def with_refresh(
     found: Findings, stale: Staleness, step: Step, before: EffectPlan, iteration: int, seed: int
 ) -> Findings:
     """The findings with the interval of the refresh settled too."""
-    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed, level_of(len(IN_TRAINING)))
+    factor, record = decide_refresh(stale, found.tolerance, step, before, iteration, seed, level_of(len(IN_TRAINING)))
     plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
     return replace(found, plan=plan, evidence=(*found.evidence, record))
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from radiogs_core.transport.plan import EffectPlan, everything
 
 from ..measure.bounds import sidak
-from ..measure.prices import Step
-from ..measure.subject import Subject
-from ..measure.ways import altogether, in_part, joined, rays_in_part
+from ..measure.probe_scene import ProbeScene
+from ..measure.step_cost import Step
+from ..measure.substitutes import combined, partial_plans, partial_ray_plans, plan_without
+from .assessment import Assessment
 from .decision import LEAST_SHARE, OFF_BELOW
 from .evidence import Evidence, Measured, Verdict
-from .judge import Judge
 from .tolerance import TOLERANCE_DB, Tolerance
 
 LEVEL = 0.01
@@ -23,7 +23,7 @@ PROBES = 3
 IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
 """What is probed of images during training."""
 
-GLANCE = 2
+COARSE_STEP = 2
 """Every so many sights are enough to see that most effects are needed."""
 
 
@@ -45,7 +45,7 @@ def level_of(effects: int) -> float:
 
 
 def probe(
-    subject: Subject,
+    subject: ProbeScene,
     step: Step,
     seed: int,
     iteration: int = 0,
@@ -61,7 +61,7 @@ def probe(
     """
     level = level_of(len(effects))
     before = before or everything()
-    glance = Judge(replace(subject, sights=subject.sights[::GLANCE]), step, seed, LEVEL, decibel, mse)
+    glance = Assessment(replace(subject, sights=subject.sights[::COARSE_STEP]), step, seed, LEVEL, decibel, mse)
     judge, measured = _measured_where_promising(glance, subject, level, effects)
     settled = {
         effect: _settle(judge, before, [found for found in measured if found.effect == effect]) for effect in effects
@@ -80,7 +80,7 @@ def probe(
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Substitute:
     """A way of leaving an effect out, and what was measured of it."""
 
     effect: str
@@ -99,8 +99,8 @@ class _Settled:
 
 
 def _measured_where_promising(
-    at_a_glance: Judge, subject: Subject, level: float, effects: Sequence[str]
-) -> tuple[Judge, list[_Way]]:
+    at_a_glance: Assessment, subject: ProbeScene, level: float, effects: Sequence[str]
+) -> tuple[Assessment, list[_Substitute]]:
     """The most careful and the boldest way at a glance; from all sights, with bounds of ``level``, all that may pass.
 
     What is refused at a glance needs no bound: to keep an effect is never wrong. Rays are not asked for at a glance:
@@ -108,23 +108,28 @@ def _measured_where_promising(
     """
     judge = at_a_glance
     ways = {
-        effect: [*in_part(effect, subject.surfels), altogether(effect)] for effect in effects if effect != "visibility"
+        effect: [*partial_plans(effect, subject.surfels), plan_without(effect)]
+        for effect in effects
+        if effect != "visibility"
     }
     ends = [(effect, plan) for effect, plans in ways.items() for plan in (*plans[:-1][:1], plans[-1])]
-    measured = [_Way(*end, found) for end, found in zip(ends, judge.measure(ends), strict=True)]
+    measured = [_Substitute(*end, found) for end, found in zip(ends, judge.measure(ends), strict=True)]
     promising = {way.effect for way in measured if way.measured.contribution < judge.tolerance.decibel}
     asked: list[tuple[str, EffectPlan]] = []
     if promising or "visibility" in effects:
         judge = at_a_glance.looking_at(subject, level)
     if "visibility" in effects:
-        less = rays_in_part(judge.candidates, OFF_BELOW * judge.tolerance.error)
-        asked = [("visibility", plan) for plan in (*less, altogether("visibility"))]
+        less = partial_ray_plans(judge.candidates, OFF_BELOW * judge.tolerance.error)
+        asked = [("visibility", plan) for plan in (*less, plan_without("visibility"))]
     asked += [(effect, plan) for effect, plans in ways.items() if effect in promising for plan in plans]
     refused = [way for way in measured if way.effect not in promising]
-    return judge, [*(_Way(*way, found) for way, found in zip(asked, judge.measure(asked), strict=True)), *refused]
+    return judge, [
+        *(_Substitute(*way, found) for way, found in zip(asked, judge.measure(asked), strict=True)),
+        *refused,
+    ]
 
 
-def _settle(judge: Judge, before: EffectPlan, ways: Sequence[_Way]) -> _Settled:
+def _settle(judge: Assessment, before: EffectPlan, ways: Sequence[_Substitute]) -> _Settled:
     """Altogether, if that passes; else the boldest of the careful ways up to the first that is refused."""
     *careful, bold = ways
     settled = _Settled(bold.plan, *judge.decided(bold.effect, bold.plan, bold.measured, before))
@@ -146,9 +151,9 @@ def _settle(judge: Judge, before: EffectPlan, ways: Sequence[_Way]) -> _Settled:
 
 
 def _accepted(
-    judge: Judge, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
+    judge: Assessment, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
 ) -> tuple[EffectPlan, Evidence, list[str]]:
-    """What was chosen for each effect, joined, if that passes; else without the one that saves least, and so on.
+    """What was chosen for each effect, combined, if that passes; else without the one that saves least, and so on.
 
     Effects interact: without indirect light, rays that some surfels keep for it only darken them. Returns the plan, its
     record, and the effects that it leaves out.
@@ -157,7 +162,7 @@ def _accepted(
     while left:
         plan = everything()
         for effect in left:
-            plan = joined(plan, chosen[effect])
+            plan = combined(plan, chosen[effect])
         verdict, why, measured = judge.decided("plan", plan, judge.measure([("plan", plan)])[0], before)
         if verdict == "off":
             return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured), left

@@ -14,7 +14,7 @@ from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer
 
 from ..measure.bounds import bootstrap_t
-from ..measure.prices import Step, cost
+from ..measure.step_cost import Step, cost
 from .decision import decide
 from .evidence import Evidence, Measured
 from .tolerance import Tolerance
@@ -57,7 +57,7 @@ def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) ->
     return shade_surfels(surfels, surfels.albedo, incident, surfels.frame[:, None, :, 2], environment)[:, 0].sum(1)
 
 
-def settle_refresh(
+def decide_refresh(
     stale: Staleness, tolerance: Tolerance, step: Step, before: EffectPlan, iteration: int, seed: int, level: float
 ) -> tuple[int, Evidence]:
     """The factor of the refresh interval from now on, with its evidence; one step up or down at a time.

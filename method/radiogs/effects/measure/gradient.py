@@ -10,17 +10,17 @@ from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.transport.plan import EffectPlan, everything
 
-from .candidates import Candidates
+from .plan_radiance import PlanRadiance
 
 
-def pull_of_images(candidates: Candidates) -> Float[Tensor, "surfels views 3"]:
+def image_gradient(candidates: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
     """Gradient of the images' squared error to the radiance that each surfel sends to each sight.
 
     Zero where there is no target.
     """
     radiance = candidates.radiance(everything()).detach().requires_grad_()
     total = radiance.new_zeros(())
-    for place, (sight, view) in enumerate(zip(candidates.subject.sights, candidates.views, strict=True)):
+    for place, (sight, view) in enumerate(zip(candidates.subject.sights, candidates.projections, strict=True)):
         if sight.target is not None:
             image = blend(view, radiance[:, place], 1.0).features
             total = total + (srgb_encode(image) - sight.target).square().mean()
@@ -30,13 +30,13 @@ def pull_of_images(candidates: Candidates) -> Float[Tensor, "surfels views 3"]:
 class Gradients:
     """Gradients of albedo, roughness and light under the pull of the full images, and how plans change them."""
 
-    def __init__(self, candidates: Candidates) -> None:
+    def __init__(self, candidates: PlanRadiance) -> None:
         self.candidates = candidates
 
     @cached_property
     def pull(self) -> Float[Tensor, "surfels views 3"]:
         """The same for all plans: what differs is what a plan hands on of it."""
-        return pull_of_images(self.candidates)
+        return image_gradient(self.candidates)
 
     @cached_property
     def full(self) -> dict[str, Tensor]:

@@ -14,7 +14,7 @@ from radiogs_core.transport.sampling import LightSampler, hemisphere_directions,
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
-OVERLAP = 6.66
+PROBE_OFFSET = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
 densest surfel has fallen to 1/255. Surfels whose footprints overlap are one surface seen again, and trained ones lie
 askew: started at one standard deviation, as in training, rays of the trained ``convex`` sphere find 13 % of the sky
@@ -27,7 +27,7 @@ SHARP_ROUGHNESS = 0.2
 
 
 @dataclass(frozen=True)
-class Sight:
+class ProbeView:
     """A camera, and the display-sRGB image [height, width, 3] on black that it saw; None where there is none."""
 
     camera: Camera
@@ -35,7 +35,7 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class Kept:
+class KeptLight:
     """The light that some surfels have kept since rays were taken from them, and what rays find now.
 
     mask: which surfels. light and anew: of those alone, along the same directions, so that only time differs.
@@ -47,7 +47,7 @@ class Kept:
 
 
 @dataclass(frozen=True)
-class Subject:
+class ProbeScene:
     """A model ready to be probed.
 
     surfels, environment (linear radiance, lat-long): as they are. sights: from where. share: of the pictures that there
@@ -60,7 +60,7 @@ class Subject:
 
     surfels: Surfels
     environment: Float[Tensor, "rows columns 3"]
-    sights: tuple[Sight, ...]
+    sights: tuple[ProbeView, ...]
     share: Float[Tensor, " surfels"]
     incident: Incident
     untraced: Incident
@@ -80,18 +80,18 @@ RAYS_AT_ONCE = 1 << 18
 
 
 @torch.no_grad()
-def subject_of(
+def trace_scene(
     surfels: Surfels,
     environment: Float[Tensor, "rows columns 3"],
-    sights: tuple[Sight, ...],
+    sights: tuple[ProbeView, ...],
     share: Float[Tensor, " surfels"],
     samples: int,
     generator: torch.Generator,
     bounces: bool = False,
-    offset: float = OVERLAP,
+    offset: float = PROBE_OFFSET,
     drawn: int = 0,
     among: Int[Tensor, " chosen"] | None = None,
-) -> Subject:
+) -> ProbeScene:
     """Trace ``samples`` directions of every surfel; with ``bounces`` once more, to surfaces lit by what was visible.
 
     ``drawn``: as many more from the light, by the balance heuristic: a sun is missed by those over the hemisphere.
@@ -110,12 +110,12 @@ def subject_of(
     incident = Incident(direction, weight, seen, radiance)
     untraced = tracer.untraced(every, direction, weight)
     if not bounces:
-        return Subject(surfels, environment, sights, share, incident, untraced)
+        return ProbeScene(surfels, environment, sights, share, incident, untraced)
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
     once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     first = _traced(tracer, index, direction, once)[2]
-    return Subject(surfels, environment, sights, share, incident, untraced, first)
+    return ProbeScene(surfels, environment, sights, share, incident, untraced, first)
 
 
 def _traced(

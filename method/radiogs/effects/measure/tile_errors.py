@@ -8,7 +8,7 @@ from torch import Tensor
 
 from radiogs_core.scene.colour import srgb_encode
 
-from .screen import TILE, Screen
+from .covered_pixels import TILE, CoveredPixels
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class TileErrors:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceImage:
     """The full image: linear, in display sRGB, and how far off the target it is, zero where that is not known."""
 
     linear: Float[Tensor, "pixels 3"]
@@ -48,13 +48,13 @@ class Reference:
     residual: Float[Tensor, "pixels 3"]
 
     @classmethod
-    def of(cls, linear: Float[Tensor, "pixels 3"], screen: Screen) -> "Reference":
+    def of(cls, linear: Float[Tensor, "pixels 3"], screen: CoveredPixels) -> "ReferenceImage":
         """A full image on a screen."""
         display = srgb_encode(linear)
         return cls(linear, display, torch.where(screen.known, display - screen.target, 0.0))
 
 
-def same_light(reduced: Float[Tensor, "pixels 3"], full: Float[Tensor, "pixels 3"]) -> Float[Tensor, "3"]:
+def light_factor(reduced: Float[Tensor, "pixels 3"], full: Float[Tensor, "pixels 3"]) -> Float[Tensor, "3"]:
     """Factor a channel that brings the reduced image nearest to the full one, in linear radiance.
 
     How bright light is and how bright surfaces are is not told apart by images: a change that one factor on the light
@@ -64,16 +64,18 @@ def same_light(reduced: Float[Tensor, "pixels 3"], full: Float[Tensor, "pixels 3
     return torch.where(square > 0, (reduced * full).sum(0) / torch.where(square > 0, square, 1.0), 1.0)
 
 
-def tile_errors(reduced: Float[Tensor, "pixels 3"], full: Reference, screen: Screen, scaled: bool) -> TileErrors:
-    """Errors of a ``reduced`` image; ``scaled``: after the factor of ``same_light``."""
+def tile_errors(
+    reduced: Float[Tensor, "pixels 3"], full: ReferenceImage, screen: CoveredPixels, scaled: bool
+) -> TileErrors:
+    """Errors of a ``reduced`` image; ``scaled``: after the factor of ``light_factor``."""
     if scaled:
-        reduced = reduced * same_light(reduced, full.linear)
+        reduced = reduced * light_factor(reduced, full.linear)
     change = srgb_encode(reduced) - full.display
     rise = change * (change + 2 * full.residual)
     difference, risen = screen.tile_means(torch.stack([change.square().mean(-1), rise.mean(-1)], -1))
     return TileErrors(difference, risen, screen.tiles.to(difference))
 
 
-def mean_error(image: Reference, screen: Screen) -> float:
+def mean_error(image: ReferenceImage, screen: CoveredPixels) -> float:
     """Mean squared error against the targets where they are known, display sRGB."""
     return float(image.residual[screen.known[:, 0]].square().mean())

@@ -23,10 +23,10 @@ from radiogs_core.transport.splatting import own_radiance, shade_surfels
 from radiogs_core.transport.tracer import SELF_OFFSET
 
 from ..measure.bounds import bootstrap_t, sidak
-from ..measure.images import Reference, mean_error
-from ..measure.prices import Step
-from ..measure.screen import Screen, splatted
-from ..measure.subject import Sight, Subject, subject_of
+from ..measure.covered_pixels import CoveredPixels, rendered_views
+from ..measure.probe_scene import ProbeScene, ProbeView, trace_scene
+from ..measure.step_cost import Step
+from ..measure.tile_errors import ReferenceImage, mean_error
 from .decision import decide
 from .evidence import Evidence, Measured
 from .probe import LEVEL, PROBES, Findings, probe
@@ -74,7 +74,7 @@ def concentration(light: EnvironmentMap) -> Concentration:
 
 
 @torch.no_grad()
-def settle_light_sampling(
+def decide_light_sampling(
     surfels: Surfels,
     light: EnvironmentMap,
     tolerance: Tolerance,
@@ -146,24 +146,24 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
 
 
 @torch.no_grad()
-def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
+def model_error(surfels: Surfels, sights: Sequence[ProbeView]) -> float:
     """Mean squared error of the surfels' own radiance against the sights' targets: what the method misses anyway."""
     views = [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in sights]
-    pictures = splatted(views, [torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)])
-    screen = Screen.of(sights, pictures)
+    pictures = rendered_views(views, [torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)])
+    screen = CoveredPixels.of(sights, pictures)
     (own,) = screen.pixels(pictures)
-    return mean_error(Reference.of(own, screen), screen)
+    return mean_error(ReferenceImage.of(own, screen), screen)
 
 
-def subject_under(
+def scene_under(
     surfels: Surfels,
     albedo: Float[Tensor, "surfels 3"],
     light: EnvironmentMap,
-    sights: Sequence[Sight],
+    sights: Sequence[ProbeView],
     share: Float[Tensor, " surfels"],
     seed: int,
     offset: float = SELF_OFFSET,
-) -> Subject:
+) -> ProbeScene:
     """A model as it is relit, seen from ``sights``, whose images are another light's and left out.
 
     ``albedo``: linear, as it will be relit. ``share``: ``image_share`` of the cameras there are. ``offset``: where rays
@@ -173,8 +173,8 @@ def subject_under(
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
-    blind = tuple(Sight(sight.camera, None) for sight in sights)
-    subject = subject_of(painted, light.radiance, blind, share, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
+    blind = tuple(ProbeView(sight.camera, None) for sight in sights)
+    subject = trace_scene(painted, light.radiance, blind, share, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
     subject = replace(subject, given_light=True)
     if subject.first is None:
         return subject
@@ -182,9 +182,9 @@ def subject_under(
 
 
 def plan_for_light(
-    subject: Subject, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
+    subject: ProbeScene, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
 ) -> Findings:
-    """What relighting a subject of ``subject_under`` may leave out, beside an error of ``mse`` (``own_error``).
+    """What relighting a subject of ``scene_under`` may leave out, beside an error of ``mse`` (``model_error``).
 
     ``spread``, ``drawn``: relighting's directions over the hemisphere and from the light.
     """
@@ -192,6 +192,6 @@ def plan_for_light(
     step = Step(len(subject.surfels), 0, spread + drawn, 1)
     found = probe(subject, step, seed, effects=IN_RELIGHTING, decibel=decibel, mse=mse)
     light = EnvironmentMap(subject.environment)
-    sampling = settle_light_sampling(subject.surfels, light, found.tolerance, spread, drawn, seed)
+    sampling = decide_light_sampling(subject.surfels, light, found.tolerance, spread, drawn, seed)
     plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
     return Findings(plan, (*found.evidence, sampling), found.tolerance)

@@ -22,10 +22,10 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 
-from .subject import Subject
+from .probe_scene import ProbeScene
 
 
-class Candidates:
+class PlanRadiance:
     """Radiance of a subject's surfels towards its sights under any plan.
 
     ``albedo``, ``roughness`` and ``environment`` are leaves, so that gradients can be compared too. Shading is done
@@ -33,7 +33,7 @@ class Candidates:
     by Lambert's law depends on the plan too.
     """
 
-    def __init__(self, subject: Subject) -> None:
+    def __init__(self, subject: ProbeScene) -> None:
         self.subject = subject
         surfels = subject.surfels
         self.albedo = surfels.albedo.clone().requires_grad_()
@@ -42,7 +42,7 @@ class Candidates:
         self.outgoing = torch.stack([towards(sight.camera, surfels) for sight in subject.sights], 1)
 
     @cached_property
-    def views(self) -> list[Projection]:
+    def projections(self) -> list[Projection]:
         """The surfels as the sights see them."""
         surfels = self.subject.surfels
         return [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in self.subject.sights]

@@ -10,7 +10,7 @@ from torch import Tensor
 from radiogs_core.kernels.rasterize.rasterize import Projection, blend
 from radiogs_core.transport.splatting import SOLID_ALPHA
 
-from .subject import Sight
+from .probe_scene import ProbeView
 
 TILE = 8
 """Pixels a side of what counts as one observation: errors of neighbouring pixels are one surface's, not independent."""
@@ -21,14 +21,16 @@ however many plans are compared."""
 
 
 @dataclass(frozen=True)
-class Picture:
+class RenderedView:
     """What one sight sees: three channels of each radiance that was asked for, linear, on black; and coverage."""
 
     channels: Float[Tensor, "height width channels"]
     alpha: Float[Tensor, "height width"]
 
 
-def splatted(views: Sequence[Projection], radiance: Iterable[Float[Tensor, "surfels views 3"]]) -> list[Picture]:
+def rendered_views(
+    views: Sequence[Projection], radiance: Iterable[Float[Tensor, "surfels views 3"]]
+) -> list[RenderedView]:
     """All of ``radiance``, in its order, as each view sees it."""
     every = torch.cat(list(radiance), -1)
     pictures = []
@@ -36,12 +38,12 @@ def splatted(views: Sequence[Projection], radiance: Iterable[Float[Tensor, "surf
         padded = torch.nn.functional.pad(every[:, place], (0, -every.shape[-1] % TOGETHER))
         rasters = [blend(view, some, 1.0) for some in padded.split(TOGETHER, -1)]
         blended = torch.cat([raster.features for raster in rasters], -1)[..., : every.shape[-1]]
-        pictures.append(Picture(blended, rasters[0].alpha))
+        pictures.append(RenderedView(blended, rasters[0].alpha))
     return pictures
 
 
 @dataclass(frozen=True)
-class Screen:
+class CoveredPixels:
     """The pixels of several sights that show a surface, one tile after another.
 
     covered: which those are in each sight. order: of all of them, by tile. tiles: how many pixels each tile has, of
@@ -55,7 +57,7 @@ class Screen:
     known: Bool[Tensor, "pixels 1"]
 
     @classmethod
-    def of(cls, sights: Sequence[Sight], pictures: Sequence[Picture]) -> "Screen":
+    def of(cls, sights: Sequence[ProbeView], pictures: Sequence[RenderedView]) -> "CoveredPixels":
         """Where ``pictures`` of the sights show a surface."""
         covered = tuple(picture.alpha > SOLID_ALPHA for picture in pictures)
         tiles, targets, known, before = [], [], [], 0
@@ -71,8 +73,8 @@ class Screen:
         counts = torch.unique_consecutive(tile, return_counts=True)[1]
         return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order])
 
-    def pixels(self, pictures: Sequence[Picture]) -> tuple[Float[Tensor, "pixels 3"], ...]:
-        """What ``pictures`` of these sights show, of each radiance that was splatted."""
+    def pixels(self, pictures: Sequence[RenderedView]) -> tuple[Float[Tensor, "pixels 3"], ...]:
+        """What ``pictures`` of these sights show, of each radiance that was rendered_views."""
         shown = torch.cat([picture.channels[mask] for picture, mask in zip(pictures, self.covered, strict=True)])
         return shown[self.order].split(3, -1)
 

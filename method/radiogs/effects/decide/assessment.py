@@ -10,36 +10,36 @@ from torch import Tensor
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
 
 from ..measure.bounds import Bootstrap, zero_events_upper
-from ..measure.candidates import Candidates
+from ..measure.covered_pixels import CoveredPixels, rendered_views
 from ..measure.gradient import Gradients
-from ..measure.images import Reference, TileErrors, mean_error, tile_errors
-from ..measure.prices import Step, cost
-from ..measure.screen import Screen, splatted
-from ..measure.subject import Subject
-from ..measure.ways import only
+from ..measure.plan_radiance import PlanRadiance
+from ..measure.probe_scene import ProbeScene
+from ..measure.step_cost import Step, cost
+from ..measure.substitutes import only
+from ..measure.tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
 from .decision import decide
 from .evidence import Measured, Verdict
 from .tolerance import Tolerance
 
-NO_GAUGE = ("view-dependence", "samples")
+NOT_ABSORBED = ("view-dependence", "samples")
 """Effects whose absence no factor on the light takes back."""
 
 
-def factor_is_free(effect: str, subject: Subject) -> bool:
+def light_factor_is_free(effect: str, subject: ProbeScene) -> bool:
     """Whether a factor on the light may take back what leaving an effect out does to all pixels alike."""
-    return effect not in NO_GAUGE and not subject.given_light
+    return effect not in NOT_ABSORBED and not subject.given_light
 
 
-class Judge:
+class Assessment:
     """Measures plans against the full images of a subject."""
 
     def __init__(
-        self, subject: Subject, step: Step, seed: int, level: float, decibel: float, mse: float | None
+        self, subject: ProbeScene, step: Step, seed: int, level: float, decibel: float, mse: float | None
     ) -> None:
         self.subject, self.step, self.seed, self.mse = subject, step, seed, mse
         self.level = level
         self.bootstrap = Bootstrap(level, torch.Generator().manual_seed(seed))
-        self.candidates = Candidates(subject)
+        self.candidates = PlanRadiance(subject)
         self.gradients = Gradients(self.candidates)
         full = {
             "shaded": self.candidates.radiance(everything()).detach(),
@@ -47,17 +47,17 @@ class Judge:
         }
         if subject.sharpest is not None:
             full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
-        pictures = splatted(self.candidates.views, full.values())
-        self.screen = Screen.of(subject.sights, pictures)
+        pictures = rendered_views(self.candidates.projections, full.values())
+        self.screen = CoveredPixels.of(subject.sights, pictures)
         shown = zip(full, self.screen.pixels(pictures), strict=True)
-        self.full = {name: Reference.of(image, self.screen) for name, image in shown}
+        self.full = {name: ReferenceImage.of(image, self.screen) for name, image in shown}
         if mse is None:
             mse = min(mean_error(self.full[name], self.screen) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
 
-    def looking_at(self, subject: Subject, level: float) -> "Judge":
+    def looking_at(self, subject: ProbeScene, level: float) -> "Assessment":
         """The same, of another subject with another level of error."""
-        return Judge(subject, self.step, self.seed, level, self.tolerance.decibel, self.mse)
+        return Assessment(subject, self.step, self.seed, level, self.tolerance.decibel, self.mse)
 
     def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
         """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
@@ -93,10 +93,10 @@ class Judge:
                 asked[place, "shaded"] = self.candidates.radiance(plan).detach()
             if "sharp" in self.full and "specular" in plan.off:
                 asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
-        images = self.screen.pixels(splatted(self.candidates.views, asked.values()))
+        images = self.screen.pixels(rendered_views(self.candidates.projections, asked.values()))
         errors = {
             (place, kind): tile_errors(
-                image, self.full[kind], self.screen, factor_is_free(asked_of[place][0], self.subject)
+                image, self.full[kind], self.screen, light_factor_is_free(asked_of[place][0], self.subject)
             )
             for (place, kind), image in zip(asked, images, strict=True)
         }

@@ -9,17 +9,17 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
 
-from .candidates import Candidates
+from .plan_radiance import PlanRadiance
 
 RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
 """Rays may be taken from the surfels that together change the pictures by no more than one of these shares of what is
-tolerated, as far as ``rays_in_part`` can tell, which overrates it."""
+tolerated, as far as ``partial_ray_plans`` can tell, which overrates it."""
 
 ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
 """Specular parts may be left to the surfels that are smoother than one of these."""
 
 
-def altogether(effect: str) -> EffectPlan:
+def plan_without(effect: str) -> EffectPlan:
     """The boldest way: nothing of the effect is left.
 
     Rays are needed for visibility as for indirect light; so visibility is only ever given up with both.
@@ -29,7 +29,7 @@ def altogether(effect: str) -> EffectPlan:
     return everything().without(effect)
 
 
-def in_part(effect: str, surfels: Surfels) -> list[EffectPlan]:
+def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
     """The other ways, from the most careful to the boldest: each leaves out what the one before does."""
     if effect == "specular":
         return [EffectPlan(specular_at=surfels.roughness < edge) for edge in ROUGHNESS_EDGES]
@@ -38,7 +38,7 @@ def in_part(effect: str, surfels: Surfels) -> list[EffectPlan]:
     return []
 
 
-def rays_in_part(candidates: Candidates, tolerated: float) -> list[EffectPlan]:
+def partial_ray_plans(candidates: PlanRadiance, tolerated: float) -> list[EffectPlan]:
     """The same of rays: for each of RAY_SHARES, without those of the surfels whose rays matter least to the pictures.
 
     ``tolerated``: mean squared error, display sRGB. What a surfel does to the pictures is at most its share of them
@@ -46,7 +46,7 @@ def rays_in_part(candidates: Candidates, tolerated: float) -> list[EffectPlan]:
     unseen below its surface, where most of the sky is hidden: 59 % of those of ``convex`` with preset small, 1 % of its
     pictures.
     """
-    without = candidates.radiance(altogether("visibility")).detach()
+    without = candidates.radiance(plan_without("visibility")).detach()
     change = srgb_encode(without) - srgb_encode(candidates.radiance(everything()).detach())
     error = candidates.subject.share * change.square().mean(-1).amax(1)
     ordered, place = error.sort()
@@ -77,7 +77,7 @@ def only(plan: EffectPlan, effect: str) -> EffectPlan:
     return replace(everything(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
 
 
-def joined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
+def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
     """Everything that either plan leaves out; of two masks of rays the bolder plan's one."""
     traced = None
     if first.traces and second.traces:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from radiogs_core.transport.plan import EffectPlan
 
-PRICES = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
+MICROSECONDS = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
 """Microseconds of one CPU core, forward and backward. surfels: of everything in a step that no plan changes, a surfel.
 Only their ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
 
@@ -55,5 +55,5 @@ HITS = 4.0
 
 
 def cost(work: Mapping[str, float]) -> float:
-    """Microseconds, by PRICES."""
-    return sum(PRICES[name] * amount for name, amount in work.items())
+    """Microseconds, by MICROSECONDS."""
+    return sum(MICROSECONDS[name] * amount for name, amount in work.items())
