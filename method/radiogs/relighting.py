@@ -33,7 +33,7 @@ from .effects.decide.new_light import model_error, plan_for_light, scene_under
 from .effects.decide.planner import PROBE_VIEWS
 from .effects.decide.probe import Findings
 from .effects.measure.image_share import image_share
-from .effects.measure.probe_scene import ProbeScene, ProbeView
+from .effects.measure.probe_scene import ProbeScene, ProbeView, Viewpoints
 from .model import Model
 
 
@@ -116,14 +116,18 @@ def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_st
 
 
 def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """The part of the training pictures that each surfel is."""
+    """Each surfel's share of the training images."""
     return image_share((view.camera for view in scene.train), surfels)
 
 
-def training_views(scene: Scene, device: torch.device) -> tuple[ProbeView, ...]:
-    """Training views that a probe looks from, evenly spread over their list, with their images on black."""
+def training_viewpoints(scene: Scene, surfels: Surfels, share: Float[Tensor, " surfels"] | None = None) -> Viewpoints:
+    """Training views that a probe looks from, evenly spread over their list, with their images on black.
+
+    ``share``: ``training_share`` of the surfels where it is known already.
+    """
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
-    return tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, device))
+    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
+    return Viewpoints(views, training_share(scene, surfels) if share is None else share)
 
 
 def probe_relighting(
@@ -134,17 +138,16 @@ def probe_relighting(
     share: Float[Tensor, " surfels"] | None = None,
     offset: float = SELF_OFFSET,
 ) -> tuple[ProbeScene, Findings]:
-    """What relighting a model by ``light`` may leave out, and what was looked at.
+    """What relighting a model by ``light`` may leave out, and the scene that was probed.
 
     ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations.
     """
-    surfels, sights = model.surfels, training_views(run.scene, run.device)
-    share = training_share(run.scene, surfels) if share is None else share
-    albedo = surfels.albedo.detach() * albedo_scale.to(run.device)
-    lit_by = EnvironmentMap(light.radiance.to(run.device))
-    subject = scene_under(surfels, albedo, lit_by, sights, share, run.seed, offset)
+    surfels, device = model.surfels, model.surfels.centre.device
+    viewpoints = training_viewpoints(run.scene, surfels, share)
+    albedo = surfels.albedo.detach() * albedo_scale.to(device)
+    scene = scene_under(surfels, albedo, EnvironmentMap(light.radiance.to(device)), viewpoints, run.seed, offset)
     directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
-    return subject, plan_for_light(subject, model_error(surfels, sights), *directions, run.seed)
+    return scene, plan_for_light(scene, model_error(surfels, viewpoints.views), *directions, run.seed)
 
 
 class RelitByRays:

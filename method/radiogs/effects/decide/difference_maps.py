@@ -19,25 +19,25 @@ from .assessment import light_factor_is_free
 
 
 def difference_maps(
-    subject: ProbeScene, effects: Sequence[str]
+    scene: ProbeScene, effects: Sequence[str]
 ) -> tuple[Float[Tensor, "height width 3"], dict[str, Float[Tensor, "height width"]]]:
-    """The first sight with everything on, and how much leaving each effect out changes each pixel, mean over channels.
+    """The first view with everything on, and how much leaving each effect out changes each pixel, mean over channels.
 
     Both in display sRGB.
     """
-    candidates = PlanRadiance(replace(subject, sights=subject.sights[:1]))
+    radiance = PlanRadiance(replace(scene, views=scene.views[:1]))
     plans = {effect: plan_without(effect) for effect in effects}
-    radiance = {"shaded": candidates.radiance(everything()), "own": candidates.own(HIGHEST_DEGREE)}
+    sent = {"shaded": radiance.shaded(everything()), "own": radiance.own(HIGHEST_DEGREE)}
     for effect, plan in plans.items():
         own = plan.sh_degree < HIGHEST_DEGREE
-        radiance[effect] = candidates.own(plan.sh_degree) if own else candidates.radiance(plan)
-    (picture,) = rendered_views(candidates.projections, [value.detach() for value in radiance.values()])
-    images = dict(zip(radiance, picture.channels.split(3, -1), strict=True))
-    covered = picture.alpha > SOLID_ALPHA
+        sent[effect] = radiance.own(plan.sh_degree) if own else radiance.shaded(plan)
+    (rendered,) = rendered_views(radiance.projections, [value.detach() for value in sent.values()])
+    images = dict(zip(sent, rendered.channels.split(3, -1), strict=True))
+    covered = rendered.alpha > SOLID_ALPHA
     maps = {}
     for effect, plan in plans.items():
         full, less = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"], images[effect]
-        if light_factor_is_free(effect, subject):
+        if light_factor_is_free(effect, scene):
             less = less * light_factor(less[covered], full[covered])
         maps[effect] = (srgb_encode(less) - srgb_encode(full)).abs().mean(-1)
     return srgb_encode(images["shaded"]), maps

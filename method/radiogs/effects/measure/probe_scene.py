@@ -1,6 +1,6 @@
-"""What is probed: a model, where it is looked at from, and the light that arrives at it."""
+"""What a probe looks at: surfels, their light, the views they are seen from, and the light that arrives at them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -16,29 +16,55 @@ from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
 PROBE_OFFSET = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
-densest surfel has fallen to 1/255. Surfels whose footprints overlap are one surface seen again, and trained ones lie
-askew: started at one standard deviation, as in training, rays of the trained ``convex`` sphere find 13 % of the sky
-hidden at the median surfel, and leaving that out costs 0.3 dB; from the rim of the footprint 0.17, from here 0.02. On
-``corner`` it costs more than 7 dB from wherever they start (docs/effects.md)."""
+densest surfel has fallen to 1/255. Surfels whose footprints overlap sample one surface, and trained ones are tilted
+against it: rays that start at one standard deviation, as in training, find 13 % of the sky hidden at the median surfel
+of the trained ``convex`` sphere, and leaving that out costs 0.3 dB; from the rim of the footprint 0.17, from here 0.02.
+On ``corner`` it costs more than 7 dB wherever they start (docs/effects.md)."""
 
 
 SHARP_ROUGHNESS = 0.2
-"""What training may still make of any surface: the roughness at which lobes are judged besides the present one."""
+"""The roughness that training may still give to any surface; the specular lobe is assessed at it too."""
 
 
 @dataclass(frozen=True)
 class ProbeView:
-    """A camera, and the display-sRGB image [height, width, 3] on black that it saw; None where there is none."""
+    """A camera, and the image [height, width, 3] that it took, display sRGB on black; None where there is none."""
 
     camera: Camera
     target: Float[Tensor, "height width 3"] | None
 
 
 @dataclass(frozen=True)
-class KeptLight:
-    """The light that some surfels have kept since rays were taken from them, and what rays find now.
+class Viewpoints:
+    """Where a model is seen from.
 
-    mask: which surfels. light and anew: of those alone, along the same directions, so that only time differs.
+    views: those that a probe compares images of. share: how much of all training images each surfel is
+    (``image_share``).
+    """
+
+    views: tuple[ProbeView, ...]
+    share: Float[Tensor, " surfels"]
+
+
+@dataclass(frozen=True)
+class ProbeRays:
+    """The rays that a probe traces from every surfel.
+
+    samples: directions spread over the hemisphere. drawn: as many more from the light, combined by the balance
+    heuristic; a sun is missed by those over the hemisphere. offset: where rays start, in standard deviations.
+    """
+
+    samples: int
+    generator: torch.Generator
+    offset: float = PROBE_OFFSET
+    drawn: int = 0
+
+
+@dataclass(frozen=True)
+class KeptLight:
+    """The light that some surfels keep since their rays were left out, and what rays find now.
+
+    mask: which surfels. light and anew: for those alone, along the same directions, so that they differ by time only.
     """
 
     mask: Bool[Tensor, " surfels"]
@@ -48,19 +74,17 @@ class KeptLight:
 
 @dataclass(frozen=True)
 class ProbeScene:
-    """A model ready to be probed.
+    """A model, the views that it is seen from, and the light that arrives at it; nothing of it has a gradient.
 
-    surfels, environment (linear radiance, lat-long): as they are. sights: from where. share: of the pictures that there
-    are, what part each surfel is (``image_share``). incident: V and L_ind of all surfels along the probe's directions.
-    untraced: what stands for them without rays, along the same. first: L_ind of light that has met one surface alone;
-    None where it was not asked for. sharpest: the roughness that any surface may yet be learnt to have, at which its
-    lobe is judged besides; None: materials are final. given_light: the light is not learnt, so that no factor on it is
-    free.
+    share: see ``Viewpoints``. incident: traced with everything on. untraced: what stands for it where no rays are
+    traced, along the same directions. first: of the incident radiance, what has met one surface only; None where it was
+    not traced. sharpest: the roughness that any surface may still be given in training, at which its lobe is assessed
+    too; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
     """
 
     surfels: Surfels
     environment: Float[Tensor, "rows columns 3"]
-    sights: tuple[ProbeView, ...]
+    views: tuple[ProbeView, ...]
     share: Float[Tensor, " surfels"]
     incident: Incident
     untraced: Incident
@@ -83,39 +107,36 @@ RAYS_AT_ONCE = 1 << 18
 def trace_scene(
     surfels: Surfels,
     environment: Float[Tensor, "rows columns 3"],
-    sights: tuple[ProbeView, ...],
-    share: Float[Tensor, " surfels"],
-    samples: int,
-    generator: torch.Generator,
+    viewpoints: Viewpoints,
+    rays: ProbeRays,
     bounces: bool = False,
-    offset: float = PROBE_OFFSET,
-    drawn: int = 0,
     among: Int[Tensor, " chosen"] | None = None,
 ) -> ProbeScene:
-    """Trace ``samples`` directions of every surfel; with ``bounces`` once more, to surfaces lit by what was visible.
+    """Trace rays from every surfel; with ``bounces`` once more, to surfaces lit by what the first rays found visible.
 
-    ``drawn``: as many more from the light, by the balance heuristic: a sun is missed by those over the hemisphere.
     ``among``: trace these surfels only, and leave the others dark.
     """
     surfels = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
     environment = environment.detach()
     normal = surfels.frame[..., 2]
-    direction, weight = hemisphere_directions(normal, samples, generator)
-    if drawn:
+    direction, weight = hemisphere_directions(normal, rays.samples, rays.generator)
+    if rays.drawn:
         sampler = LightSampler(EnvironmentMap(environment))
-        direction, weight = relighting_directions(normal, sampler, samples, drawn, generator)
-    tracer, every = SurfelTracer(surfels, offset), torch.arange(len(surfels), device=normal.device)
+        direction, weight = relighting_directions(normal, sampler, rays.samples, rays.drawn, rays.generator)
+    tracer, every = SurfelTracer(surfels, rays.offset), torch.arange(len(surfels), device=normal.device)
     index = every if among is None else among
     seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
-    incident = Incident(direction, weight, seen, radiance)
-    untraced = tracer.untraced(every, direction, weight)
+    traced = ProbeScene(
+        surfels, environment, viewpoints.views, viewpoints.share,
+        incident=Incident(direction, weight, seen, radiance),
+        untraced=tracer.untraced(every, direction, weight),
+    )  # fmt: skip
     if not bounces:
-        return ProbeScene(surfels, environment, sights, share, incident, untraced)
+        return traced
     lit = Incident(direction, weight, seen, torch.zeros_like(direction))
     parts = shade_surfels(surfels, surfels.albedo, lit, surfels.frame[:, None, :, 2], environment)[:, 0]
     once = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
-    first = _traced(tracer, index, direction, once)[2]
-    return ProbeScene(surfels, environment, sights, share, incident, untraced, first)
+    return replace(traced, first=_traced(tracer, index, direction, once)[2])
 
 
 def _traced(
@@ -124,7 +145,7 @@ def _traced(
     direction: Float[Tensor, "surfels samples 3"],
     sent: Float[Tensor, "surfels 3"],
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """V, L_ind of the surfels' own radiance, and L_ind if they ``sent`` that radiance to all sides; of the rest 0."""
+    """V, L_ind from the surfels' own radiance, and L_ind if they ``sent`` that radiance; 0 where not traced."""
     visibility = torch.zeros_like(direction[..., 0])
     radiance, features = torch.zeros_like(direction), torch.zeros_like(direction)
     for some in index.split(max(1, RAYS_AT_ONCE // direction.shape[1])) if len(index) else ():
