@@ -1,6 +1,5 @@
 """A benchmark harness for inverse rendering: from Python by the names below, from the shell as ``radiogs-bench``."""
 
-from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
@@ -38,5 +37,7 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     """Names of the API, imported when they are first asked for: the command line answers without PyTorch."""
     if name in __all__:
-        return getattr(import_module(".api", __name__), name)
+        from . import api
+
+        return getattr(api, name)
     raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

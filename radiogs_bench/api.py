@@ -11,7 +11,6 @@
 docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
 """
 
-import os
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +24,7 @@ from torch import Tensor
 
 from radiogs_core.contract import Method, Run, Trained
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
@@ -157,7 +156,7 @@ def train(
     """
     used = installed_method(method) if isinstance(method, str) else method
     read = load_scene(scene) if isinstance(scene, str) else scene
-    use_threads(os.cpu_count() or 1)
+    use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
     work = Work(variant_of(used, variant or {}), budget_of(used, preset), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
     with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as kept_nowhere:

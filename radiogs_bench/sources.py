@@ -71,9 +71,9 @@ class SourceTree:
             assert path is not None
             package = module if path.name == "__init__.py" else module.rpartition(".")[0]
             tree = ast.parse(path.read_bytes(), path.as_posix())
-            self._imports[module] = frozenset(
-                name for node in ast.walk(tree) for name in _imported(node, package) if self.file(name) is not None
-            )
+            named = (name for node in ast.walk(tree) for name in _imported(node, package))
+            found = (self._module_of(source, name) for source, name in named)
+            self._imports[module] = frozenset(each for each in found if each is not None)
         return self._imports[module]
 
     def digest(self, *modules: str) -> str:
@@ -84,6 +84,11 @@ class SourceTree:
             digest.update(f"{name}\0{len(content)}\0".encode() + content)
         return digest.hexdigest()[:20]
 
+    def _module_of(self, source: str, name: str) -> str | None:
+        """The module that a name is taken from: itself, if it is one."""
+        inner = f"{source}.{name}" if name else source
+        return inner if self.file(inner) is not None else source if self.file(source) is not None else None
+
     def _within(self, module: str) -> list[str]:
         path = self.file(module)
         if path is None or path.name != "__init__.py":
@@ -92,16 +97,15 @@ class SourceTree:
         return [".".join([module, *each.parts]) for each in inside if each.name != "__init__"]
 
 
-def _imported(node: ast.AST, package: str) -> Iterator[str]:
-    """Names that a statement may import: modules, and what is taken from them, which may be modules too."""
+def _imported(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
+    """What a statement imports: modules, and the names that are taken from them, which may be modules too."""
     if isinstance(node, ast.Import):
-        yield from (alias.name for alias in node.names)
+        yield from ((alias.name, "") for alias in node.names)
     elif isinstance(node, ast.ImportFrom):
         above = package.split(".")
         base = above[: len(above) - node.level + 1] if node.level else []
         source = ".".join([*base, *([node.module] if node.module else [])])
-        yield source
-        yield from (f"{source}.{alias.name}" for alias in node.names)
+        yield from ((source, alias.name) for alias in node.names)
 
 
 def _place(package: str) -> Path:

@@ -16,11 +16,11 @@ from radiogs_reports.summary import (
     Summary,
 )
 
-EMPTY = ("figures", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
-"""What an unfinished cell has nothing of."""
+EMPTY = ("metrics", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
+"""Keys that are empty for an unfinished cell."""
 
 LIGHTS = ("sky", "night")
-"""Under which a view is kept."""
+"""Lights under which a relit view is kept."""
 
 CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
 
@@ -31,7 +31,7 @@ def cell(mean: float | None, difference: float | None = None, reason: str | None
 
 
 def paper_table() -> PaperTable:
-    """A table of the paper of which two rows were measured: ties, reasons, a remark, a setting without direction."""
+    """A table of the paper with two measured rows, ties, reasons, a remark, and a column without direction."""
     columns: list[PaperColumn] = [
         {"key": "nvs/psnr", "group": "NVS", "label": "PSNR", "unit": "dB", "direction": "up", "decimals": 3},
         {"key": "nvs/lpips", "group": "NVS", "label": "LPIPS", "unit": "", "direction": "down", "decimals": 4},
@@ -82,7 +82,7 @@ def paper_table() -> PaperTable:
 
 
 def trail(scale: float = 1.0) -> dict[str, Any]:
-    """Of both stages; the second was scored at its end and before: quality rises by 1 dB from point to point."""
+    """Trails of both stages; the second was scored four times, 1 dB better each time."""
     return {
         "initialise": [
             {"iteration": step, "seconds": 0.1 * step, "losses": {"radiance": scale / step}, "metrics": {}}
@@ -100,16 +100,17 @@ def trail(scale: float = 1.0) -> dict[str, Any]:
     }
 
 
-def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | None]) -> RunSummary:
-    """A finished cell; it took 10 s longer for every dB, if it has one."""
-    seconds = 10 * (figures.get("nvs/psnr") or 30.0) - 280
+def run(row: str, scene: str, seed: int, key: str, metrics: dict[str, float | None]) -> RunSummary:
+    """A finished cell; its first stage takes 10 s more per decibel of NVS PSNR."""
+    seconds = 10 * (metrics.get("nvs/psnr") or 30.0) - 280
     return {
         "row": row,
         "scene": scene,
         "seed": seed,
         "key": key,
         "state": "finished",
-        "figures": figures,
+        "metrics": metrics,
+        "stages": [{"name": "initialise", "title": "stage 1"}, {"name": "invert", "title": "stage 2"}],
         "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
         "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},
         "guards": {"invert": {"faint_surfels": 3}},
@@ -125,11 +126,40 @@ def run(row: str, scene: str, seed: int, key: str, figures: dict[str, float | No
     }
 
 
+def of_another_method(made: RunSummary, stages: dict[str, str], changes: dict[str, Any]) -> RunSummary:
+    """A cell of a method with these stages (titles by name), without surfels, rays, effects and L_rad.
+
+    Each stage takes 2 s; the last is scored after 1, 2, 4 and 8 of its 8 steps, a decibel better each time.
+    ``changes`` are to its budget.
+    """
+    names = list(stages)
+    points = [
+        {"iteration": step, "seconds": 0.25 * step, "losses": {"colour": 3.0 / step, "mask": 1.0 / step}, "metrics": {}}
+        for step in (1, 2, 4, 8)
+    ]
+    scored = [
+        {**point, "metrics": {"nvs/psnr": 26.0 + place, "normal/mae": 9.0 - place}}
+        for place, point in enumerate(points)
+    ]
+    return {
+        **made,
+        "stages": [{"name": name, "title": title} for name, title in stages.items()],
+        "seconds": {**dict.fromkeys(names, 2.0), "evaluate": 5.0},
+        "work": {},
+        "guards": {},
+        "losses": {name: {"colour": 0.1} for name in names},
+        "trail": {name: scored if name == names[-1] else points for name in names},  # type: ignore[dict-item]
+        "surfels": None,
+        "sessions": {},
+        "made_from": {"method": "other", "variant": {"grid": 128}, "budget": {"name": "tiny", "steps": 8, **changes}},
+    }
+
+
 def unfinished(row: str, scene: str, seed: int, key: str) -> RunSummary:
     """A cell that is still to be run."""
     nothing: dict[str, Any] = {"effects": None, "surfels": None, "view": None, "light": None, "arrays": None}
     empty: dict[str, Any] = {name: {} for name in EMPTY}
-    place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do"}
+    place = {"row": row, "scene": scene, "seed": seed, "key": key, "state": "to do", "stages": []}
     return {**place, **nothing, **empty}  # type: ignore[typeddict-item]
 
 
@@ -176,7 +206,7 @@ def summary() -> Summary:
 
 
 def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
-    """The folder of the run as the harness leaves it; maps are ``size`` pixels wide and high."""
+    """The folder of the run as the harness leaves it; maps have ``size`` x ``size`` pixels."""
     (folder / "summary.json").write_text(json.dumps(made))
     (folder / "cells").mkdir(exist_ok=True)
     for place, cell_of in enumerate(made["runs"]):
@@ -186,10 +216,7 @@ def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
 
 
 def arrays(seed: int, size: int = 16) -> dict[str, Any]:
-    """Maps of a cell, and its light: the truth of all cells is one, the rest differs; normals have unit length.
-
-    The light that arrives has no truth.
-    """
+    """Maps and light of a cell. All cells share the ground truth; incident light has none. Normals have length 1."""
     generators = {"truth": np.random.default_rng(99), "render": np.random.default_rng(seed)}
     maps = {
         f"{side}/{name}": generator.random((size, size, count), dtype=np.float32)

@@ -9,7 +9,7 @@ from radiogs_core.transport.splatting import incident_map, shaded_maps, split_su
 from radiogs_core.transport.tracer import gather_incident
 
 from .model import Model
-from .tracing import tracer_of
+from .tracing import Rays
 from .variant import Variant
 
 
@@ -24,8 +24,10 @@ class Renderer:
         self.model, self.incident = model, None
         if variant.shading == "monte-carlo":
             with torch.no_grad():
-                tracer, floor = tracer_of(model.surfels, variant), "hemisphere-floor" in variant.deviations
-                self.incident = gather_incident(tracer, model.surfels, samples, None, floor, model.plan.at_once)
+                rays, surfels = Rays.of(variant), model.surfels
+                self.incident = gather_incident(
+                    rays.tracer(surfels), surfels, samples, None, rays.floor, model.plan.at_once
+                )
 
     def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
         """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
@@ -41,5 +43,5 @@ class Renderer:
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
             return split_sum_maps(camera, surfels, environment)
-        specular = self.model.plan.specular_among(surfels.albedo)
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular)
+        specular_at = self.model.plan.specular_among(surfels.albedo)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at)

@@ -81,7 +81,7 @@ def train(options: argparse.Namespace) -> int:
     cell = cell_of(used, scene, work, options.method)
     with progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        model, ledgers = trained(Bench(store, device, progress, interruption), cell, scene)
+        model, ledgers = trained(Bench(store, device, progress, interruption, method), cell, scene)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
     facts = model.facts()
     size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""

@@ -11,6 +11,7 @@ from radiogs_core.kernels.runtime import workers
 from ..engines.choice import Engine
 from ..engines.run import CPU, bring_to_end, work_along
 from ..errors import explain, worst_exit_code
+from ..methods import method
 from ..metrics import protocol
 from ..store.folder import Store
 from ..suites.scenes import load_scenes, own_scenes, place_of
@@ -58,7 +59,7 @@ def run_request(
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
-        ended = bring_to_end(request, Bench(store, device, progress, interruption), engine, options.arguments)
+        ended = bring_to_end(request, Bench(store, device, progress, interruption, method), engine, options.arguments)
         code = ended.code or report_failures(ended.failures)
     from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
@@ -74,7 +75,7 @@ def work_along_with(request: Request, store: Store, device: torch.device, number
     """Be worker ``number`` of ``count``; returns its exit code."""
     with progress_for_stderr() as progress, Interruption() as interruption:
         return report_failures(
-            work_along(request, Bench(store, device, progress, interruption), number, count).failures
+            work_along(request, Bench(store, device, progress, interruption, method), number, count).failures
         )
 
 

@@ -47,7 +47,7 @@ class Evaluation:
     ``metrics`` by ``task/measure``; ``timings`` likewise (milliseconds a frame, which no two runs share); ``views`` are
     the test views' names in the order of every metric's values; ``albedo_scale`` aligns the recovered albedo with the
     true one, None where that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view``
-    (relit: under ``shown_light``); ``protocol`` are the conventions in words.
+    (relit: under ``shown_light``); ``protocol`` are the conventions in words; ``maps`` names what the method has given.
     """
 
     metrics: dict[str, MetricValue]
@@ -58,6 +58,7 @@ class Evaluation:
     albedo_scale: list[float] | None
     arrays: dict[str, np.ndarray]
     protocol: dict[str, Any]
+    maps: list[str] = field(default_factory=list)
 
 
 def evaluate(
@@ -88,6 +89,7 @@ def evaluate(
         albedo_scale=None if scale is None else scale.tolist(),
         arrays={name: image.numpy().astype(np.float32) for name, image in course.arrays.items()},
         protocol=rules.describe(),
+        maps=sorted(course.given),
     )
 
 
@@ -101,6 +103,7 @@ class _Course:
     advance: Advance
     timed: bool
     kept: dict[str, Maps] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
     done: int = 0
 
     def __post_init__(self) -> None:
@@ -133,6 +136,7 @@ class _Course:
             wanted = view is self.shown or compared_indirect(self.rules) == "incident"
             further = ("incident",) if wanted and "incident" in prepared.offers else ()
             maps = self.rendered(prepared, view, *further)
+            self.given |= maps.keys()
             score_view(self.figures, view, maps)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
@@ -145,6 +149,7 @@ class _Course:
         """Score the recovered light where there is one and the true one is known."""
         if trained.light is None:
             return
+        self.given.add("environment")
         score_light(self.figures, self.scene, trained.light)
         if self.scene.training_light is not None:
             self.arrays |= light_maps(trained.light, self.scene.training_light)

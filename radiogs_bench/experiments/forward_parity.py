@@ -139,6 +139,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
         shown_light=None,
         albedo_scale=None,
         facts={"surfels": len(made.surfels)},
+        maps=[],
         stages=[{"name": SOLVE, "title": SOLVING}],
         losses={SOLVE: losses},
         trail={SOLVE: trail.points},

@@ -82,6 +82,7 @@ def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, fact
         shown_light=evaluation.shown_light,
         albedo_scale=evaluation.albedo_scale,
         facts=facts,
+        maps=evaluation.maps,
         stages=[{"name": stage.name, "title": stage.title} for stage in cell.stages],
         losses={name: ledger["losses"] for name, ledger in ledgers.items()},
         trail={name: ledger["trail"] for name, ledger in ledgers.items()},

@@ -11,6 +11,7 @@ from radiogs_reports.summary import (
     RowSummary,
     RunSummary,
     SheetSummary,
+    StageSummary,
     Summary,
     TrailPoint,
 )
@@ -100,8 +101,33 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
         elif result is None:
             reason = f"{place['scene']} seed {place['seed']} is not finished"
         else:
-            reason = f"{place['scene']} has no ground truth for it" if metric is None else metric["reason"]
+            reason = why_absent(place["scene"], result, column) if metric is None else metric["reason"]
     return figures, reason
+
+
+MAP_OF = {"nvs": "image"}
+"""The map that a task compares, where it is called otherwise than the task."""
+
+
+def why_absent(scene: str, result: Result, column: str) -> str:
+    """Why a result lacks a metric: the method gave no such map, or there is nothing to compare it with."""
+    task = column.partition("/")[0]
+    wanted = MAP_OF.get(task, task)
+    if result["maps"] and wanted in COMPARED and wanted not in result["maps"]:
+        return f"{result['cell']['method']} does not give {COMPARED[wanted]}"
+    return f"{scene} has no ground truth for it"
+
+
+COMPARED = {
+    "image": "images",
+    "albedo": "albedo",
+    "normal": "normals",
+    "roughness": "roughness",
+    "depth": "depth",
+    "indirect": "indirect light",
+    "environment": "a light",
+}
+"""What test views are compared by, in words."""
 
 
 def row_seconds(cells: Finished, row: str) -> float | None:
@@ -143,7 +169,8 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         seed=place["seed"],
         key=place["key"],
         state=state_of(store, place),
-        figures={},
+        metrics={},
+        stages=[],
         seconds={},
         work={},
         guards={},
@@ -160,7 +187,8 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     if result is None:
         return run
     metrics, arrays = result["metrics"] | result["timings"], store.arrays_path(result["key"])
-    run["figures"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]
     run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["guards"] = result["work"], result["losses"], result["guards"]
     run["surfels"] = result["facts"].get("surfels")

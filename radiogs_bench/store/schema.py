@@ -83,6 +83,9 @@ class Result(TypedDict):
     facts: dict[str, Any]
     """What the method says of its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, how
     many it has; RadioGS adds ``effects``: the plan, and the evidence for it."""
+    maps: list[str]
+    """Maps that the method gave of the test views, and ``environment`` where it recovered a light; empty where no
+    method was scored."""
     stages: list[StageName]
     """The stages of training, in order."""
     losses: dict[str, dict[str, float]]

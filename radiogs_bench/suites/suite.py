@@ -9,7 +9,6 @@ from radiogs_core.errors import UsageError
 
 from ..methods import DEFAULT, method, variant_of
 from .experiment import TRAINING
-from .labels import latex_text
 
 
 @dataclass(frozen=True)
@@ -108,6 +107,7 @@ class Metric:
 class Row:
     """A row of a table: a key, its label in LaTeX and in plain text, and the method and variant that it runs.
 
+    ``latex`` may be empty: reports then escape ``text``.
     ``variant`` holds the fields in which the method's variant differs from the full method, as plain values.
     ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
     ``settings`` are for experiments that have some of their own.
@@ -166,7 +166,8 @@ def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:
         variant = {**row.variant, name: value}
         if name in row.variant or not _accepted(row.method, variant):
             return row
-        return replace(row, variant=variant, latex=f"{row.latex} ({mark})", text=f"{row.text} ({name}: {mark})")
+        latex = f"{row.latex} ({mark})" if row.latex else ""
+        return replace(row, variant=variant, latex=latex, text=f"{row.text} ({name}: {mark})")
 
     return replace(suite, rows=tuple(map(changed, suite.rows)))
 
@@ -189,7 +190,7 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
         found = method(name)
         own = [row for row in suite.rows if row.method == found.name]
         key = re.sub(r"[^\w.-]", "-", found.name)
-        rows += own or [Row(key, latex_text(found.title), found.title, method=name)]
+        rows += own or [Row(key, "", found.title, method=name)]
     keys = [row.key for row in rows]
     reference = suite.reference if suite.reference in keys else keys[0]
     return replace(suite, rows=tuple(rows), reference=reference if len(rows) > 1 else None)

@@ -17,7 +17,6 @@ from radiogs_datasets import known_names
 from ..methods import method, whole_numbers
 from ..plain_values import PlainReader
 from .experiment import EXPERIMENTS
-from .labels import latex_text
 from .registry import SUITES
 from .suite import MEASURES, TASKS, Metric, Row, Suite
 
@@ -47,10 +46,9 @@ def read_suite(path: Path) -> Suite:
 
 
 def _complete(row: object) -> None:
-    """Fill in what a row may leave out: its text as LaTeX."""
+    """Fill in what a row may leave out: its label in LaTeX, which reports then make from its text."""
     if isinstance(row, dict):
-        text = row.get("text")
-        row.setdefault("latex", latex_text(text) if isinstance(text, str) else "")
+        row.setdefault("latex", "")
 
 
 def _metric(reader: PlainReader, value: Any, where: str) -> Metric:

@@ -12,7 +12,6 @@ from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
-from .. import methods
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.provenance import forget_peaks, session
 from ..store.schema import Session, TrailPoint
@@ -30,13 +29,13 @@ CHECKPOINT_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Bench:
-    """Where and how cells are run; ``method`` finds a method by its name."""
+    """Where and how cells are run; ``method`` finds a method by its name (``methods.method``)."""
 
     store: Store
     device: torch.device
     progress: Progress
     interruption: Interruption
-    method: Callable[[str], Method] = methods.method
+    method: Callable[[str], Method]
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     checkpoint_share: float = CHECKPOINT_SHARE
 

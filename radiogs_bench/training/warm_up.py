@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from radiogs_core.contract import Method, Run
+from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.scene.scene import Scene
 
 from .stages import close_stage
@@ -18,10 +18,10 @@ PRESET = "smoke"
 
 
 def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
-    """Take one step of each stage of some methods and variants on a few views, so that their kernels are compiled.
+    """Take one step of each stage that compiles, of some methods and variants on a few views.
 
-    That happens once a machine, by the kernels' cache; else its first cell would be charged for half a minute of it.
-    Methods whose stages compile nothing (``StageSpec.compiles``) are left alone.
+    So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
+    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them.
     """
     little = replace(scene, train=scene.train[:VIEWS])
     done: list[tuple[str, Any]] = []
@@ -31,16 +31,17 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
         done.append((method.name, variant))
         budget = method.presets[PRESET]
         run, product = Run(little, variant, budget, 0, device), dict[str, Any]()
-        for spec in method.stages(variant, budget):
-            if not spec.compiles:
-                break
-            product = _one_step(spec.begin, run, product)
+        specs = method.stages(variant, budget)
+        needed = max((place for place, spec in enumerate(specs, start=1) if spec.compiles), default=0)
+        for spec in specs[:needed]:
+            product = _warmed(spec, run, product)
 
 
-def _one_step(begin: Any, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
-    stage = begin(run, before)
+def _warmed(spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+    stage = spec.begin(run, before)
     try:
-        stage.step()
+        if spec.compiles:
+            stage.step()
         return dict(stage.product())
     finally:
         close_stage(stage)

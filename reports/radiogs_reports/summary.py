@@ -7,7 +7,10 @@ import json
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
 
-SCHEMA = "radiogs-bench/summary/3"
+SCHEMA = "radiogs-bench/summary/4"
+
+BEFORE_STAGES = "radiogs-bench/summary/3"
+"""The schema whose cells have ``figures`` for ``metrics`` and no ``stages``; ``read_summary`` brings it up to date."""
 
 EVALUATION = "evaluate"
 """The stage that scores a trained model; all other stages train it."""
@@ -114,10 +117,10 @@ class RunSummary(TypedDict):
     key: str
     state: str
     """``finished``, or its progress, or why it failed. Unless finished, all keys below are empty or None."""
-    figures: dict[str, float | None]
-    """Metric values by column; None where the value is not finite."""
-    stages: NotRequired[list[StageSummary]]
-    """Training stages in the order in which they run; see ``stages_of`` for summaries without it."""
+    metrics: dict[str, float | None]
+    """Values by column; None where the value is not finite."""
+    stages: list[StageSummary]
+    """Training stages in the order in which they run."""
     seconds: dict[str, float]
     """By stage, ``evaluate`` included."""
     work: dict[str, dict[str, int]]
@@ -218,11 +221,25 @@ class Summary(TypedDict):
 
 
 def read_summary(out: Path) -> Summary:
-    """Read OUT/summary.json. Raises ValueError if it was written under another schema."""
-    summary: Summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    if summary["schema"] != SCHEMA:
-        raise ValueError(f"{out / 'summary.json'} has schema {summary['schema']}; this version reads {SCHEMA}")
+    """Read OUT/summary.json. Raises ValueError for schemas other than ``SCHEMA`` and ``BEFORE_STAGES``."""
+    stored = json.loads((out / "summary.json").read_text(encoding="utf-8"))
+    if stored["schema"] == BEFORE_STAGES:
+        stored = {**stored, "schema": SCHEMA, "runs": [_with_stages(run) for run in stored["runs"]]}
+    if stored["schema"] != SCHEMA:
+        raise ValueError(f"{out / 'summary.json'} has schema {stored['schema']}; this version reads {SCHEMA}")
+    summary: Summary = stored
     return summary
+
+
+def _with_stages(run: dict[str, Any]) -> dict[str, Any]:
+    """A cell of schema 3 in the current schema.
+
+    Its training stages are those in ``seconds``: sorted by name, which for the two stages that there were is the order
+    of training.
+    """
+    names = [name for name in run["seconds"] if name != EVALUATION]
+    stages = [{"name": name, "title": f"stage {place}"} for place, name in enumerate(names, start=1)]
+    return {**{key: each for key, each in run.items() if key != "figures"}, "metrics": run["figures"], "stages": stages}
 
 
 def reference_of(summary: Summary) -> str:
@@ -245,22 +262,9 @@ def half_width(interval: Interval | None) -> float | None:
     return (interval["high"] - interval["low"]) / 2
 
 
-def stages_of(run: RunSummary) -> list[StageSummary]:
-    """The training stages of a run, first to last.
-
-    Summaries from before stages were listed name them in ``seconds``, in alphabetical order, which for the two stages
-    of those summaries is the order of running; their titles are "stage 1" and "stage 2".
-    """
-    if "stages" in run:
-        return run["stages"]
-    names = [name for name in run["seconds"] if name != EVALUATION]
-    return [StageSummary(name=name, title=f"stage {place}") for place, name in enumerate(names, start=1)]
-
-
 def last_stage(run: RunSummary) -> StageSummary | None:
     """The training stage that runs last; None for a run without training."""
-    stages = stages_of(run)
-    return stages[-1] if stages else None
+    return run["stages"][-1] if run["stages"] else None
 
 
 def last_trail(run: RunSummary) -> list[TrailPoint]:

@@ -127,18 +127,23 @@ class FakeTrained:
 
 
 begun: list[str] = []
-"""Every stage that was begun in this process, in order."""
+"""Every stage that was begun in this process, in order, but for those that only warmed up."""
+
+
+def note(run: Run, what: str) -> None:
+    """Warming up gives a run no folder to keep files in."""
+    if run.workspace is not None:
+        begun.append(f"{what} {run.seed}")
+    count(begun=1)
 
 
 def initialise(run: Run, before: Mapping[str, Any]) -> FakeStage:
-    begun.append(f"initialise {run.variant.initialise} {run.seed}")
-    count(begun=1)
+    note(run, f"initialise {run.variant.initialise}")
     return FakeStage(torch.zeros(3), 1.0 if run.variant.initialise == "nvs" else 2.0, run.seed)
 
 
 def invert(run: Run, before: Mapping[str, Any]) -> FakeStage:
-    begun.append(f"invert {run.variant.radiometric_weight} {run.variant.detach} {run.seed}")
-    count(begun=1)
+    note(run, f"invert {run.variant.radiometric_weight} {run.variant.detach}")
     return FakeStage(before["place"], run.variant.radiometric_weight, run.seed)
 
 

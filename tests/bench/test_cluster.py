@@ -118,7 +118,9 @@ class Lines(LogProgress):
 def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress, interruption: Interruption) -> Any:
     store = Store(folder)
     with connected(address) as ray:
-        cluster = Cluster(ray, Recipe(fake_method.method, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store)
+        cluster = Cluster(
+            ray, Recipe(fake_method.method, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store
+        )
         assert cluster.can_run()
         return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
 

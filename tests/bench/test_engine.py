@@ -17,10 +17,10 @@ from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.in_process import Task, run_cells
 from radiogs_bench.errors import Interrupted, StoreError
 from radiogs_bench.store.claim import Claimed
+from radiogs_bench.store.folder import product_name
 from radiogs_bench.suites.cell import Cell
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.store.folder import product_name
 from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 

@@ -91,7 +91,9 @@ def test_a_row_that_never_ran_takes_what_others_took(store: Store) -> None:
 
 
 def test_another_scene_takes_what_this_one_took(store: Store) -> None:
-    assert forecast(store, [fake_cell(seed=7, scene=replace(SCENE, checksum="1" * 64))]) == [Expected(111.0, 2**30, None)]
+    assert forecast(store, [fake_cell(seed=7, scene=replace(SCENE, checksum="1" * 64))]) == [
+        Expected(111.0, 2**30, None)
+    ]
 
 
 @pytest.mark.parametrize("change", [{"budget": PRESETS["tiny"]}, {"device": "cuda"}, {"experiment": "forward-parity"}])

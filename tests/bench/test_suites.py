@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from bench.fake_method import SCENE
-from radiogs.budget import PRESETS, budget, scaled
+from bench.fake_method import SCENE, asked
+from radiogs.budget import PRESETS
 from radiogs.variant import Variant
 from radiogs_baselines.published import published, published_tables
 from radiogs_bench.metrics import protocol
@@ -14,6 +14,7 @@ from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
 from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite
 from radiogs_bench.suites.sweep import Request
+from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_datasets import known_names
 
@@ -25,7 +26,7 @@ MEASURED_APART = {"training/hours", "relight/samples"}
 
 
 def test_the_ablations_are_the_five_rows_of_the_paper() -> None:
-    assert [row.variant for row in ABLATIONS.rows] == [
+    assert [cell.variant for _, cell in asked().cells()] == [
         Variant(),
         Variant(radiometric_weight=0.0),
         Variant(detach="pbr"),
@@ -64,7 +65,7 @@ def test_a_misspelt_suite_is_answered_with_the_nearest(name: str, says: str) -> 
 
 
 def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused() -> None:
-    rows = (Row("a", "A", "A", Variant()), Row("a", "B", "B", Variant()))
+    rows = (Row("a", "A", "A"), Row("a", "B", "B"))
     with pytest.raises(UsageError, match="same key: a"):
         Suite("s", "S", "p", "a", rows, (Metric("nvs", "psnr"),))
     with pytest.raises(UsageError, match="no row 'b'"):
@@ -95,7 +96,7 @@ def test_every_published_column_that_a_run_measures_by_itself_is_a_column() -> N
 
 def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
     for each in SUITES.values():
-        runs = [(row.variant, sorted(row.budget.items()), sorted(row.settings.items())) for row in each.rows]
+        runs = [(row.method, row.variant, row.budget, row.settings) for row in each.rows]
         assert not [run for run in runs if runs.count(run) > 1], each.name
 
 
@@ -104,7 +105,7 @@ def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
 def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str) -> None:
     """Rounding must not make two rows one cell."""
     scene = replace(SCENE, name=each.scenes[0])
-    request = Request(each, {scene.name: scene}, 1, budget(preset), each.protocol, "cpu")
+    request = Request(each, {scene.name: scene}, 1, preset, each.protocol, "cpu")
     assert len({cell.key for _, cell in request.cells()}) == len(each.rows)
 
 
@@ -119,7 +120,7 @@ def test_every_suite_has_scenes_at_hand_or_says_where_they_are() -> None:
 
 def test_the_paper_relit_by_as_many_rays_as_rows_say() -> None:
     """Rows of table efficiency are shares of the preset; at the paper's they are its numbers."""
-    request = Request(SUITES["efficiency"], {"fake": SCENE}, 1, budget("paper"), "default", "cpu")
+    request = asked(1, SUITES["efficiency"], "paper")
     for place, cell in request.cells():
         _, _, rays = place["row"].partition("traced-")
         if rays:
@@ -140,28 +141,28 @@ def test_stanford_orb_is_its_42_captures() -> None:
 
 @pytest.mark.parametrize("name", ["ng", "ns"])
 def test_rows_of_one_knob_share_stage_one_and_nothing_else(name: str) -> None:
-    cells = [cell for _, cell in Request(SUITES[name], {"fake": SCENE}, 1, budget("tiny"), "default", "cpu").cells()]
-    assert len({cell.initialisation_key for cell in cells}) == 1
+    cells = [cell for _, cell in asked(1, SUITES[name], "tiny").cells()]
+    assert len({cell.first_key for cell in cells}) == 1
     assert len({cell.training_key for cell in cells}) == len(cells)
     knob = {"ng": "consistency_surfels", "ns": "incident_samples"}[name]
     values = [getattr(cell.budget, knob) for cell in cells]
     assert values == sorted(values)
-    assert getattr(budget("tiny"), knob) in values
+    assert getattr(PRESETS["tiny"], knob) in values
 
 
 def test_the_cost_is_measured_at_a_dozen_points_of_four_knobs_that_share_stage_one() -> None:
     """Under every preset, the smallest included."""
     for preset in ("smoke", "tiny", "paper"):
-        request = Request(SUITES["cost"], {"fake": SCENE}, 1, budget(preset), "default", "cpu")
+        request = asked(1, SUITES["cost"], preset)
         cells = [cell for _, cell in request.cells()]
-        assert len({cell.initialisation_key for cell in cells}) == 1
+        assert len({cell.first_key for cell in cells}) == 1
         assert len({cell.training_key for cell in cells}) == len(cells) >= 12
     changed = {name for row in SUITES["cost"].rows for name in row.budget}
     assert changed == {"inverse_iterations", "consistency_surfels", "incident_samples", "refresh_interval"}
 
 
 def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
-    request = Request(SUITES["finetune"], {"fake": SCENE}, 1, budget("smoke"), "default", "cpu")
+    request = asked(1, SUITES["finetune"])
     cells = [cell for _, cell in request.cells()]
     assert len({cell.training_key for cell in cells}) == 1
     assert len({cell.key for cell in cells}) == len(cells)
@@ -169,4 +170,4 @@ def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
 
 def test_a_preset_too_small_for_a_row_is_refused() -> None:
     with pytest.raises(UsageError, match="too small"):
-        scaled(budget("smoke"), {"incident_samples": 0.01})
+        scaled(PRESETS["smoke"], {"incident_samples": 0.01})

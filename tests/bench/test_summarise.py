@@ -48,7 +48,10 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
     assert plain is not None
     assert plain["plan"]["visibility"]
     assert (plain["bound"], plain["tolerance"], plain["probing"]) == (None, None, {"seconds": 6.0, "rays": 0})
-    result["facts"]["effects"]["evidence"] = [{"tolerance": 0.0}, {"tolerance": 0.1}]  # a probe that failed tolerates nothing
+    result["facts"]["effects"]["evidence"] = [
+        {"tolerance": 0.0},
+        {"tolerance": 0.1},
+    ]  # a probe that failed tolerates nothing
     result["metrics"]["plan/bound"] = {"value": 0.03, "reason": None, "views": []}
     result["parts"]["invert"], result["work"]["invert"]["probe_rays"] = {}, 7
     probed = plan_summary(result)

@@ -11,8 +11,7 @@ from torch.nn.functional import normalize
 from hard_cases import ref64
 from hard_cases.constructions import cast, facing, looking_along_z, raw_surfels, two_balls, with_radiance
 from hard_cases.ref64 import EPS
-from radiogs.consistency import consistency_loss
-from radiogs.variant import Variant
+from radiogs.consistency import RadiometricConsistency
 from radiogs_bench.kernel_bench import plain_split_sum as dense
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.shade.brdf import diffuse, ggx_distribution, specular
@@ -471,7 +470,7 @@ def test_the_radiometric_residual_vanishes_where_radiance_solves_the_light_equat
     fixed = Surfels.of(surfels.parameters() | {"sh": solved})
 
     def loss(of: Surfels) -> float:
-        return float(consistency_loss(of, light, camera, index, incident, Variant(), seeded(7)).detach())
+        return float(RadiometricConsistency().loss(of, light, camera, index, incident, seeded(7)).detach())
 
     assert loss(fixed) < 1e-10
     off = Surfels.of(surfels.parameters() | {"sh": 1.01 * solved})

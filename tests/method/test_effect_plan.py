@@ -47,7 +47,7 @@ def test_without_visibility_and_indirect_light_no_ray_is_traced_and_no_tree_is_b
 ) -> None:
     counted, stage = work_of(initialised, "visibility", "indirect")
     assert not any(counted.get(name) for name in ("rays", "node_visits", "leaf_visits", "hits"))
-    assert stage.cache.tracer._bvh is None
+    assert stage.shader.cache.tracer._bvh is None
     with recording() as instruments:
         Renderer(stage.model, 8, stage.variant).render(SCENE.test[0].camera)
     assert not instruments.work["rays"]
@@ -106,31 +106,31 @@ def copy_of(incident: Incident) -> Incident:
 def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> InverseRendering:
     """Stage 2 as it is after a probe that has decided for ``plan``."""
     stage = InverseRendering(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU, initialised)
-    stage.planner.at = frozenset()
-    stage.planner.plan = plan
-    stage.cache.renew(stage.model.surfels, plan, 0)
+    stage.shader.planner.at = frozenset()
+    stage.shader.planner.plan = plan
+    stage.shader.cache.renew(stage.model.surfels, plan, 0)
     return stage
 
 
 def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident]:
     """Work of twelve steps, with one refresh, and the cached light before and after."""
-    before = copy_of(stage.cache.incident)
+    before = copy_of(stage.shader.cache.incident)
     with recording() as instruments:
         for _ in range(12):
             stage.step()
-    return dict(instruments.work), before, stage.cache.incident
+    return dict(instruments.work), before, stage.shader.cache.incident
 
 
 def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
-    whole = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).cache.incident
+    whole = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).shader.cache.incident
     for plan in (NO_RAYS, local_rays(initialised)):
         with recording() as instruments:
             stage = decided(initialised, plan)
         assert instruments.work["rays"] == BUDGET.incident_samples * len(whole.weight)
         stage.generator.manual_seed(0)
-        stage.cache.renew(stage.model.surfels, plan, 0)
+        stage.shader.cache.renew(stage.model.surfels, plan, 0)
         for name, value in vars(whole).items():
-            assert torch.equal(value, getattr(stage.cache.incident, name))
+            assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
 
 def test_where_a_probe_took_all_rays_light_is_kept(initialised: dict[str, Any]) -> None:
@@ -152,14 +152,14 @@ def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised
 def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
     stage = decided(initialised, plan)
-    before = copy_of(stage.cache.incident)
+    before = copy_of(stage.shader.cache.incident)
     index = torch.tensor([5, 3, 9, 1])
-    found = stage.cache.light_on(index, stage.model.surfels, stage.plan, 1)
+    found = stage.shader.cache.light_on(index, stage.model.surfels, stage.shader.plan, 1)
     assert found.visibility.requires_grad or found.radiance.requires_grad
     for place, surfel in enumerate(index.tolist()):
         for name in vars(found):
             value = getattr(found, name)[place]
-            assert torch.equal(value, getattr(stage.cache.incident, name)[surfel])
+            assert torch.equal(value, getattr(stage.shader.cache.incident, name)[surfel])
         assert torch.equal(found.direction[place], before.direction[surfel]) != bool(plan.traced[surfel])
 
 
@@ -171,16 +171,16 @@ def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_froze
     stage = InverseRendering(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU, initialised)
 
     def without_rays(*seen: Any) -> bool:
-        stage.planner.plan = NO_RAYS
+        stage.shader.planner.plan = NO_RAYS
         return True
 
-    monkeypatch.setattr(stage.planner, "observe", without_rays)
+    monkeypatch.setattr(stage.shader.planner, "observe", without_rays)
     stage.step()
-    before = copy_of(stage.cache.incident)
+    before = copy_of(stage.shader.cache.incident)
     assert before.radiance.any()
     while stage.iteration < stage.iterations:
         stage.step()
-    assert torch.equal(before.direction, stage.cache.incident.direction) != renewed
+    assert torch.equal(before.direction, stage.shader.cache.incident.direction) != renewed
 
 
 def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
@@ -201,8 +201,8 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
     plan = EffectPlan(indirect=False, kept=True)
     stage = decided(initialised, plan)
     index = torch.tensor([7, 2, 11])
-    before = copy_of(stage.cache.incident.of(index))
-    found = stage.cache.light_on(index, stage.model.surfels, plan, 1)
+    before = copy_of(stage.shader.cache.incident.of(index))
+    found = stage.shader.cache.light_on(index, stage.model.surfels, plan, 1)
     assert found.visibility.requires_grad
     for place in range(3):
         hidden = (1 - before.visibility[place]).sum()
@@ -211,7 +211,7 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
         torch.testing.assert_close(found.radiance[place], expected)
     assert found.radiance.any()
     bare = decided(initialised, dataclasses.replace(plan, kept=False))
-    assert not bare.cache.light_on(index, bare.model.surfels, bare.plan, 1).radiance.any()
+    assert not bare.shader.cache.light_on(index, bare.model.surfels, bare.shader.plan, 1).radiance.any()
 
 
 @pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])

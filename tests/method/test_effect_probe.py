@@ -276,12 +276,12 @@ def planned(initialised: dict[str, Any]) -> InverseRendering:
 
 def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    stage.planner.plan = everything().without("indirect").without("visibility")
+    stage.shader.planner.plan = everything().without("indirect").without("visibility")
     stage.initialised = copy.deepcopy(initialised)
     stage.initialised["optimiser"]["tensors"]["sh"][:] = torch.nan
     stage.step()
-    assert stage.plan == everything()
-    assert "failed" in stage.planner.evidence[-1].why
+    assert stage.shader.plan == everything()
+    assert "failed" in stage.shader.planner.evidence[-1].why
 
 
 @dataclasses.dataclass(frozen=True)

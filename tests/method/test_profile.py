@@ -10,7 +10,7 @@ from method.test_stages import BUDGET, CPU, SCENE, through_a_file
 from radiogs.model import Model
 from radiogs.profile import PROFILES, RELEASED
 from radiogs.stages import Initialisation, InverseRendering
-from radiogs.tracing import tracer_of
+from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import reconstruction
@@ -43,8 +43,8 @@ def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() 
 
 def test_rays_start_at_a_fixed_distance_only_where_that_is_asked_for(initialised: dict[str, Any]) -> None:
     surfels = stage_with(initialised).model.surfels
-    assert tracer_of(surfels, Variant()).world_offset is None
-    assert tracer_of(surfels, Variant(deviations=("fixed-offset",))).world_offset == 0.05
+    assert Rays.of(Variant()).tracer(surfels).world_offset is None
+    assert Rays.of(Variant(deviations=("fixed-offset",))).tracer(surfels).world_offset == 0.05
 
 
 def test_the_light_learns_from_consistency_unless_it_is_detached(initialised: dict[str, Any]) -> None:

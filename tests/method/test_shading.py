@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.consistency import consistency_loss
+from radiogs.consistency import RadiometricConsistency
 from radiogs.effects.measure.image_share import image_share
 from radiogs.effects.measure.plan_radiance import PlanRadiance
 from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
@@ -131,7 +131,7 @@ def test_radiance_that_a_matt_surface_sends_in_a_furnace_is_consistent() -> None
 
     def residual(specular: torch.Tensor | None) -> float:
         seeded = torch.Generator().manual_seed(0)
-        return float(consistency_loss(surfels, light, CAMERA, index, incident, Variant(), seeded, specular))
+        return float(RadiometricConsistency().loss(surfels, light, CAMERA, index, incident, seeded, specular))
 
     assert residual(torch.zeros(len(surfels), dtype=torch.bool)) < 1e-6
     assert residual(None) > 1e-3

@@ -8,8 +8,10 @@ import pytest
 import torch
 
 from radiogs.budget import INVERSE_ONLY, Budget, budget
+from radiogs.model import Model
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
+from radiogs_core.contract import Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from scenes import sphere_scene
@@ -86,7 +88,7 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
     while resumed.iteration < 14:
         resumed.step()
     assert same(whole, resumed)
-    assert torch.equal(whole.cache.incident.radiance, resumed.cache.incident.radiance)
+    assert torch.equal(whole.shader.cache.incident.radiance, resumed.shader.cache.incident.radiance)
 
 
 def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
@@ -102,9 +104,9 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
     while resumed.iteration < 18:
         resumed.step()
     assert same(whole, resumed)
-    assert whole.planner.evidence == resumed.planner.evidence
-    assert {record.iteration for record in whole.planner.evidence} == {0, 10}
-    assert whole.plan == resumed.plan
+    assert whole.shader.planner.evidence == resumed.shader.planner.evidence
+    assert {record.iteration for record in whole.shader.planner.evidence} == {0, 10}
+    assert whole.shader.plan == resumed.shader.plan
 
 
 def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
@@ -112,7 +114,7 @@ def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, Variant(effects="auto"))
     with recording() as instruments:
         stage.step()
-        once = len(stage.optimiser.surfels) * stage.planner.samples
+        once = len(stage.optimiser.surfels) * stage.shader.planner.samples
         taken = dict(instruments.parts)
         assert instruments.work["probe_rays"] == once <= instruments.work["rays"]
         assert taken["probe"] > 0
@@ -158,11 +160,11 @@ def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fr
     initialised: dict[str, Any],
 ) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
-    before = stage.cache.incident.direction.clone()
+    before = stage.shader.cache.incident.direction.clone()
     loss = stage._consistency(stage.model, stage.views[0])
     assert not loss.requires_grad
     assert float(loss) == 0
-    assert not torch.equal(before, stage.cache.incident.direction)
+    assert not torch.equal(before, stage.shader.cache.incident.direction)
 
 
 def test_novel_view_initialisation_knows_no_shading() -> None:
@@ -192,3 +194,22 @@ def test_the_same_seed_does_the_same_work(initialised: dict[str, Any]) -> None:
         counts.append(dict(instruments.work))
     assert counts[0] == counts[1]
     assert counts[0]["rays"] > 0
+
+
+@pytest.mark.parametrize("variant", [Variant(effects="auto"), Variant(shading="split-sum")])
+def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], variant: Variant) -> None:
+    stage = inverse(initialised, variant)
+    stage.step()
+    restored = Model.of(through_a_file(stage.product()))
+    assert torch.equal(restored.environment, stage.model.environment)
+    assert restored.plan == stage.model.plan
+    assert list(restored.evidence) == list(stage.model.evidence)
+    for name, value in restored.surfels.parameters().items():
+        assert torch.equal(value, stage.model.surfels.parameters()[name]), name
+
+
+def test_both_stages_are_what_the_harness_calls_a_stage(initialised: dict[str, Any]) -> None:
+    first = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    second = inverse(first.product())
+    assert isinstance(first, Stage)
+    assert isinstance(second, Stage)

@@ -62,7 +62,7 @@ def one(scene: str, row: str, seed: int) -> Any:
     loss = {"everything": 0.0, "auto": LOSSES[scene][seed], "no-rays": 2.0}[row]
     level = 30.0 + 5 * seed
     made = run(row, scene, seed, f"{scene}-{row}-{seed}", dict.fromkeys(COLUMNS))
-    made["figures"] = {"nvs/psnr": level - loss, "albedo/psnr": level - 3 * loss, "relight/psnr": level + loss}
+    made["metrics"] = {"nvs/psnr": level - loss, "albedo/psnr": level - 3 * loss, "relight/psnr": level + loss}
     seconds = {"everything": 8.0, "auto": (4.0, 8.0, 2.0)[seed], "no-rays": 2.0}[row]
     made["seconds"] = {"initialise": 8.0, "invert": seconds, "evaluate": 99.0}
     rays = {"everything": 1000, "auto": (100, 500, 300)[seed], "no-rays": 0}[row]
@@ -189,7 +189,7 @@ def test_a_seed_that_one_row_lacks_does_not_count() -> None:
     made = made_up()
     for each in made["runs"]:
         if (each["row"], each["scene"], each["seed"]) in (("everything", "ball", 0), ("auto", "ball", 2)):
-            each["figures"] = {}
+            each["metrics"] = {}
     line = line_of(made, "ball", "auto")
     assert (line.seeds, line.bound) == (1, 0.04)
     assert line.losses["nvs"] == Estimate(pytest.approx(0.02), None, None, 1)
@@ -201,7 +201,7 @@ def test_what_results_do_not_hold_is_not_made_up() -> None:
     made = made_up()
     made["columns"] = made["columns"][:1]
     for each in made["runs"]:
-        each["figures"] = {"nvs/psnr": each["figures"]["nvs/psnr"]}
+        each["metrics"] = {"nvs/psnr": each["metrics"]["nvs/psnr"]}
         assert each["effects"] is not None
         each["effects"]["probing"] = None
     assert item(made, "ball", "auto", "probes, share of training") == Item(

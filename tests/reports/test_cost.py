@@ -68,8 +68,8 @@ def frame(made: Summary) -> pd.DataFrame:
     """The runs as a table: row, seed, psnr, mae, seconds, rays."""
     return pd.DataFrame(
         {
-            "row": each["row"], "seed": each["seed"], "psnr": each["figures"]["nvs/psnr"],
-            "mae": each["figures"]["normal/mae"], "seconds": each["seconds"]["initialise"] + each["seconds"]["invert"],
+            "row": each["row"], "seed": each["seed"], "psnr": each["metrics"]["nvs/psnr"],
+            "mae": each["metrics"]["normal/mae"], "seconds": each["seconds"]["initialise"] + each["seconds"]["invert"],
             "rays": each["work"]["invert"]["rays"],
         }
         for each in made["runs"]

@@ -87,7 +87,7 @@ def test_better_is_higher_up_in_every_panel_and_every_mark_is_inside() -> None:
     for axes, key, upwards in zip(panels, ("nvs/psnr", "normal/mae"), (True, False), strict=True):
         low, high = axes.get_ylim()
         assert (low < high) == upwards
-        values = [each["figures"][key] for each in made["runs"] if each["figures"]]
+        values = [each["metrics"][key] for each in made["runs"] if each["metrics"]]
         assert min(low, high) < min(values)
         assert max(values) < max(low, high)
 

@@ -90,6 +90,13 @@ def test_text_is_escaped_character_by_character() -> None:
     assert escape(r"a_b & 5% \ {x}^~") == r"a\_b \& 5\% \textbackslash{} \{x\}\textasciicircum{}\textasciitilde{}"
 
 
+def test_a_row_without_a_label_in_latex_has_its_text_escaped() -> None:
+    made = summary()
+    made["rows"][0]["latex"], made["rows"][0]["text"] = "", "50 % of λ"
+    assert r"50 \% of $\lambda$ & " in suite_latex(made)
+    assert r"paired difference to 50 \% of $\lambda$ and" in suite_latex(made)
+
+
 def test_another_schema_is_refused(tmp_path: Path) -> None:
     (tmp_path / "summary.json").write_text(json.dumps({**summary(), "schema": "radiogs-bench/summary/0"}))
     with pytest.raises(ValueError, match="summary/0"):

@@ -1,6 +1,7 @@
 """The light that arrives at the surfels during stage 2, kept between one tracing and the next."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import torch
 from jaxtyping import Int
@@ -14,23 +15,42 @@ from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from ..budget import Budget
 from ..effects.measure.probe_scene import KeptLight
-from ..tracing import tracer_of
-from ..variant import Variant
+from ..tracing import Rays
+
+
+@dataclass(frozen=True)
+class IncidentPolicy:
+    """traced_again: whether light is traced anew after stage 2 has begun. gradient: whether what is traced has gradient
+    to the surfels that rays meet."""
+
+    traced_again: bool
+    gradient: bool
+
+
+def incident_policy(incident: Literal["traced", "detached", "precomputed"]) -> IncidentPolicy:
+    """What ``Variant.incident`` asks for."""
+    return IncidentPolicy(traced_again=incident != "precomputed", gradient=incident == "traced")
 
 
 class IncidentCache:
-    """V and L_ind of all surfels, each along directions of its own, traced as ``variant.incident`` and a plan say."""
+    """V and L_ind of all surfels, each along directions of its own, traced as a policy and an effect plan say."""
 
     def __init__(
-        self, surfels: Surfels, variant: Variant, budget: Budget, generator: torch.Generator, plan: EffectPlan
+        self,
+        surfels: Surfels,
+        rays: Rays,
+        policy: IncidentPolicy,
+        budget: Budget,
+        generator: torch.Generator,
+        plan: EffectPlan,
     ) -> None:
-        self.variant, self.budget, self.generator = variant, budget, generator
-        self.tracer = tracer_of(surfels, variant)
+        self.rays, self.policy, self.budget, self.generator = rays, policy, budget, generator
+        self.tracer = rays.tracer(surfels)
         self.renew(surfels, plan, 0)
 
     def light_on(self, index: Int[Tensor, " chosen"], surfels: Surfels, plan: EffectPlan, iteration: int) -> Incident:
         """The light on some surfels: traced now, and cached, but for what is frozen or kept."""
-        if self.variant.incident == "precomputed":
+        if not self.policy.traced_again:
             return self.incident.of(index)
         due = iteration % (self.budget.refresh_interval * plan.refresh) == 0
         if due and iteration != self.traced_at:
@@ -68,13 +88,13 @@ class IncidentCache:
 
     def _gathered(self, surfels: Surfels, plan: EffectPlan, index: Int[Tensor, " chosen"] | None = None) -> Incident:
         self.tracer.follow(surfels)
-        return gather_incident(self.tracer, surfels, self._samples(plan), self.generator, self._floor, plan, index)
+        return gather_incident(self.tracer, surfels, self._samples(plan), self.generator, self.rays.floor, plan, index)
 
     def _traced(self, index: Int[Tensor, " chosen"], surfels: Surfels, plan: EffectPlan) -> Incident:
         """The light on some surfels along new directions, which are cached from now on."""
-        with torch.set_grad_enabled(torch.is_grad_enabled() and self.variant.incident == "traced"):
+        with torch.set_grad_enabled(torch.is_grad_enabled() and self.policy.gradient):
             normal = surfels.take(index).frame[..., 2]
-            direction, weight = hemisphere_directions(normal, self._samples(plan), self.generator, self._floor)
+            direction, weight = hemisphere_directions(normal, self._samples(plan), self.generator, self.rays.floor)
             fresh = self._as_bright(index, self.tracer.incident(index, direction, weight, plan), plan)
         self.incident.store(index, fresh)
         return fresh
@@ -91,7 +111,3 @@ class IncidentCache:
 
     def _samples(self, plan: EffectPlan) -> int:
         return max(1, self.budget.incident_samples // plan.samples)
-
-    @property
-    def _floor(self) -> bool:
-        return "hemisphere-floor" in self.variant.deviations

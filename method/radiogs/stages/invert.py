@@ -6,7 +6,6 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs_core.instruments import part
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
@@ -22,23 +21,16 @@ from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_d
 from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode, srgb_encode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
-from radiogs_core.transport.splatting import own_radiance, shade_surfels, splat, towards
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.plan import HIGHEST_DEGREE
+from radiogs_core.transport.splatting import own_radiance, splat, towards
+from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
-from ..consistency import consistency_loss, split_sum_consistency_loss
-from ..effects.decide.planner import Planner
-from ..effects.decide.staleness import staleness
-from ..effects.measure.step_cost import Step
 from ..learning import MaterialStart
 from ..model import Model, constant_light
 from ..profile import START_RADIANCE
 from ..variant import Variant
-from .incident_cache import IncidentCache
-
-NO_RAYS = EffectPlan(visibility=False, indirect=False)
+from .shaders import shader_of
 
 
 class InverseRendering:
@@ -55,7 +47,7 @@ class InverseRendering:
         device: torch.device,
         initialised: Mapping[str, Any],
     ) -> None:
-        self.variant, self.budget, self.seed, self.device = variant, budget, seed, device
+        self.variant, self.seed, self.device = variant, seed, device
         self.iteration, self.iterations = 0, budget.inverse_iterations
         self.views = load(chosen_views(scene, variant.view_share, seed), device)
         self.depth_unit = mean_distance(self.views, scene.centre)
@@ -66,29 +58,22 @@ class InverseRendering:
         light = {"log_environment": constant_light(budget.light_height, radiance, device)}
         self.optimiser = SurfelOptimiser(surfels, light, rates_of(variant, scene.extent))
         self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
-        self.planner = Planner(variant.effects, seed, self.iterations, budget.incident_samples)
+        self.shader = shader_of(variant, budget, seed, surfels, self.generator)
         self.initialised = initialised
-        if variant.shading == "monte-carlo":
-            # Before the first step it may be decided that few rays are needed: none are traced for nothing.
-            plan = NO_RAYS if self.planner.due(0) else self.plan
-            self.cache = IncidentCache(surfels, variant, budget, self.generator, plan)
 
     @property
     def model(self) -> Model:
         """What is learnt so far."""
-        evidence = tuple(each.plain() for each in self.planner.evidence)
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], self.plan, evidence)
-
-    @property
-    def plan(self) -> EffectPlan:
-        """What is simulated."""
-        return self.planner.plan
+        shader = self.shader
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], shader.plan, shader.evidence)
 
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
-        if self.planner.due(self.iteration):
-            self._plan_anew()
+        if self.shader.due(self.iteration):
+            # At first as stage 1 left materials and light: what begins here afresh says little of what effects do.
+            probed = self.model if self.iteration else self._initial_model()
+            self.shader.plan_anew(self.model, probed, self.views, self.iteration)
         model = self._seen_model()
         losses = {"consistency": self._consistency(model, view)}
         losses |= self._image_losses(model, view)
@@ -97,28 +82,6 @@ class InverseRendering:
         self.iteration += 1
         return {name: float(value.detach()) for name, value in losses.items()}
 
-    def _plan_anew(self) -> None:
-        """Probe what the scene calls for now; another plan begins with incident light of its own."""
-        with part("probe"):
-            other_rays = self._probe()
-        if not self.iteration or (other_rays and self.variant.incident != "precomputed"):
-            self.cache.renew(self.model.surfels, self.plan, self.iteration)
-
-    def _probe(self) -> bool:
-        """Let the planner decide anew; says whether other rays than before are to be traced."""
-        # Materials and light as stage 1 left them, at first: what begins here afresh says little of what effects do.
-        model, budget = self.model if self.iteration else self._initial_model(), self.budget
-        step = Step(len(model.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
-        stale = None
-        if self.iteration and self.plan.traces and self.variant.incident != "precomputed":
-            self.cache.tracer.follow(model.surfels)
-            drawn = torch.Generator(self.device).manual_seed(self.seed + self.iteration)
-            stale = staleness(
-                self.cache.tracer, model.surfels, model.environment, self.cache.incident, self.plan, drawn
-            )
-        kept = self.cache.kept(model.surfels, self.plan, self.planner.samples)
-        return self.planner.observe(model.surfels, model.environment, self.views, step, self.iteration, stale, kept)
-
     def _initial_model(self) -> Model:
         light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
         return Model(surfels_of(self.initialised, self.device), light)
@@ -126,25 +89,15 @@ class InverseRendering:
     def _seen_model(self) -> Model:
         """Surfels and light, with as many harmonics of the surfels' radiance as the plan has."""
         surfels = self.optimiser.surfels
-        if self.plan.sh_degree < HIGHEST_DEGREE:
-            surfels.sh = surfels.sh[:, : (self.plan.sh_degree + 1) ** 2]
+        if self.shader.plan.sh_degree < HIGHEST_DEGREE:
+            surfels.sh = surfels.sh[:, : (self.shader.plan.sh_degree + 1) ** 2]
         return Model(surfels, self.optimiser.tensors["log_environment"])
 
     def _consistency(self, model: Model, view: TrainingView) -> Tensor:
-        """L_rad; by the split sum over all surfels, else over N_g random ones by rays."""
+        """L_rad; without weight it takes no gradient, but what it traces is cached all the same."""
         weight = self.variant.radiometric_weight
         with torch.set_grad_enabled(weight > 0):
-            if self.variant.shading == "split-sum":
-                outgoing = towards(view.camera, model.surfels)
-                light = PrefilteredLight(model.environment)
-                return weight * split_sum_consistency_loss(model.surfels, light, outgoing)[0]
-            drawn = torch.randperm(len(model.surfels), generator=self.generator, device=self.device)
-            index = drawn[: self.budget.consistency_surfels]
-            incident = self.cache.light_on(index, model.surfels, self.plan, self.iteration)
-            return weight * consistency_loss(
-                model.surfels, model.environment, view.camera, index, incident, self.variant, self.generator,
-                self.plan.specular_among(model.surfels.albedo_logit),
-            )  # fmt: skip
+            return weight * self.shader.consistency(model, view.camera, self.iteration)
 
     def _image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
         surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
@@ -152,7 +105,7 @@ class InverseRendering:
         light = PrefilteredLight(model.environment)
         channels = {
             "radiance": own_radiance(camera, surfels),
-            "shaded": self._shaded(model, outgoing, light),
+            "shaded": self.shader.radiance(model, outgoing, light),
             "albedo": surfels.albedo,
             "roughness": surfels.roughness[:, None],
         }
@@ -177,26 +130,13 @@ class InverseRendering:
             losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
         return losses
 
-    def _shaded(self, model: Model, outgoing: Tensor, light: PrefilteredLight) -> Tensor:
-        """L_PBR of all surfels: by the split sum, or by Eq. 8 from the cache."""
-        surfels = model.surfels
-        if self.variant.shading == "split-sum":
-            return sum(
-                split_sum_radiance(surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light),
-                start=torch.zeros_like(outgoing),
-            )
-        incident, specular = self.cache.incident, self.plan.specular_among(surfels.albedo_logit)
-        parts = shade_surfels(surfels, surfels.albedo, incident, outgoing[:, None], model.environment, specular)
-        return parts[:, 0].sum(1)
-
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
         return {
             "iteration": self.iteration,
             "optimiser": self.optimiser.state(),
             "generator": self.generator.get_state(),
-            "incident": vars(self.cache.incident) if self.variant.shading == "monte-carlo" else {},
-            "effects": self.planner.state(),
+            "shader": self.shader.state(),
         }
 
     def product(self) -> dict[str, Any]:
@@ -208,9 +148,7 @@ class InverseRendering:
         self.iteration = state["iteration"]
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
-        self.planner.restore(state["effects"])
-        if state["incident"]:
-            self.cache.incident = Incident(**state["incident"])
+        self.shader.restore(state["shader"])
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:

@@ -23,31 +23,31 @@ def shade_materials(
     outgoing: Float[Tensor, "surfels views 3"],
     incident: Incident,
     environment: Float[Tensor, "rows columns 3"],
-    specular: Bool[Tensor, " surfels"] | None = None,
+    specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
-    """The four parts of ``kernels.shade``. ``specular`` says which surfels have a lobe (None: all).
+    """The four parts of ``kernels.shade``. ``specular_at`` says which surfels have a lobe (None: all).
 
     Of the others none is evaluated, and what it would scatter is in their diffuse parts.
     """
     return shade(
-        normal, lambert_albedo(albedo, roughness, specular), roughness, outgoing,
-        incident.direction, incident.weight, incident.visibility, incident.radiance, environment, specular,
+        normal, lambert_albedo(albedo, roughness, specular_at), roughness, outgoing,
+        incident.direction, incident.weight, incident.visibility, incident.radiance, environment, specular_at,
     )  # fmt: skip
 
 
 def lambert_albedo(
     albedo: Float[Tensor, "surfels 3"],
     roughness: Float[Tensor, " surfels"],
-    specular: Bool[Tensor, " surfels"] | None,
+    specular_at: Bool[Tensor, " surfels"] | None,
 ) -> Float[Tensor, "surfels 3"]:
     """What each surfel scatters by Lambert's law: its albedo, and where it has no lobe that of the lobe it would have.
 
-    ``specular`` says which have one (None: all). No gradient to roughness: without a lobe it shows by nothing but a
+    ``specular_at`` says which have one (None: all). No gradient to roughness: without a lobe it shows by nothing but a
     brightness that albedo explains as well, and would be moved by the errors of albedo and light.
     """
-    if specular is None:
+    if specular_at is None:
         return albedo
-    return albedo + torch.where(specular, 0.0, lobe_albedo(roughness.detach()))[:, None]
+    return albedo + torch.where(specular_at, 0.0, lobe_albedo(roughness.detach()))[:, None]
 
 
 def lobe_albedo(roughness: Float[Tensor, " surfels"]) -> Float[Tensor, " surfels"]:

@@ -68,10 +68,12 @@ def shade_surfels(
     incident: Incident,
     outgoing: Float[Tensor, "surfels views 3"],
     environment: Float[Tensor, "rows columns 3"],
-    specular: Bool[Tensor, " surfels"] | None = None,
+    specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
     """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade_materials``."""
-    return shade_materials(surfels.frame[..., 2], albedo, surfels.roughness, outgoing, incident, environment, specular)
+    return shade_materials(
+        surfels.frame[..., 2], albedo, surfels.roughness, outgoing, incident, environment, specular_at
+    )
 
 
 def towards(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
@@ -97,13 +99,13 @@ def shaded_maps(
     albedo: Float[Tensor, "surfels 3"],
     incident: Incident,
     environment: Float[Tensor, "rows columns 3"],
-    specular: Bool[Tensor, " surfels"] | None = None,
+    specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> dict[str, Float[Tensor, "height width _"]]:
     """All maps of one view under a given light, as ``Renderer.render`` describes them.
 
     ``albedo`` is given apart, because relighting scales it.
     """
-    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular)[:, 0]
+    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular_at)[:, 0]
     direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
     return _maps(camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT])
 

@@ -59,6 +59,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
             shown_light=None,
             albedo_scale=None,
             facts={},
+            maps=[],
             stages=[],
             losses={},
             trail={},

@@ -12,12 +12,12 @@ COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays trac
 
 def runs_of(summary: Summary, row: str) -> dict[Pair, RunSummary]:
     """The finished runs of a row."""
-    return {(run["scene"], run["seed"]): run for run in summary["runs"] if run["row"] == row and run["figures"]}
+    return {(run["scene"], run["seed"]): run for run in summary["runs"] if run["row"] == row and run["metrics"]}
 
 
 def values_of(summary: Summary, row: str, column: str) -> dict[Pair, float]:
     """A row's values in a column, where it has any."""
-    found = {pair: run["figures"].get(column) for pair, run in runs_of(summary, row).items()}
+    found = {pair: run["metrics"].get(column) for pair, run in runs_of(summary, row).items()}
     return {pair: value for pair, value in found.items() if value is not None}
 
 

@@ -10,7 +10,7 @@ from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail, stages_of
+from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain
 
@@ -63,7 +63,7 @@ def stage_titles(summary: Summary) -> dict[str, str]:
     """Titles of all training stages of all runs, by name, in the order of training."""
     titles: dict[str, str] = {}
     for run in summary["runs"]:
-        for stage in stages_of(run):
+        for stage in run["stages"]:
             titles.setdefault(stage["name"], stage["title"])
     return titles
 
@@ -71,7 +71,7 @@ def stage_titles(summary: Summary) -> dict[str, str]:
 def _finished(summary: Summary) -> dict[str, list[RunSummary]]:
     """Finished runs by row."""
     return {
-        row["key"]: [run for run in summary["runs"] if run["row"] == row["key"] and run["figures"]]
+        row["key"]: [run for run in summary["runs"] if run["row"] == row["key"] and run["metrics"]]
         for row in summary["rows"]
     }
 

@@ -56,7 +56,7 @@ def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found
     qualities = [point.quality for point in found]
     costs = [point.cost for point in found]
     for run in summary["runs"]:
-        quality, spent = run["figures"].get(column["key"]), cost_of(run, cost)
+        quality, spent = run["metrics"].get(column["key"]), cost_of(run, cost)
         if quality is None or spent is None:
             continue
         qualities.append(quality)

@@ -88,7 +88,7 @@ def part(*path: str) -> str:
 
 def data(summary: Summary, pictures: Album) -> dict[str, Any]:
     """What the scripts read: the cells, and the points of the scatter plot by metric and cost."""
-    columns = [column for column in summary["columns"] if any(run["figures"].get(column["key"]) is not None
+    columns = [column for column in summary["columns"] if any(run["metrics"].get(column["key"]) is not None
                for run in summary["runs"])]  # fmt: skip
     return {
         "columns": columns,

@@ -188,9 +188,9 @@ def cells_table(summary: Summary) -> Table:
 
 def metric_entry(run: RunSummary, column: ColumnSummary) -> Entry:
     """A cell's own value of a metric."""
-    value = run["figures"].get(column["key"])
+    value = run["metrics"].get(column["key"])
     if value is None:
-        return Entry("n/a", None, reason=run["state"] if not run["figures"] else "the cell has no such value")
+        return Entry("n/a", None, reason=run["state"] if not run["metrics"] else "the cell has no such value")
     return Entry(f"{value:.{column['decimals']}f}", sort_value(value, column))
 
 

@@ -24,23 +24,23 @@ def shade(
     visibility: Float[Tensor, "surfels samples"],
     indirect: Float[Tensor, "surfels samples 3"],
     environment: Float[Tensor, "height width 3"],
-    specular: Bool[Tensor, " surfels"] | None = None,
+    specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
     """Outgoing radiance of each surfel towards its views, linear RGB, in four parts.
 
     The parts are diffuse direct, diffuse indirect, specular direct, specular indirect: sums over the samples of
     weight f(wo, wi) (n.wi)+ times V Env(wi) or L_ind. ``outgoing`` and ``direction`` are unit, in the world, away
     from the surface; ``weight`` in steradian; ``environment`` lat-long radiance (see ``light``), looked up
-    bilinearly. Zero where a view is below the surface. ``specular`` says which surfels have specular parts (None: all);
-    those of the others are zero, and no lobe is evaluated for them.
+    bilinearly. Zero where a view is below the surface. ``specular_at`` says which surfels have specular parts (None:
+    all); those of the others are zero, and no lobe is evaluated for them.
 
     Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
     made without gradient, and get none.
     """
-    if specular is None:
-        specular = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
+    if specular_at is None:
+        specular_at = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
     return _Shade.apply(
-        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular
+        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular_at
     )
 
 
@@ -48,14 +48,14 @@ class _Shade(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.detach().contiguous() for value in inputs)
-        outgoing, direction, specular = inputs[3], inputs[4], inputs[9]
+        outgoing, direction, specular_at = inputs[3], inputs[4], inputs[9]
         kernels = shade_kernels(outgoing.dtype)
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
         given, result = _inputs(kernels, inputs), _flat(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         samples = surfels * views * direction.shape[1]
-        lobes = int(specular.sum()) * views * direction.shape[1]
+        lobes = int(specular_at.sum()) * views * direction.shape[1]
         count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
         ctx.given = given
         ctx.save_for_backward(*inputs)
@@ -93,7 +93,7 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
     )  # fmt: skip
     for name, value in zip(names, inputs[:9], strict=True):
         setattr(given, name, _flat(value))
-    given.glossy = as_array(inputs[9].int())
+    given.specular_at = as_array(inputs[9].int())
     given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
     given.height, given.width = inputs[8].shape[:2]
     return given

@@ -36,7 +36,7 @@ _SURFEL = """
 #endif
     const int views = given.views, samples = given.samples, height = given.height, width = given.width;
     // A surfel without a specular part has no view that a lobe is evaluated for.
-    const int glossy_views = given.glossy.data[surfel] ? views : 0;
+    const int specular_views = given.specular_at.data[surfel] ? views : 0;
     const SCALAR zero = SCALAR(0), one = SCALAR(1), pi = SCALAR(3.14159265358979323846);
     const SCALAR* wo_of_view = given.outgoing.data + 3LL * views * surfel;
     const SCALAR* wi_of_sample = given.direction.data + 3LL * samples * surfel;
@@ -72,7 +72,7 @@ _SURFEL = """
         SCALAR power = 1;
         for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + z * power * (SCALAR(1) / SCALAR(term));
         for (int doubling = 0; doubling < 4; ++doubling) power *= power;
-        return SCALAR(BASE) + SCALAR(1 - BASE) * power;
+        return SCALAR(F0) + SCALAR(1 - F0) * power;
     };
     // What rounding took from the sum a + b.
     auto rest_of = [](SCALAR a, SCALAR b, SCALAR sum) -> SCALAR {
@@ -89,7 +89,7 @@ _SURFEL = """
     for (int view = 0; view < views; ++view) seen_from_any |= faces(wo_of_view + 3 * view);
 
     // Irradiance of the six channels; the same for all views.
-    SCALAR matte[6][LANES] = {};
+    SCALAR diffuse[6][LANES] = {};
 """
 
 _BLOCK = """
@@ -149,7 +149,7 @@ _BLOCK = """
             for (int c = 0; c < LANES; ++c) incident[3 + i][c] = met[i][c];
         }
         for (int i = 0; i < 6; ++i)
-            for (int c = 0; c < LANES; ++c) matte[i][c] += flow[c] * incident[i][c];
+            for (int c = 0; c < LANES; ++c) diffuse[i][c] += flow[c] * incident[i][c];
 """
 
 # t = n x s decides how far a sharp lobe is off its peak. Of s itself the products would cancel; so its part along n is
@@ -180,23 +180,23 @@ _FORWARD = (
 """
     + _BLOCK
     + """
-        for (int view = 0; view < glossy_views; ++view) {
+        for (int view = 0; view < specular_views; ++view) {
             const SCALAR ox = wo_of_view[3 * view], oy = wo_of_view[3 * view + 1], oz = wo_of_view[3 * view + 2];
             const SCALAR view_cosine = nx * ox + ny * oy + nz * oz;
             if (!(view_cosine > zero)) continue;
             const SCALAR view_term = view_cosine * (one - k) + k;
-            SCALAR glossy[6][LANES];
+            SCALAR specular[6][LANES];
             for (int c = 0; c < LANES; ++c) {
 """
     + _LOBE
     + """
-                for (int i = 0; i < 6; ++i) glossy[i][c] = lobe * flow[c] * incident[i][c];
+                for (int i = 0; i < 6; ++i) specular[i][c] = lobe * flow[c] * incident[i][c];
             }
-            for (int i = 0; i < 6; ++i) out_of_view[12 * view + 6 + i] += sum_of(glossy[i]);
+            for (int i = 0; i < 6; ++i) out_of_view[12 * view + 6 + i] += sum_of(specular[i]);
         }
     }
     for (int i = 0; i < 6; ++i) {
-        const SCALAR radiance = albedo[i % 3] / pi * sum_of(matte[i]);
+        const SCALAR radiance = albedo[i % 3] / pi * sum_of(diffuse[i]);
         for (int view = 0; view < views; ++view)
             if (faces(wo_of_view + 3 * view)) out_of_view[12 * view + i] = radiance;
     }
@@ -207,10 +207,10 @@ _BACKWARD = (
     _SURFEL
     + """
     const SCALAR* pull_of_view = pull.data + 12LL * views * surfel;
-    SCALAR matte_pull[6] = {};
+    SCALAR diffuse_pull[6] = {};
     for (int view = 0; view < views; ++view)
         if (faces(wo_of_view + 3 * view))
-            for (int i = 0; i < 6; ++i) matte_pull[i] += pull_of_view[12 * view + i];
+            for (int i = 0; i < 6; ++i) diffuse_pull[i] += pull_of_view[12 * view + i];
     bool pulled = false;
     for (int i = 0; i < 12 * views; ++i) pulled |= pull_of_view[i] != zero;
     if (!(seen_from_any && pulled)) {
@@ -230,22 +230,22 @@ _BACKWARD = (
     + """
         SCALAR incident_pull[6][LANES];
         for (int i = 0; i < 6; ++i)
-            for (int c = 0; c < LANES; ++c) incident_pull[i][c] = albedo[i % 3] / pi * matte_pull[i];
-        for (int view = 0; view < glossy_views; ++view) {
+            for (int c = 0; c < LANES; ++c) incident_pull[i][c] = albedo[i % 3] / pi * diffuse_pull[i];
+        for (int view = 0; view < specular_views; ++view) {
             const SCALAR ox = wo_of_view[3 * view], oy = wo_of_view[3 * view + 1], oz = wo_of_view[3 * view + 2];
             const SCALAR view_cosine = nx * ox + ny * oy + nz * oz;
             if (!(view_cosine > zero)) continue;
             const SCALAR view_term = view_cosine * (one - k) + k;
-            SCALAR glossy_pull[6];
-            for (int i = 0; i < 6; ++i) glossy_pull[i] = pull_of_view[12 * view + 6 + i];
+            SCALAR specular_pull[6];
+            for (int i = 0; i < 6; ++i) specular_pull[i] = pull_of_view[12 * view + 6 + i];
             for (int c = 0; c < LANES; ++c) {
 """
     + _LOBE
     + """
                 SCALAR arriving = zero;
                 for (int i = 0; i < 6; ++i) {
-                    arriving += glossy_pull[i] * incident[i][c];
-                    incident_pull[i][c] += lobe * glossy_pull[i];
+                    arriving += specular_pull[i] * incident[i][c];
+                    incident_pull[i][c] += lobe * specular_pull[i];
                 }
                 // The loss's answer to a relative change of the lobe, of its terms, and of what those depend on.
                 const SCALAR relative = lobe * flow[c] * arriving;
@@ -293,7 +293,7 @@ _BACKWARD = (
     for (int i = 0; i < 3; ++i) {
         grad_normal.data[3 * surfel + i] = sum_of(normal_pull[i]);
         grad_albedo.data[3 * surfel + i]
-            = (matte_pull[i] * sum_of(matte[i]) + matte_pull[3 + i] * sum_of(matte[3 + i])) / pi;
+            = (diffuse_pull[i] * sum_of(diffuse[i]) + diffuse_pull[3 + i] * sum_of(diffuse[3 + i])) / pi;
     }
     // d log D / d log(alpha^2) and d / d k, each times what remains of the chain to r.
     grad_roughness.data[surfel]
@@ -324,7 +324,7 @@ def shade_kernels(dtype: torch.dtype) -> Any:
         visibility: flat
         indirect: flat
         environment: flat
-        glossy: wp.array(dtype=wp.int32)
+        specular_at: wp.array(dtype=wp.int32)
 
     @wp.func_native(_written_for(_FORWARD, dtype))
     def shade_surfel(surfel: wp.int32, given: Inputs, out: flat): ...
@@ -377,7 +377,7 @@ def _written_for(snippet: str, dtype: torch.dtype) -> str:
         "CPU_LANES": str(CPU_LANES),
         "ATAN_TERMS": str(atan_terms),
         "EXP_TERMS": str(exp_terms),
-        "BASE": repr(FRESNEL_NORMAL),
+        "F0": repr(FRESNEL_NORMAL),
     }
     for word, text in words.items():
         snippet = snippet.replace(word, text)

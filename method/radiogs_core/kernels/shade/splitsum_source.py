@@ -91,7 +91,7 @@ _LIGHT = """
     const SCALAR m[3] = {two * cosine * n[0] - o[0], two * cosine * n[1] - o[1], two * cosine * n[2] - o[2]};
     const Place facing = place_of(n), mirrored = place_of(m);
     const int rows = given.grid_height, columns = 2 * given.grid_height;
-    const Texels matt = texels_of(facing, rows, columns), smooth = texels_of(mirrored, rows, columns);
+    const Texels at_normal = texels_of(facing, rows, columns), at_mirrored = texels_of(mirrored, rows, columns);
     const Texels sharp = texels_of(mirrored, given.sharp_height, given.sharp_width);
     const SCALAR level = roughness / SCALAR(FIRST_LEVEL);
     // The comparisons keep a roughness that is no number what it is.
@@ -104,9 +104,9 @@ _LIGHT = """
     const SCALAR* first_level = given.glossy.data + 3LL * lower * rows * columns;
     const SCALAR* second_level = first_level + 3LL * rows * columns;
     SCALAR irradiance[3], one_level[3], next_level[3], itself[3], light[3];
-    read(given.diffuse.data, matt, irradiance);
-    read(first_level, smooth, one_level);
-    read(second_level, smooth, next_level);
+    read(given.diffuse.data, at_normal, irradiance);
+    read(first_level, at_mirrored, one_level);
+    read(second_level, at_mirrored, next_level);
     read(given.sharp.data, sharp, itself);
     const SCALAR top = reflectance_at(i, j) + beyond * (reflectance_at(i, j + 1) - reflectance_at(i, j));
     const SCALAR bottom = reflectance_at(i + 1, j) + beyond * (reflectance_at(i + 1, j + 1) - reflectance_at(i + 1, j));
@@ -164,13 +164,13 @@ _BACKWARD = (
             for (int c = 0; c < 3; ++c) to_direction[c] += along_u * place.by_u[c] + along_v * place.by_v[c];
         };
         SCALAR to_mirrored[3] = {zero, zero, zero};
-        hand_on(given.diffuse.data, grad_diffuse.data, matt, facing, to_irradiance, one, to_normal);
+        hand_on(given.diffuse.data, grad_diffuse.data, at_normal, facing, to_irradiance, one, to_normal);
         SCALAR* to_first = grad_glossy.data + (first_level - given.glossy.data);
         SCALAR* to_second = grad_glossy.data + (second_level - given.glossy.data);
         const SCALAR coarser = one - finer;
         const SCALAR of_first = coarser * (one - rougher), of_second = coarser * rougher;
-        hand_on(first_level, to_first, smooth, mirrored, to_light, of_first, to_mirrored);
-        if (rougher > zero) hand_on(second_level, to_second, smooth, mirrored, to_light, of_second, to_mirrored);
+        hand_on(first_level, to_first, at_mirrored, mirrored, to_light, of_first, to_mirrored);
+        if (rougher > zero) hand_on(second_level, to_second, at_mirrored, mirrored, to_light, of_second, to_mirrored);
         if (finer > zero) hand_on(given.sharp.data, grad_sharp.data, sharp, mirrored, to_light, finer, to_mirrored);
         // The place between the levels moves with roughness, as does the place in the table.
         SCALAR by_rougher = zero, by_finer = zero;

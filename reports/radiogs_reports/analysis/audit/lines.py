@@ -132,7 +132,7 @@ def last_stage_seconds(run: RunSummary) -> float | None:
 
 
 def _loss(mine: Mapping[Pair, RunSummary], full: Mapping[Pair, RunSummary], column: str) -> Estimate | None:
-    return paired_difference(*(_known(runs, lambda run: run["figures"].get(column)) for runs in (full, mine)))
+    return paired_difference(*(_known(runs, lambda run: run["metrics"].get(column)) for runs in (full, mine)))
 
 
 def _known(runs: Mapping[Pair, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Pair, float]:

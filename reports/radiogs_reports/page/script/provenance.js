@@ -53,7 +53,7 @@
       });
       body.append(button);
     }
-    const parts = { "What the key is made of": run.made_from, Metrics: run.figures, Seconds: run.seconds, Work: run.work, "Last losses": run.losses, Effects: run.effects ?? {} };
+    const parts = { "What the key is made of": run.made_from, Metrics: run.metrics, Seconds: run.seconds, Work: run.work, "Last losses": run.losses, Effects: run.effects ?? {} };
     for (const [title, content] of Object.entries(parts)) {
       if (Object.keys(content).length) body.append(part(title, content));
     }

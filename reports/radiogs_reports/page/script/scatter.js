@@ -28,8 +28,8 @@
   function collect(column, cost) {
     const rows = data.points[column.key][cost].map((point) => ({ ...point, large: true }));
     const cells = data.runs
-      .filter((run) => typeof run.figures[column.key] === "number" && run.cost[cost] !== null)
-      .map((run) => ({ row: run.row, cost: run.cost[cost], quality: run.figures[column.key], run, large: false }));
+      .filter((run) => typeof run.metrics[column.key] === "number" && run.cost[cost] !== null)
+      .map((run) => ({ row: run.row, cost: run.cost[cost], quality: run.metrics[column.key], run, large: false }));
     return [...rows, ...cells].sort((one, other) => one.cost - other.cost);
   }
 

@@ -1,0 +1,188 @@
+"""L_PBR, the physical radiance that stage 2 compares with the images and with the surfels' own: two ways to find it.
+
+``MonteCarlo`` is the paper's, Eq. 8 over traced rays, of which an effect plan may leave some out; ``SplitSum`` is
+pre-filtered light without occlusion or indirect light.
+"""
+
+from collections.abc import Mapping
+from typing import Any, Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.instruments import part
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.splatting import shade_surfels, towards
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+
+from ..budget import Budget
+from ..consistency import RadiometricConsistency, split_sum_consistency_loss
+from ..effects.decide.planner import Planner
+from ..effects.decide.staleness import Staleness, staleness
+from ..effects.measure.step_cost import Step
+from ..model import Model
+from ..tracing import Rays
+from ..variant import Variant
+from .incident_cache import IncidentCache, incident_policy
+
+NO_RAYS = EffectPlan(visibility=False, indirect=False)
+
+
+@runtime_checkable
+class Shader(Protocol):
+    """A way to find L_PBR while materials and light are learnt."""
+
+    @property
+    def plan(self) -> EffectPlan:
+        """What is simulated."""
+
+    @property
+    def evidence(self) -> tuple[Mapping[str, Any], ...]:
+        """The records of the decisions that led to the plan."""
+
+    def due(self, iteration: int) -> bool:
+        """Whether to plan anew before this step."""
+
+    def plan_anew(self, model: Model, probed: Model, views: tuple[TrainingView, ...], iteration: int) -> None:
+        """Decide by evidence from ``probed`` what is simulated of ``model`` from now on."""
+
+    def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
+        """L_rad, without its weight."""
+
+    def radiance(
+        self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
+    ) -> Float[Tensor, "surfels 3"]:
+        """L_PBR of every surfel towards unit ``outgoing``, linear RGB. ``light``: the model's, filtered."""
+
+    def state(self) -> dict[str, Any]:
+        """Tensors and plain values from which to continue bit for bit."""
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Continue from a state."""
+
+
+class SplitSum:
+    """Pre-filtered light: no ray, nothing to plan, no state."""
+
+    plan = everything()
+    evidence: tuple[Mapping[str, Any], ...] = ()
+
+    def due(self, iteration: int) -> bool:
+        """Never."""
+        return False
+
+    def plan_anew(self, model: Model, probed: Model, views: tuple[TrainingView, ...], iteration: int) -> None:
+        """Nothing: there is no effect to leave out."""
+
+    def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
+        """L_rad over all surfels, towards the camera."""
+        outgoing = towards(camera, model.surfels)
+        return split_sum_consistency_loss(model.surfels, PrefilteredLight(model.environment), outgoing)[0]
+
+    def radiance(
+        self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
+    ) -> Float[Tensor, "surfels 3"]:
+        """Diffuse and specular radiance of every surfel."""
+        surfels = model.surfels
+        diffuse, specular = split_sum_radiance(
+            surfels.frame[..., 2], surfels.albedo, surfels.roughness, outgoing, light
+        )
+        return diffuse + specular
+
+    def state(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Nothing."""
+
+
+class MonteCarlo:
+    """Eq. 8 over traced rays: L_rad from rays of N_g random surfels, L_PBR from the light that was cached of all.
+
+    ``surfels``: as stage 2 begins with them. ``generator``: draws surfels and directions.
+    """
+
+    def __init__(
+        self, variant: Variant, budget: Budget, seed: int, surfels: Surfels, generator: torch.Generator
+    ) -> None:
+        self.budget, self.seed, self.generator = budget, seed, generator
+        self.radiometric = RadiometricConsistency.of(variant)
+        self.planner = Planner(variant.effects, seed, budget.inverse_iterations, budget.incident_samples)
+        # Before the first step it may be decided that few rays are needed: none are traced for nothing.
+        plan = NO_RAYS if self.planner.due(0) else self.plan
+        policy = incident_policy(variant.incident)
+        self.cache = IncidentCache(surfels, Rays.of(variant), policy, budget, generator, plan)
+
+    @property
+    def plan(self) -> EffectPlan:
+        """What is simulated."""
+        return self.planner.plan
+
+    @property
+    def evidence(self) -> tuple[Mapping[str, Any], ...]:
+        """The records of the decisions that led to the plan."""
+        return tuple(each.plain() for each in self.planner.evidence)
+
+    def due(self, iteration: int) -> bool:
+        """Whether to probe before this step."""
+        return self.planner.due(iteration)
+
+    def plan_anew(self, model: Model, probed: Model, views: tuple[TrainingView, ...], iteration: int) -> None:
+        """Probe what the scene calls for now; another plan begins with incident light of its own."""
+        budget, surfels = self.budget, probed.surfels
+        step = Step(len(surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+        with part("probe"):
+            stale = self._staleness(probed, iteration) if iteration else None
+            kept = self.cache.kept(surfels, self.plan, self.planner.samples)
+            other_rays = self.planner.observe(surfels, probed.environment, views, step, iteration, stale, kept)
+        if not iteration or (other_rays and self.cache.policy.traced_again):
+            self.cache.renew(model.surfels, self.plan, iteration)
+
+    def _staleness(self, probed: Model, iteration: int) -> Staleness | None:
+        """How far the cached light is off by now; None where none is ever traced again."""
+        if not (self.plan.traces and self.cache.policy.traced_again):
+            return None
+        self.cache.tracer.follow(probed.surfels)
+        drawn = torch.Generator(self.generator.device).manual_seed(self.seed + iteration)
+        return staleness(self.cache.tracer, probed.surfels, probed.environment, self.cache.incident, self.plan, drawn)
+
+    def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
+        """L_rad over N_g random surfels, from rays traced now."""
+        surfels, plan = model.surfels, self.plan
+        drawn = torch.randperm(len(surfels), generator=self.generator, device=self.generator.device)
+        index = drawn[: self.budget.consistency_surfels]
+        incident = self.cache.light_on(index, surfels, plan, iteration)
+        specular_at = plan.specular_among(surfels.albedo_logit)
+        return self.radiometric.loss(surfels, model.environment, camera, index, incident, self.generator, specular_at)
+
+    def radiance(
+        self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
+    ) -> Float[Tensor, "surfels 3"]:
+        """The Monte-Carlo sum of every surfel over its cached light."""
+        surfels, specular_at = model.surfels, self.plan.specular_among(model.surfels.albedo_logit)
+        parts = shade_surfels(
+            surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular_at
+        )
+        return parts[:, 0].sum(1)
+
+    def state(self) -> dict[str, Any]:
+        """The cached light, and the plan with its evidence."""
+        return {"incident": vars(self.cache.incident), "effects": self.planner.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.planner.restore(state["effects"])
+        self.cache.incident = Incident(**state["incident"])
+
+
+def shader_of(
+    variant: Variant, budget: Budget, seed: int, surfels: Surfels, generator: torch.Generator
+) -> MonteCarlo | SplitSum:
+    """The variant's way of shading."""
+    return SplitSum() if variant.shading == "split-sum" else MonteCarlo(variant, budget, seed, surfels, generator)

@@ -1,0 +1,60 @@
+"""The Python API, by the walk of docs/python_api.md as it stands there."""
+
+import re
+from pathlib import Path
+
+import pytest
+import torch
+
+import radiogs_bench as rb
+from radiogs_bench import api
+from radiogs_bench.cli import main
+from radiogs_core.errors import DataError, UsageError
+
+WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
+
+
+def test_the_walk_of_the_documentation_runs_as_it_stands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "ablations", "--preset", "smoke", "--scenes", "corner", "--out", "out/ablations"]) == 0
+    blocks = re.findall(r"```python\n(.*?)```", WALK.read_text(), flags=re.DOTALL)
+    names: dict[str, object] = {}
+    capsys.readouterr()
+    for block in blocks:
+        exec(compile(block, str(WALK), "exec"), names)
+    said = capsys.readouterr().out
+    assert "corner 32 training views" in said
+    assert "detach-surfel" in said
+    assert (tmp_path / "out" / "no-rad" / "surfels.ply").exists()
+    again = rb.train("radiogs", "corner", preset="smoke", variant={"radiometric_weight": 0.0}, out="out/no-rad")
+    kept = names["kept"]
+    assert isinstance(kept, api.Model)
+    for name, value in kept.trained.tensors()["surfels"].items():
+        assert torch.equal(value, again.trained.tensors()["surfels"][name])
+
+
+def test_every_public_name_is_there_and_documented() -> None:
+    walk = WALK.read_text()
+    assert set(api.__all__) == set(rb.__all__) - {"__version__"}
+    for name in api.__all__:
+        assert getattr(rb, name) is getattr(api, name)
+        assert f"rb.{name}" in walk
+
+
+def test_what_is_wrong_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no method 'radiogz'"):
+        rb.train("radiogz", "corner")
+    with pytest.raises(UsageError, match="radiometric_wait"):
+        rb.train("radiogs", "corner", variant={"radiometric_wait": 0.0})
+    with pytest.raises(UsageError, match="unknown preset"):
+        rb.train("radiogs", "corner", preset="tinny")
+    with pytest.raises(DataError, match="nothing was trained"):
+        rb.open_model(tmp_path)
+    with pytest.raises(DataError, match="no run in"):
+        rb.open_store(tmp_path)
+    with pytest.raises(UsageError, match=r"neither \.hdr nor \.exr"):
+        rb.read_light(tmp_path / "light.png")
+    with pytest.raises(AttributeError, match="no attribute 'utils'"):
+        _ = rb.utils
