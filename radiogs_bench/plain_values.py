@@ -124,6 +124,18 @@ def to_plain(value: Any) -> dict[str, Any]:
     return plain
 
 
+def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, with dotted names.
+
+    >>> flat({"weights": {"normal": 0.05}, "seed": 1})
+    {'weights.normal': 0.05, 'seed': 1}
+    """
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
+    return found
+
+
 def _is_list(hint: Any) -> bool:
     return get_origin(hint) is tuple
 

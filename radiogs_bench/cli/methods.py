@@ -53,6 +53,7 @@ def _show_all(described: list[dict[str, Any]]) -> None:
 def _show_one(described: Mapping[str, Any]) -> None:
     from rich.table import Table
 
+    from ..plain_values import flat
     from .reporter import say, show
 
     say(f"{described['name']}: {described['title']}, from {described['origin']}")
@@ -69,15 +70,3 @@ def _show_one(described: Mapping[str, Any]) -> None:
     for name, value in flat(described["variant"]).items():
         fields.add_row(name, json.dumps(value))
     show(fields)
-
-
-def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as one, with dotted names.
-
-    >>> flat({"weights": {"normal": 0.05}, "seed": 1})
-    {'weights.normal': 0.05, 'seed': 1}
-    """
-    found: dict[str, Any] = {}
-    for name, value in values.items():
-        found |= flat(value, f"{prefix}{name}.") if isinstance(value, Mapping) else {f"{prefix}{name}": value}
-    return found

@@ -1,5 +1,6 @@
 """What missing cells will take, judged by what the store has measured of their like."""
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -80,8 +81,7 @@ def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
 def _kinds(cell: Mapping[str, Any]) -> list[str]:
     """What decides how much work a cell is, the nearest likeness first."""
     named = ("method", "experiment", "settings", "budget", "device", "protocol")
-    common = [(name, sorted(cell[name].items()) if isinstance(cell[name], dict) else cell[name]) for name in named]
-    variant = sorted(cell["variant"].items())
-    return [
-        repr((common, *likeness)) for likeness in ((variant, cell["checksum"]), (variant,), (cell["checksum"],), ())
-    ]
+    common = {name: cell[name] for name in named}
+    variant, scene = {"variant": cell["variant"]}, {"checksum": cell["checksum"]}
+    # As JSON with sorted keys: a stored cell's nested fields stand in another order than those of a new one.
+    return [json.dumps(common | likeness, sort_keys=True) for likeness in (variant | scene, variant, scene, {})]

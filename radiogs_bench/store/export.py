@@ -9,6 +9,7 @@ import pandas as pd
 
 from radiogs_core.errors import UsageError
 
+from ..plain_values import flat
 from .atomic import write_atomically
 from .folder import Store
 from .schema import Result
@@ -59,7 +60,7 @@ def _of_cell(result: Result) -> dict[str, Any]:
     return {
         "scene": result["scene"],
         "method": cell["method"],
-        **{f"variant.{name}": value for name, value in cell["variant"].items()},
+        **{f"variant.{name}": value for name, value in flat(cell["variant"]).items()},
         "budget": cell["budget"]["name"],
         **{name: cell[name] for name in ("seed", "device")},
         "protocol": result["protocol"]["name"],

@@ -12,9 +12,9 @@ from method.test_stages import BUDGET, CPU, SCENE
 from radiogs.learning import MaterialLearning
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
+from radiogs_bench.plain_values import from_plain
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.plain import from_plain
 from radiogs_core.surfels.starting_points import SurfelStart
 
 OTHER = {
@@ -140,15 +140,17 @@ def test_a_variant_is_hashable_and_comes_back_from_its_file() -> None:
         if "." in path:
             variant = turned(variant, path, other(path, value))
     assert hash(variant) != hash(BASE)
-    assert from_plain(Variant, json.loads(json.dumps(asdict(variant)))) == variant
+    assert from_plain(Variant, json.loads(json.dumps(asdict(variant))), "variant") == variant
 
 
 def test_a_row_turns_one_field_by_a_nested_table_and_leaves_the_others() -> None:
-    variant = from_plain(Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}})
+    variant = from_plain(
+        Variant, {"materials": {"weights": {"mask": 0.5}}, "geometry": {"backgrounds": [0.0]}}, "variant"
+    )
     assert variant.materials.weights.mask == 0.5
     assert variant == turned(turned(Variant(), "materials.weights.mask", 0.5), "geometry.backgrounds", (0.0,))
 
 
 def test_a_field_that_does_not_exist_is_refused_with_the_nearest_one() -> None:
-    with pytest.raises(UsageError, match=r"MaterialWeights has no field 'masks'\n.*'mask'"):
-        from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}})
+    with pytest.raises(UsageError, match=r"materials.weights: there is no field 'masks'\n.*'mask'"):
+        from_plain(Variant, {"materials": {"weights": {"masks": 0.5}}}, "variant")
