@@ -14,19 +14,20 @@ from radiogs_core.surfels.surfels import Surfels
 from .budget import Budget
 from .effects.decide.difference_maps import difference_maps
 from .effects.decide.evidence import Evidence
-from .effects.decide.probe import Findings, probe
-from .effects.decide.relighting import IN_RELIGHTING, settle_light_sampling
-from .effects.measure.prices import Step
+from .effects.decide.new_light import IN_RELIGHTING, decide_light_sampling
+from .effects.decide.probe import Findings, Occasion, probe
+from .effects.measure.probe_scene import ProbeRays, ProbeScene, trace_scene
 from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
-from .effects.measure.subject import Subject, subject_of
+from .effects.measure.step_cost import Step
 from .model import Model
-from .relighting import probed_under, training_share, training_sights
+from .relighting import probe_relighting, training_viewpoints
 
 EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
-"""What a probe of a scene looks at: the radiance that its surfels are given is the same to all sides."""
+"""Effects that a probe of a scene measures: view-dependence is none, as true surfels are given the same radiance in all
+directions."""
 
 EFFECTS_OF_MODELS = (*EFFECTS, "view-dependence")
-"""What a probe of a trained model looks at."""
+"""Effects that a probe of a trained model measures."""
 
 SPACING = 0.08
 """World units between the surfels that are laid on a scene's true surfaces; generated scenes are 2 to 3 across."""
@@ -40,12 +41,12 @@ def probed(run: Run, model: Model | None, light: EnvironmentMap | None) -> Probe
     if light is not None:
         return shown(*findings_under(run, model, light), IN_RELIGHTING)
     if model is not None:
-        subject = subject_of_model(run, model)
-        return shown(subject, findings_of(subject, run, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)
-    subject, decay = subject_of_scene(run)
-    found = findings_of(subject, run)
-    found = with_record(found, sampling_of(run, subject, found))
-    return shown(subject, found, EFFECTS, bounces_needed(found, decay))
+        scene = probe_scene_of_model(run, model)
+        return shown(scene, findings_of(scene, run, EFFECTS_OF_MODELS), EFFECTS_OF_MODELS)
+    scene, decay = probe_scene(run)
+    found = findings_of(scene, run)
+    found = with_record(found, sampling_of(run, scene, found))
+    return shown(scene, found, EFFECTS, bounces_needed(found, decay))
 
 
 def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, EnvironmentMap]:
@@ -64,47 +65,45 @@ def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, Environ
     return surfels_on(samples), scene.training_light
 
 
-def subject_of_scene(run: Run) -> tuple[Subject, Decay]:
-    """The scene as surfels that are true to it, seen from its training views. Raises DataError (see ``true_model``)."""
+def probe_scene(run: Run) -> tuple[ProbeScene, Decay]:
+    """The run's scene by its true surfaces and light, and how light decays in it. Raises DataError (``true_model``)."""
     samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
     surfels, decay = solved(surfels, light, samples, run.seed)
-    sights, share = training_sights(run.scene, torch.device("cpu")), training_share(run.scene, surfels)
-    generator = torch.Generator().manual_seed(run.seed)
-    return subject_of(surfels, light.radiance, sights, share, samples, generator, bounces=True, offset=OFFSET), decay
+    rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), OFFSET)
+    return trace_scene(surfels, light.radiance, training_viewpoints(run.scene, surfels), rays, bounces=True), decay
 
 
-def subject_of_model(run: Run, model: Model) -> Subject:
-    """A trained model, seen from training views of its scene."""
-    surfels, samples = model.surfels, run.budget.incident_samples
+def probe_scene_of_model(run: Run, model: Model) -> ProbeScene:
+    """A trained model of the run's scene, under the light that it has recovered."""
+    surfels = model.surfels
     generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
-    sights, share = training_sights(run.scene, surfels.centre.device), training_share(run.scene, surfels)
-    return subject_of(surfels, model.environment, sights, share, samples, generator, bounces=True)
+    rays = ProbeRays(run.budget.incident_samples, generator)
+    return trace_scene(surfels, model.environment, training_viewpoints(run.scene, surfels), rays, bounces=True)
 
 
-def findings_of(subject: Subject, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
-    """What stage 2 with the run's budget would leave out of a subject."""
+def findings_of(scene: ProbeScene, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
+    """What stage 2 with the run's budget would leave out."""
     budget: Budget = run.budget
-    step = Step(len(subject.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
-    return probe(subject, step, run.seed, effects=effects)
+    step = Step(len(scene.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+    return probe(scene, step, Occasion(run.seed), effects=effects)
 
 
-def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[Subject, Findings]:
-    """What relighting a model by ``light`` would leave out, and what was looked at; None: the scene as it truly is."""
+def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[ProbeScene, Findings]:
+    """What relighting by ``light`` would leave out, and the scene that was probed; without a model, the true one."""
     if model is not None:
-        return probed_under(model, light, torch.ones(3), run)
-    subject, _ = subject_of_scene(run)
-    true = Model(subject.surfels, subject.environment.log())
-    on_cpu = replace(run, device=torch.device("cpu"))
-    return probed_under(true, light, torch.ones(3), on_cpu, offset=OFFSET)
+        return probe_relighting(model, light, torch.ones(3), run)
+    scene, _ = probe_scene(run)
+    true = Model(scene.surfels, scene.environment.log())
+    return probe_relighting(true, light, torch.ones(3), run, offset=OFFSET)
 
 
-def sampling_of(run: Run, subject: Subject, found: Findings) -> Evidence:
+def sampling_of(run: Run, scene: ProbeScene, found: Findings) -> Evidence:
     """Whether relighting by the scene's own light needs directions that are drawn from it."""
     light, budget = run.scene.training_light, run.budget
     if light is None:
         raise DataError(f"the light of scene '{run.scene.name}' is not known", "There is nothing to draw from.")
-    return settle_light_sampling(
-        subject.surfels, light, found.tolerance,
+    return decide_light_sampling(
+        scene.surfels, light, found.tolerance,
         budget.relight_hemisphere_samples, budget.relight_light_samples, run.seed,
     )  # fmt: skip
 
@@ -125,10 +124,10 @@ def bounces_needed(found: Findings, decay: Decay) -> int:
     return decay.needed(first, tolerated)
 
 
-def shown(subject: Subject, found: Findings, effects: tuple[str, ...], bounces: int | None = None) -> Probe:
-    """Findings as plain data, with pictures of what leaving out each of ``effects`` changes in the first sight."""
-    full, differences = difference_maps(subject, effects)
-    taken = subject.sights[0].target
+def shown(scene: ProbeScene, found: Findings, effects: tuple[str, ...], bounces: int | None = None) -> Probe:
+    """Findings as plain data, with images of what leaving out each of ``effects`` changes in the first view."""
+    full, differences = difference_maps(scene, effects)
+    taken = scene.views[0].target
     return Probe(
         tolerance=found.tolerance.decibel,
         mse=found.tolerance.mse,

@@ -29,11 +29,11 @@ from radiogs_core.transport.tracer import (
 )
 
 from .effects.decide.evidence import Evidence
-from .effects.decide.planner import SIGHTS
+from .effects.decide.new_light import model_error, plan_for_light, scene_under
+from .effects.decide.planner import PROBE_VIEWS
 from .effects.decide.probe import Findings
-from .effects.decide.relighting import own_error, plan_for_light, subject_under
-from .effects.measure.share import image_share
-from .effects.measure.subject import Sight, Subject
+from .effects.measure.image_share import image_share
+from .effects.measure.probe_scene import ProbeScene, ProbeView, Viewpoints
 from .model import Model
 
 
@@ -62,7 +62,7 @@ def relit_under(
     """
     if run.variant.effects != "auto":
         return relight(model, light, albedo_scale, run, plan_of(run.variant.effects), after_step)
-    _, found = probed_under(model, light, albedo_scale, run, share)
+    _, found = probe_relighting(model, light, albedo_scale, run, share)
     relit = relight(model, light, albedo_scale, run, found.plan, after_step)
     relit.evidence = found.evidence
     return relit
@@ -116,35 +116,38 @@ def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_st
 
 
 def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """The part of the training pictures that each surfel is."""
+    """Each surfel's share of the training images."""
     return image_share((view.camera for view in scene.train), surfels)
 
 
-def training_sights(scene: Scene, device: torch.device) -> tuple[Sight, ...]:
-    """Training views that a probe looks from, evenly spread over their list, with their images on black."""
-    chosen = scene.train[:: max(1, len(scene.train) // SIGHTS)][:SIGHTS]
-    return tuple(Sight(view.camera, view.over(0.0)) for view in load(chosen, device))
+def training_viewpoints(scene: Scene, surfels: Surfels, share: Float[Tensor, " surfels"] | None = None) -> Viewpoints:
+    """Training views that a probe looks from, evenly spread over their list, with their images on black.
+
+    ``share``: ``training_share`` of the surfels where it is known already.
+    """
+    chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
+    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
+    return Viewpoints(views, training_share(scene, surfels) if share is None else share)
 
 
-def probed_under(
+def probe_relighting(
     model: Model,
     light: EnvironmentMap,
     albedo_scale: Float[Tensor, "3"],
     run: Run,
     share: Float[Tensor, " surfels"] | None = None,
     offset: float = SELF_OFFSET,
-) -> tuple[Subject, Findings]:
-    """What relighting a model by ``light`` may leave out, and what was looked at.
+) -> tuple[ProbeScene, Findings]:
+    """What relighting a model by ``light`` may leave out, and the scene that was probed.
 
     ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations.
     """
-    surfels, sights = model.surfels, training_sights(run.scene, run.device)
-    share = training_share(run.scene, surfels) if share is None else share
-    albedo = surfels.albedo.detach() * albedo_scale.to(run.device)
-    lit_by = EnvironmentMap(light.radiance.to(run.device))
-    subject = subject_under(surfels, albedo, lit_by, sights, share, run.seed, offset)
+    surfels, device = model.surfels, model.surfels.centre.device
+    viewpoints = training_viewpoints(run.scene, surfels, share)
+    albedo = surfels.albedo.detach() * albedo_scale.to(device)
+    scene = scene_under(surfels, albedo, EnvironmentMap(light.radiance.to(device)), viewpoints, run.seed, offset)
     directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
-    return subject, plan_for_light(subject, own_error(surfels, sights), *directions, run.seed)
+    return scene, plan_for_light(scene, model_error(surfels, viewpoints.views), *directions, run.seed)
 
 
 class RelitByRays:
@@ -168,7 +171,7 @@ class RelitByRays:
 
 
 class RelitBySurfels:
-    """The radiance that fine-tuning has left in the surfels, splatted: no ray, no shading."""
+    """The radiance that fine-tuning has left in the surfels, rendered_views: no ray, no shading."""
 
     def __init__(self, surfels: Surfels) -> None:
         self.surfels = surfels

@@ -11,17 +11,25 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs.budget import budget
-from radiogs.effects.decide.judge import Judge
+from radiogs.effects.decide.assessment import Assessment
+from radiogs.effects.decide.new_light import concentration, model_error, plan_for_light, reference_colour, scene_under
 from radiogs.effects.decide.planner import Planner
-from radiogs.effects.decide.probe import Findings, _accepted, probe
-from radiogs.effects.decide.relighting import concentration, own_error, plan_for_light, reference_colour, subject_under
-from radiogs.effects.decide.staleness import Staleness, settle_refresh
+from radiogs.effects.decide.probe import Findings, Occasion, _accepted, probe
+from radiogs.effects.decide.staleness import Staleness, decide_refresh
 from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.candidates import Candidates
-from radiogs.effects.measure.gradient import pull_of_images
-from radiogs.effects.measure.prices import Step
-from radiogs.effects.measure.share import image_share
-from radiogs.effects.measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
+from radiogs.effects.measure.gradient import image_gradient
+from radiogs.effects.measure.image_share import image_share
+from radiogs.effects.measure.plan_radiance import PlanRadiance
+from radiogs.effects.measure.probe_scene import (
+    SHARP_ROUGHNESS,
+    KeptLight,
+    ProbeRays,
+    ProbeScene,
+    ProbeView,
+    Viewpoints,
+    trace_scene,
+)
+from radiogs.effects.measure.step_cost import Step
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording
@@ -54,28 +62,26 @@ def cameras(height: float = 2.5) -> list[Any]:
     return [look_at(place, torch.zeros(3), 32, 40.0) for place in places]
 
 
-def subject(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> Subject:
-    """Seen under that light with everything on, as a method sees it whose images are off by ``noise``."""
-    blind = tuple(Sight(camera, None) for camera in cameras())
-    share = image_share(cameras(), surfels)
-    made = subject_of(
-        surfels, light, blind, share, SAMPLES, torch.Generator().manual_seed(seed), bounces=True, offset=0.1
-    )
+def seen(surfels: Surfels, light: torch.Tensor, noise: float = 0.02, seed: int = 0) -> ProbeScene:
+    """PosedImage under that light with everything on, as a method sees it whose images are off by ``noise``."""
+    blind = tuple(ProbeView(camera, None) for camera in cameras())
+    rays = ProbeRays(SAMPLES, torch.Generator().manual_seed(seed), offset=0.1)
+    made = trace_scene(surfels, light, Viewpoints(blind, image_share(cameras(), surfels)), rays, bounces=True)
     drawn = torch.Generator().manual_seed(99)
-    sights = tuple(
-        Sight(sight.camera, image + noise * torch.randn(image.shape, generator=drawn))
-        for sight in blind
-        for image in [shaded_maps(sight.camera, made.surfels, made.surfels.albedo, made.incident, light)["image"]]
+    views = tuple(
+        ProbeView(view.camera, image + noise * torch.randn(image.shape, generator=drawn))
+        for view in blind
+        for image in [shaded_maps(view.camera, made.surfels, made.surfels.albedo, made.incident, light)["image"]]
     )
-    return dataclasses.replace(made, sights=sights)
+    return dataclasses.replace(made, views=views)
 
 
 def step(surfels: Surfels) -> Step:
     return Step(len(surfels), 256, SAMPLES, 100)
 
 
-def found(made: Subject, seed: int = 0, **more: Any) -> Findings:
-    return probe(made, step(made.surfels), seed, **more)
+def found(made: ProbeScene, seed: int = 0, **more: Any) -> Findings:
+    return probe(made, step(made.surfels), Occasion(seed), **more)
 
 
 def grey(surfels: Surfels, radiance: float) -> Surfels:
@@ -87,14 +93,14 @@ def grey(surfels: Surfels, radiance: float) -> Surfels:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_around_a_sphere_alone_nothing_is_traced(seed: int) -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.12)
-    plan = found(subject(ball, sky(), seed=seed), seed).plan
+    plan = found(seen(ball, sky(), seed=seed), seed).plan
     assert not plan.traces
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_under_a_table_light_is_traced(seed: int) -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), Material((0.05, 0.05, 0.05), 0.8))
-    made = subject(surfels_over([FLOOR, table], 0.12), sky(), seed=seed)
+    made = seen(surfels_over([FLOOR, table], 0.12), sky(), seed=seed)
     assert found(made, seed).plan.visibility
 
 
@@ -114,8 +120,8 @@ def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
     """0.3 % of the surfels stand around a pit that is two pixels wide."""
     floor, ring = surfels_over([FLOOR], 0.05), pit()
     assert len(ring) / len(floor) < 0.004
-    joined = {name: torch.cat([value, ring.parameters()[name]]) for name, value in floor.parameters().items()}
-    made = subject(Surfels.of(joined), sky(), noise=0.005)
+    combined = {name: torch.cat([value, ring.parameters()[name]]) for name, value in floor.parameters().items()}
+    made = seen(Surfels.of(combined), sky(), noise=0.005)
     plan = found(made).plan
     assert plan.traces
     if plan.traced is not None:
@@ -131,10 +137,10 @@ def test_without_a_difference_between_images_a_gradient_keeps_the_rays() -> None
     table = Box((-0.45, -0.45, 0.8), (0.45, 0.45, 0.85), Material((0.02, 0.02, 0.02), 0.9))
     light = sky()
     light[:5] = 1e-6  # more than 39 degrees high; the table's rim is at 45 degrees or higher
-    made = subject(grey(surfels_over([floor, table], 0.12), 0.0), light)
+    made = seen(grey(surfels_over([floor, table], 0.12), 0.0), light)
     # Everything is seen a tenth too bright: all pulls have one sign.
-    darker = tuple(Sight(sight.camera, 0.9 * sight.target) for sight in made.sights if sight.target is not None)
-    made = dataclasses.replace(made, sights=darker)
+    darker = tuple(ProbeView(view.camera, 0.9 * view.target) for view in made.views if view.target is not None)
+    made = dataclasses.replace(made, views=darker)
     record = found(made).evidence[0]
     assert record.effect == "visibility"
     assert record.measured is not None
@@ -148,15 +154,15 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
     """Under an even light two balls hardly shade each other; a sun throws the shadow of one onto the other."""
     balls = [Sphere((-0.45, 0.0, 0.0), 0.3, CLAY), Sphere((0.5, 0.15, 0.75), 0.3, CLAY)]
     surfels = surfels_over(balls, 0.1)
-    made = subject(surfels, sky())
+    made = seen(surfels, sky())
     sunny = torch.full((16, 32, 3), 0.2)
     sunny[4, 15] = 100.0  # 39 degrees high, azimuth 6 degrees
     even, sun = (
         {
             record.effect: record
             for record in plan_for_light(
-                subject_under(surfels, surfels.albedo, EnvironmentMap(light), made.sights, made.share, 0),
-                own_error(surfels, made.sights),
+                scene_under(surfels, surfels.albedo, EnvironmentMap(light), Viewpoints(made.views, made.share), 0),
+                model_error(surfels, made.views),
                 32,
                 32,
                 0,
@@ -176,7 +182,7 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
 
 def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree() -> None:
     """Of rough surfaces by closed form, albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
-    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 1.0))], 0.25)
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 0.99))], 0.25)
     light, sun = sun_and_sky(512)
     truth = reference_colour(ball, EnvironmentMap(light), torch.Generator().manual_seed(0))
     facing = (ball.frame[..., 2] @ sun).clamp(min=0)
@@ -198,13 +204,13 @@ def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_specular_parts_stay_where_they_show(seed: int) -> None:
     shiny = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.04, 0.04, 0.04), 0.2))], 0.12)
-    assert found(subject(shiny, sky(sun=8.0), seed=seed), seed).plan.specular
+    assert found(seen(shiny, sky(sun=8.0), seed=seed), seed).plan.specular
 
 
 def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
     """While roughness may yet be learnt, what it could still do counts as much as what it does; later it does not."""
     rough = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.9, 0.9, 0.9), 0.98))], 0.12)
-    final = subject(rough, sky(sun=8.0), noise=0.1)
+    final = seen(rough, sky(sun=8.0), noise=0.1)
     learning = dataclasses.replace(final, sharpest=SHARP_ROUGHNESS)
     assert found(learning, effects=("specular",)).plan.specular
     assert not found(final, effects=("specular",)).plan.specular
@@ -212,42 +218,42 @@ def test_a_specular_part_that_shows_only_when_smooth_is_kept() -> None:
 
 def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
-    assert Planner("auto", 0, 40, SAMPLES).subject(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
+    assert Planner("auto", 0, 40, SAMPLES).scene(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
 
 
 def test_harmonics_that_carry_nothing_are_left_out_and_others_are_kept() -> None:
     ball = grey(surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.08), 0.4)
-    made = subject(ball, sky())
+    made = seen(ball, sky())
     assert found(made, effects=("view-dependence",)).plan.sh_degree == 0
     ball.sh[:, 2] = 0.3
-    assert found(subject(ball, sky()), effects=("view-dependence",)).plan.sh_degree == 1
+    assert found(seen(ball, sky()), effects=("view-dependence",)).plan.sh_degree == 1
 
 
 def test_bolder_masks_leave_out_more_and_masked_images_lie_between() -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), CLAY)
-    made = subject(surfels_over([FLOOR, table], 0.12), sky())
-    candidates = Candidates(made)
-    full = candidates.radiance(everything()).detach()
+    made = seen(surfels_over([FLOOR, table], 0.12), sky())
+    radiance = PlanRadiance(made)
+    full = radiance.shaded(everything()).detach()
     masks = [made.occlusion > edge for edge in (0.05, 0.2, 0.4)]
-    reduced = [candidates.radiance(EffectPlan(traced=mask)).detach() for mask in masks]
+    reduced = [radiance.shaded(EffectPlan(traced=mask)).detach() for mask in masks]
     changes = [float((each - full).square().mean()) for each in reduced]
     assert changes == sorted(changes)
     everywhere = EffectPlan(traced=torch.ones(len(made.surfels), dtype=torch.bool))
-    assert torch.equal(candidates.radiance(everywhere).detach(), full)
+    assert torch.equal(radiance.shaded(everywhere).detach(), full)
 
 
 def test_a_probe_repeats_for_its_seed() -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.15)
-    assert found(subject(ball, sky())).evidence == found(subject(ball, sky())).evidence
+    assert found(seen(ball, sky())).evidence == found(seen(ball, sky())).evidence
 
 
 def test_gradients_are_pulled_by_the_images_errors() -> None:
     """Against central differences of the images' squared error, in the radiance of one surfel."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
-    made = subject(ball, sky())
-    pull = pull_of_images(Candidates(made))
+    made = seen(ball, sky())
+    pull = image_gradient(PlanRadiance(made))
     assert float(pull.abs().max()) > 0
-    behind = (Candidates(made).outgoing * made.surfels.frame[:, None, :, 2]).sum(-1) < -0.2
+    behind = (PlanRadiance(made).outgoing * made.surfels.frame[:, None, :, 2]).sum(-1) < -0.2
     assert not pull[behind].any()
 
 
@@ -289,8 +295,8 @@ class View:
         return self.image
 
 
-def views_of(made: Subject) -> list[View]:
-    return [View(sight.camera, sight.target) for sight in made.sights if sight.target is not None]
+def views_of(made: ProbeScene) -> list[View]:
+    return [View(view.camera, view.target) for view in made.views if view.target is not None]
 
 
 def without_rays() -> Planner:
@@ -308,7 +314,7 @@ def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
     planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
     assert planner.due(15)
-    changed = planner.observe(surfels, sky(), views_of(subject(surfels, sky())), step(surfels), 15)
+    changed = planner.observe(surfels, sky(), views_of(seen(surfels, sky())), step(surfels), 15)
     assert changed
     assert planner.plan.visibility
 
@@ -318,11 +324,11 @@ def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
     """Light that was kept since before a wall came is given up; light that knows the wall is as good as rays."""
     planner = without_rays()
     surfels = surfels_over([FLOOR, WALL], 0.12)
-    made = subject(surfels, sky())
+    made = seen(surfels, sky())
     direction, weight = hemisphere_directions(surfels.frame[..., 2], planner.samples, torch.Generator().manual_seed(3))
     anew = incident_along(SurfelTracer(surfels), direction, weight)
     light = unoccluded(direction, weight) if moved else anew
-    kept = Kept(torch.ones(len(surfels), dtype=torch.bool), light, anew)
+    kept = KeptLight(torch.ones(len(surfels), dtype=torch.bool), light, anew)
     changed = planner.observe(surfels, sky(), views_of(made), step(surfels), 15, kept=kept)
     assert changed == moved
     assert planner.plan.traces == moved
@@ -331,13 +337,13 @@ def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
 
 def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew() -> None:
     surfels = surfels_over([FLOOR, WALL], 0.12)
-    made = subject(surfels, sky())
+    made = seen(surfels, sky())
     direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
     mask = torch.arange(len(surfels)) % 3 == 0
     lit = unoccluded(direction[mask], weight[mask])
-    kept = Kept(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
+    kept = KeptLight(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
     with recording() as instruments:
-        found = Planner("auto", 0, 30, SAMPLES).subject(surfels, sky(), views_of(made), 5, kept)
+        found = Planner("auto", 0, 30, SAMPLES).scene(surfels, sky(), views_of(made), 5, kept)
     assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
     assert torch.equal(found.incident.direction[mask], direction[mask])
     assert (found.incident.visibility[mask] == 0.5).all()
@@ -348,16 +354,16 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
 def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
     tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
     still = Staleness(1e-9 * torch.rand(200))
-    factor, record = settle_refresh(still, tolerance, budgeted, everything(), 10, 0, 1e-3)
+    factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)
     assert (factor, record.verdict) == (2, "off")
     moving = Staleness(1e-2 * torch.rand(200))
-    factor, record = settle_refresh(moving, tolerance, budgeted, EffectPlan(refresh=2), 20, 0, 1e-3)
+    factor, record = decide_refresh(moving, tolerance, budgeted, Occasion(0, 20, EffectPlan(refresh=2)), 1e-3)
     assert (factor, record.verdict) == (1, "on")
 
 
 @pytest.mark.parametrize("refused", [{"visibility", "indirect"}, {"visibility", "indirect", "samples"}])
 def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_out(refused: set[str]) -> None:
-    """A judge that refuses plans which leave out all of ``refused``; each alone passes."""
+    """An assessment that refuses plans which leave out all of ``refused``; each alone passes."""
     local = EffectPlan(traced=torch.arange(100) < 30)
     chosen = {
         "visibility": local,
@@ -365,7 +371,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
         "samples": everything().without("samples"),
     }
 
-    class TogetherTooMuch(Judge):
+    class TogetherTooMuch(Assessment):
         def __init__(self) -> None:
             self.step, self.seed, self.tolerance = Step(100, 50, SAMPLES, 10), 0, Tolerance(1e-3)
 

@@ -1,4 +1,4 @@
-"""What the generated scenes call for is found by probes of their own surfaces."""
+"""What the generated scenes need is found by probes of their own surfaces."""
 
 import functools
 import json
@@ -11,18 +11,18 @@ import torch
 
 from radiogs.budget import budget
 from radiogs.effects.decide.evidence import Evidence
+from radiogs.effects.decide.new_light import reference_colour
 from radiogs.effects.decide.probe import Findings
-from radiogs.effects.decide.relighting import reference_colour
+from radiogs.effects.measure.probe_scene import ProbeScene
 from radiogs.effects.measure.radiosity import Decay, scattered
-from radiogs.effects.measure.subject import Subject
 from radiogs.probing import (
     EFFECTS,
     bounces_needed,
     findings_of,
     findings_under,
+    probe_scene,
     probed,
     sampling_of,
-    subject_of_scene,
     true_model,
 )
 from radiogs.variant import Variant
@@ -42,10 +42,10 @@ def run(name: str, seed: int) -> Run:
 
 
 @functools.cache
-def found_on(name: str, seed: int) -> tuple[Subject, Findings, Decay]:
+def found_on(name: str, seed: int) -> tuple[ProbeScene, Findings, Decay]:
     """As a probe of the scene has it."""
-    subject, decay = subject_of_scene(run(name, seed))
-    return subject, findings_of(subject, run(name, seed)), decay
+    scene, decay = probe_scene(run(name, seed))
+    return scene, findings_of(scene, run(name, seed)), decay
 
 
 def records(found: Findings) -> dict[str, Evidence]:
@@ -102,8 +102,8 @@ def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_smooth_patches_keep_their_lobes_and_the_matt_ones_do_not(seed: int) -> None:
-    subject, found, _ = found_on("patchwork", seed)
-    roughness, kept = subject.surfels.roughness, found.plan.specular_at
+    scene, found, _ = found_on("patchwork", seed)
+    roughness, kept = scene.surfels.roughness, found.plan.specular_at
     assert records(found)["specular"].verdict == "local"
     assert found.plan.specular
     assert kept is not None
@@ -114,8 +114,8 @@ def test_the_smooth_patches_keep_their_lobes_and_the_matt_ones_do_not(seed: int)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("name", "smoothest"), [("convex", 0.5), ("glossy", 0.25), ("mirror", 0.1)])
 def test_lobes_stay_on_balls_that_show_them(name: str, smoothest: float, seed: int) -> None:
-    subject, found, _ = found_on(name, seed)
-    ball = (subject.surfels.roughness - smoothest).abs() < 0.01
+    scene, found, _ = found_on(name, seed)
+    ball = (scene.surfels.roughness - smoothest).abs() < 0.01
     assert bool(ball.any())
     assert found.plan.specular
     assert found.plan.specular_at is None or bool(found.plan.specular_at[ball].all())
@@ -141,15 +141,15 @@ def real_sun() -> torch.Tensor:
 def test_an_even_light_is_not_drawn_from_and_a_sun_is(
     name: str, light: Callable[[], torch.Tensor], verdict: str, seed: int
 ) -> None:
-    subject, found, _ = found_on(name, seed)
+    scene, found, _ = found_on(name, seed)
     lit = replace(load_scene(name), training_light=EnvironmentMap(light()))
-    assert sampling_of(replace(run(name, seed), scene=lit), subject, found).verdict == verdict
+    assert sampling_of(replace(run(name, seed), scene=lit), scene, found).verdict == verdict
 
 
 @pytest.mark.parametrize("name", ["convex", "occluder"])
 def test_the_wide_suns_of_the_generated_skies_are_not_drawn_from(name: str) -> None:
-    subject, found, _ = found_on(name, 0)
-    assert sampling_of(run(name, 0), subject, found).verdict == "off"
+    scene, found, _ = found_on(name, 0)
+    assert sampling_of(run(name, 0), scene, found).verdict == "off"
 
 
 def test_under_a_wide_sun_spread_directions_err_less_than_drawn_ones_beside_them() -> None:

@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from radiogs.consistency import RadiometricConsistency
-from radiogs.effects.measure.candidates import Candidates
-from radiogs.effects.measure.share import image_share
-from radiogs.effects.measure.subject import Sight, subject_of
+from radiogs.effects.measure.image_share import image_share
+from radiogs.effects.measure.plan_radiance import PlanRadiance
+from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer
@@ -154,8 +154,9 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
     if plan.specular_at is not None:
         plan = dataclasses.replace(plan, specular_at=plan.specular_at[: len(surfels)])
     share = image_share([CAMERA], surfels)
-    made = subject_of(surfels, light, (Sight(CAMERA, None),), share, 16, torch.Generator().manual_seed(0))
-    judged = Candidates(made).radiance(plan).detach()
+    rays = ProbeRays(16, torch.Generator().manual_seed(0))
+    made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), share), rays)
+    judged = PlanRadiance(made).shaded(plan).detach()
     incident = (
         made.incident if plan.indirect else dataclasses.replace(made.incident, radiance=0 * made.incident.radiance)
     )

@@ -14,7 +14,7 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from ..budget import Budget
-from ..effects.measure.subject import Kept
+from ..effects.measure.probe_scene import KeptLight
 from ..tracing import Rays
 
 
@@ -67,7 +67,7 @@ class IncidentCache:
         self.traced_at = iteration
 
     @torch.no_grad()
-    def kept(self, surfels: Surfels, plan: EffectPlan, directions: int) -> Kept | None:
+    def kept(self, surfels: Surfels, plan: EffectPlan, directions: int) -> KeptLight | None:
         """The light of the surfels that go without rays, along so many of its directions, and the same traced anew."""
         mask = plan.without_rays(surfels.centre)
         if not plan.kept or not mask.any():
@@ -75,7 +75,7 @@ class IncidentCache:
         index = torch.nonzero(mask)[:, 0]
         light = self.incident.of(index).thinned(directions)
         self.tracer.follow(surfels)
-        return Kept(mask, light, incident_along(self.tracer, light.direction, light.weight, index=index))
+        return KeptLight(mask, light, incident_along(self.tracer, light.direction, light.weight, index=index))
 
     def _refresh(self, surfels: Surfels, plan: EffectPlan, iteration: int) -> None:
         """Trace anew all surfels that the plan traces."""

@@ -24,7 +24,7 @@ from ..budget import Budget
 from ..consistency import RadiometricConsistency, split_sum_consistency_loss
 from ..effects.decide.planner import Planner
 from ..effects.decide.staleness import Staleness, staleness
-from ..effects.measure.prices import Step
+from ..effects.measure.step_cost import Step
 from ..model import Model
 from ..tracing import Rays
 from ..variant import Variant

@@ -1,23 +1,23 @@
-"""The rule: what is left out must be shown to matter little, and must cost something."""
+"""The rule: an effect is left out only where evidence shows that it matters little, and where that saves work."""
 
 from .evidence import Measured, Verdict
 from .tolerance import TOLERANCE_DB
 
 LEAST_SHARE = 0.001
-"""Share of a step's work below which leaving an effect out gains nothing. Lobes, the cheapest, are 0.5 % of one."""
+"""Share of a step's work below which leaving an effect out gains nothing. Specular lobes, the cheapest, take 0.5 %."""
 
 OFF_BELOW = 0.5
-"""An effect goes off where its bound is under this share of the tolerance, and on again above the whole: what lies
-between stays as it is, so that a plan does not flicker."""
+"""Hysteresis: an effect goes off where its bound is under this share of the tolerance, and on again above the whole
+tolerance; between the two it stays as it was."""
 
 GRADIENT_TOLERANCE = 0.5
-"""Largest relative change of the gradient of anything that is learnt."""
+"""Largest tolerated relative change of the gradient of anything that is learnt."""
 
 
 def decide(measured: Measured | None, was_off: bool, tolerance: float = TOLERANCE_DB) -> tuple[Verdict, str]:
-    """Whether an effect may be left out, and why (not), in words. ``tolerance``: dB of PSNR.
+    """Whether an effect stays on, and why, in words. ``tolerance``: dB of PSNR.
 
-    A probe that has failed (None) or found something that is not finite means on.
+    It stays on where the probe failed (None) or measured a value that is not finite.
     """
     if measured is None:
         return "on", "not probed, or the probe failed"

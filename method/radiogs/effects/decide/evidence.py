@@ -1,4 +1,4 @@
-"""What one probe has measured of one effect, and what was decided."""
+"""What a probe has measured for one effect, and what was decided."""
 
 import math
 from collections.abc import Mapping
@@ -12,12 +12,12 @@ Verdict = Literal["on", "local", "off"]
 class Measured:
     """What leaving one effect out does, before anything is decided.
 
-    contribution: estimate of the loss, dB of PSNR; bound: the same, one-sided; lowest: one-sided from below.
-    worst: bound for the worst correlation of errors, dB. tail: largest share of the local tolerance that a tile of an
-    image takes. unseen: upper bound on the share of tiles that take more than was seen, if none was over it.
-    gradient: largest relative change of the gradient of anything that is learnt; 0 where it was not asked for, because
-    the images alone refuse the plan, or do not change.
-    share: of a step's work that the effect takes. rays, seconds: of a step; seconds are for the reader alone.
+    contribution: estimate of the loss, dB of PSNR; bound and lowest: its one-sided upper and lower bounds. worst: loss
+    under the worst correlation of errors, dB. tail: largest loss of a tile of an image, over what is tolerated locally.
+    unseen: upper bound on the share of tiles over that tolerance, given that none of those seen was. gradient: largest
+    relative change of the gradient of anything that is learnt; 0 where it was not computed, because images alone refuse
+    the plan, or do not change. share: of a step's work that leaving the effect out saves. rays, seconds: saved in a
+    step; nothing is decided by seconds.
     """
 
     contribution: float
@@ -33,14 +33,14 @@ class Measured:
 
     @property
     def finite(self) -> bool:
-        """Whether every figure that is decided by is a number."""
-        figures = (self.contribution, self.bound, self.tail, self.gradient, self.share)
-        return all(math.isfinite(value) for value in figures)
+        """Whether every value that decisions depend on is finite."""
+        values = (self.contribution, self.bound, self.tail, self.gradient, self.share)
+        return all(math.isfinite(value) for value in values)
 
 
 @dataclass(frozen=True)
 class Evidence:
-    """The record of one decision."""
+    """The record of one decision: at which iteration, with which seed of the probe and tolerance (dB), and why."""
 
     effect: str
     verdict: Verdict
@@ -51,7 +51,7 @@ class Evidence:
     measured: Measured | None
 
     def plain(self) -> dict[str, Any]:
-        """Plain values; a figure that is not finite is None."""
+        """Plain values; a measurement that is not finite is None."""
         values = asdict(self)
         if self.measured is not None:
             values["measured"] = {
@@ -61,11 +61,11 @@ class Evidence:
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> "Evidence":
-        """The inverse of ``plain``; what was not finite comes back as infinity."""
+        """The inverse of ``plain``; measurements that were not finite come back as infinity."""
         measured = None
         if values["measured"] is not None:
-            figures: dict[str, Any] = {
+            numbers: dict[str, Any] = {
                 name: math.inf if value is None else value for name, value in values["measured"].items()
             }
-            measured = Measured(**figures)
+            measured = Measured(**numbers)
         return cls(**{**values, "measured": measured})

@@ -1,4 +1,4 @@
-"""The plan of a training: fixed, or decided by probes at a few iterations that depend on nothing but the budget."""
+"""The plan of a training: fixed, or decided by probes at a few iterations that depend on the budget alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,28 +13,29 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 
-from ..measure.prices import Step
-from ..measure.share import image_share
-from ..measure.subject import SHARP_ROUGHNESS, Kept, Sight, Subject, subject_of
+from ..measure.image_share import image_share
+from ..measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from ..measure.step_cost import Step
 from .evidence import Evidence
-from .probe import IN_TRAINING, PROBES, Findings, level_of, probe
-from .staleness import Staleness, settle_refresh
+from .probe import IN_TRAINING, PROBES, Findings, Occasion, level_of, probe
+from .staleness import Staleness, decide_refresh
 
 DIRECTIONS = 16
-"""That a probe traces from every surfel, or half of those of training if that is less: two probes are then 1 % of the
-rays of a training with preset tiny. Halving samples that are fewer costs more: what it finds is on the safe side."""
+"""Directions that a probe traces from every surfel, or half of those of training if that is less: two probes are then
+1 % of the rays of a training with preset tiny. Halving fewer samples costs more, so such a probe errs to the safe
+side."""
 
-SIGHTS = 8
+PROBE_VIEWS = 8
 """Training views that a probe looks from, one of each eighth of their list."""
 
 STEPS_A_PROBE = 400
-"""So many steps there are at least for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13
-of them, and probes are to stay under 3 %."""
+"""Least number of steps for each probe beyond the second: with preset tiny a probe takes as long as 10 to 13 steps, and
+probes are to stay under 3 %."""
 
 
 @runtime_checkable
-class Seen(Protocol):
-    """A training view as a probe needs it."""
+class PosedImage(Protocol):
+    """A training view as a probe needs it: a camera and its image."""
 
     @property
     def camera(self) -> Camera:
@@ -48,8 +49,8 @@ class Planner:
     """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
 
     Surfels whose rays a probe takes away keep the light of a last tracing (``EffectPlan.kept``). Every probe has a seed
-    of its own, made of the training's seed and the iteration, so that what one probe saw by chance the next one does
-    not see again, and a training that is resumed decides as it would have.
+    of its own, made from the training's seed and the iteration: probes are independent, and a training that is resumed
+    decides as it would have.
     """
 
     def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:
@@ -69,65 +70,60 @@ class Planner:
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[Seen],
+        views: Sequence[PosedImage],
         step: Step,
         iteration: int,
         stale: Staleness | None = None,
-        kept: Kept | None = None,
+        kept: KeptLight | None = None,
     ) -> bool:
-        """Probe, and take the plan that follows; says whether it traces other rays than before.
+        """Probe, and adopt the plan that follows; returns whether it traces other rays than the plan before.
 
-        ``stale``: how far the cache of incident light was off before its last refresh, where that is known. ``kept``:
-        the light of the surfels that went without rays until now. A probe that meets a value that is not finite means
-        everything on.
+        ``stale``: how far the cached incident light was off before its last refresh, where that is known. ``kept``:
+        the light of the surfels that went without rays until now. If the probe meets a value that is not finite,
+        everything is on.
         """
-        seed = 1_000_003 * (self.seed + 1) + iteration
         before = self.plan
+        occasion = Occasion(1_000_003 * (self.seed + 1) + iteration, iteration, before)
         try:
-            subject = self.subject(surfels, environment, views, seed, kept)
-            found = probe(subject, step, seed, iteration, before)
+            found = probe(self.scene(surfels, environment, views, occasion.seed, kept), step, occasion)
             if stale is not None:
-                found = with_refresh(found, stale, step, before, iteration, seed)
+                found = with_refresh(found, stale, step, occasion)
         except NumericalFailure as failure:
             self.plan = everything()
-            self.evidence += (Evidence("plan", "on", f"the probe failed: {failure.what}", iteration, seed, 0.0, None),)
+            why = f"the probe failed: {failure.what}"
+            self.evidence += (Evidence("plan", "on", why, iteration, occasion.seed, 0.0, None),)
             return not same_rays(before, self.plan)
         self.plan = replace(found.plan, kept=not found.plan.traces_all)
         self.evidence += found.evidence
         return not same_rays(before, self.plan)
 
-    def subject(
+    def scene(
         self,
         surfels: Surfels,
         environment: Float[Tensor, "rows columns 3"],
-        views: Sequence[Seen],
+        views: Sequence[PosedImage],
         seed: int,
-        kept: Kept | None = None,
-    ) -> Subject:
-        """What a probe with this seed looks at: materials that are still being learnt.
+        kept: KeptLight | None = None,
+    ) -> ProbeScene:
+        """What a probe with this seed looks at; materials are still being learnt.
 
-        Whether light that was ``kept`` still holds is asked of the rays of training, and nothing else: the model has
-        been fitted to that light, and to what its rays met close by.
+        Surfels with ``kept`` light are not traced: their light is compared with what rays of training find now. The
+        model has been fitted to that light, and to what its rays met close by.
         """
         generator = torch.Generator(surfels.centre.device).manual_seed(seed)
-        chosen = torch.Generator().manual_seed(seed)
-        sights = []
-        for place in range(min(SIGHTS, len(views))):
-            low, high = (len(views) * end // min(SIGHTS, len(views)) for end in (place, place + 1))
-            view = views[int(torch.randint(low, high, (), generator=chosen))]
-            sights.append(Sight(view.camera, view.over(0.0)))
         if self.share is None:
-            # Once: surfels hardly move any more.
+            # Computed once: surfels hardly move any more.
             self.share = image_share([view.camera for view in views], surfels)
+        viewpoints = Viewpoints(drawn_views(views, seed), self.share)
         others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
-        seen = subject_of(surfels, environment, tuple(sights), self.share, self.samples, generator, among=others)
-        # What is below the horizon is the surface itself, for rays that start beyond it too.
-        clear = seen.incident.visibility * seen.untraced.visibility
-        incident, untraced = replace(seen.incident, visibility=clear), seen.untraced
+        scene = trace_scene(surfels, environment, viewpoints, ProbeRays(self.samples, generator), among=others)
+        # Below the horizon lies the surface itself, also for rays that start beyond it.
+        clear = scene.incident.visibility * scene.untraced.visibility
+        incident, untraced = replace(scene.incident, visibility=clear), scene.untraced
         if kept is not None:
             places = torch.nonzero(kept.mask)[:, 0]
             incident, untraced = incident.replaced(places, kept.anew), untraced.replaced(places, kept.light)
-        return replace(seen, incident=incident, untraced=untraced, sharpest=SHARP_ROUGHNESS)
+        return replace(scene, incident=incident, untraced=untraced, sharpest=SHARP_ROUGHNESS)
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
@@ -144,11 +140,20 @@ class Planner:
         self.share = state["share"]
 
 
-def with_refresh(
-    found: Findings, stale: Staleness, step: Step, before: EffectPlan, iteration: int, seed: int
-) -> Findings:
-    """The findings with the interval of the refresh settled too."""
-    factor, record = settle_refresh(stale, found.tolerance, step, before, iteration, seed, level_of(len(IN_TRAINING)))
+def drawn_views(views: Sequence[PosedImage], seed: int) -> tuple[ProbeView, ...]:
+    """PROBE_VIEWS of the views, one drawn from each of as many equal parts of their list."""
+    generator, count = torch.Generator().manual_seed(seed), min(PROBE_VIEWS, len(views))
+    drawn = []
+    for place in range(count):
+        low, high = (len(views) * end // count for end in (place, place + 1))
+        view = views[int(torch.randint(low, high, (), generator=generator))]
+        drawn.append(ProbeView(view.camera, view.over(0.0)))
+    return tuple(drawn)
+
+
+def with_refresh(found: Findings, stale: Staleness, step: Step, occasion: Occasion) -> Findings:
+    """The findings with the refresh interval decided too."""
+    factor, record = decide_refresh(stale, found.tolerance, step, occasion, level_of(len(IN_TRAINING)))
     plan = replace(found.plan, refresh=min(factor, MOST_REFRESH_FACTOR))
     return replace(found, plan=plan, evidence=(*found.evidence, record))
 

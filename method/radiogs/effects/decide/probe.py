@@ -1,30 +1,39 @@
-"""One probe: every effect measured on the same images, decided, and the plan of all decisions measured once more."""
+"""One probe: every effect is measured on the same images and decided; then the whole plan is measured once more."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from radiogs_core.transport.plan import EffectPlan, everything
 
 from ..measure.bounds import sidak
-from ..measure.prices import Step
-from ..measure.subject import Subject
-from ..measure.ways import altogether, in_part, joined, rays_in_part
+from ..measure.probe_scene import ProbeScene
+from ..measure.step_cost import Step
+from ..measure.substitutes import combined, partial_plans, partial_ray_plans, plan_without
+from .assessment import Assessment
 from .decision import LEAST_SHARE, OFF_BELOW
 from .evidence import Evidence, Measured, Verdict
-from .judge import Judge
 from .tolerance import TOLERANCE_DB, Tolerance
 
 LEVEL = 0.01
 """Probability that any bound of a run is too low, over all effects and probes."""
 
 PROBES = 3
-"""Probes that a run has at most."""
+"""Number of probes in a run, at most."""
 
 IN_TRAINING = ("visibility", "indirect", "specular", "view-dependence", "samples")
-"""What is probed of images during training."""
+"""Effects that probes during training measure in images."""
 
-GLANCE = 2
-"""Every so many sights are enough to see that most effects are needed."""
+COARSE_STEP = 2
+"""Use every k-th view for the coarse first pass; it shows of most effects that they are needed."""
+
+
+@dataclass(frozen=True)
+class Occasion:
+    """When a probe is made: its seed, the iteration of training, and the plan until then (for hysteresis)."""
+
+    seed: int
+    iteration: int = 0
+    before: EffectPlan = field(default_factory=everything)
 
 
 @dataclass(frozen=True)
@@ -37,51 +46,48 @@ class Findings:
 
 
 def level_of(effects: int) -> float:
-    """Of each bound, for all of them to hold together with an error of LEVEL.
+    """Level of each bound with which all bounds hold together with an error of LEVEL.
 
-    Two tries an effect: altogether, and in the order of the careful ways, which ends at the first refusal.
+    Each effect has two tries: left out altogether, and in part, in an order that ends at the first refusal.
     """
     return sidak(LEVEL, 2 * effects * PROBES)
 
 
 def probe(
-    subject: Subject,
+    scene: ProbeScene,
     step: Step,
-    seed: int,
-    iteration: int = 0,
-    before: EffectPlan | None = None,
+    occasion: Occasion,
     effects: Sequence[str] = IN_TRAINING,
     decibel: float = TOLERANCE_DB,
     mse: float | None = None,
 ) -> Findings:
-    """Measure and decide. ``before``: the plan until now, which hysteresis keeps.
+    """Measure and decide. ``mse``: the method's own error, where the views have no targets to measure it against.
 
-    ``mse``: the method's own error where the sights have no targets. Bounds hold with an error of LEVEL together over
-    ``effects`` and PROBES.
+    Bounds hold with an error of LEVEL together over ``effects`` and PROBES.
     """
-    level = level_of(len(effects))
-    before = before or everything()
-    glance = Judge(replace(subject, sights=subject.sights[::GLANCE]), step, seed, LEVEL, decibel, mse)
-    judge, measured = _measured_where_promising(glance, subject, level, effects)
-    settled = {
-        effect: _settle(judge, before, [found for found in measured if found.effect == effect]) for effect in effects
+    few = replace(scene, views=scene.views[::COARSE_STEP])
+    coarse = Assessment(few, step, occasion.seed, LEVEL, decibel, mse)
+    assessment, measured = _measured_where_promising(coarse, scene, level_of(len(effects)), effects)
+    decisions = {
+        effect: _decided(assessment, occasion.before, [found for found in measured if found.effect == effect])
+        for effect in effects
     }
-    chosen = {effect: found.plan for effect, found in settled.items() if found.verdict != "on"}
-    plan, whole, left_out = _accepted(judge, chosen, before, iteration)
+    chosen = {effect: found.plan for effect, found in decisions.items() if found.verdict != "on"}
+    plan, whole, left_out = _accepted(assessment, chosen, occasion.before, occasion.iteration)
     for effect in chosen.keys() - set(left_out):
-        settled[effect] = replace(
-            settled[effect], verdict="on", why="left out alone it would pass, with others it does not"
+        decisions[effect] = replace(
+            decisions[effect], verdict="on", why="left out alone it would pass, with others it does not"
         )
     records = [
-        Evidence(effect, found.verdict, found.why, iteration, seed, decibel, found.measured)
-        for effect, found in settled.items()
+        Evidence(effect, found.verdict, found.why, occasion.iteration, occasion.seed, decibel, found.measured)
+        for effect, found in decisions.items()
     ]
-    return Findings(plan, (*records, whole), judge.tolerance)
+    return Findings(plan, (*records, whole), assessment.tolerance)
 
 
 @dataclass(frozen=True)
-class _Way:
-    """A way of leaving an effect out, and what was measured of it."""
+class _Substitute:
+    """A plan that leaves an effect out, altogether or in part, and what was measured for it."""
 
     effect: str
     plan: EffectPlan
@@ -89,8 +95,8 @@ class _Way:
 
 
 @dataclass(frozen=True)
-class _Settled:
-    """How one effect is left out, if it is: by ``plan``; measured of it, or of leaving the effect out altogether."""
+class _Decision:
+    """What was decided for one effect. measured: for ``plan``, or for leaving the effect out altogether."""
 
     plan: EffectPlan
     verdict: Verdict
@@ -99,68 +105,72 @@ class _Settled:
 
 
 def _measured_where_promising(
-    at_a_glance: Judge, subject: Subject, level: float, effects: Sequence[str]
-) -> tuple[Judge, list[_Way]]:
-    """The most careful and the boldest way at a glance; from all sights, with bounds of ``level``, all that may pass.
+    coarse: Assessment, scene: ProbeScene, level: float, effects: Sequence[str]
+) -> tuple[Assessment, list[_Substitute]]:
+    """A coarse pass over few views, then all plans of the effects that may pass, from all views, with a ``level``.
 
-    What is refused at a glance needs no bound: to keep an effect is never wrong. Rays are not asked for at a glance:
-    whom they may be taken from depends on what all sights see. Returns who is to decide, too.
+    The coarse pass measures the most careful and the boldest plan of each effect. What it refuses needs no bound: to
+    keep an effect is never wrong. Rays are not part of it: which surfels may go without depends on what all views see.
+    Returns the assessment that is to decide, too.
     """
-    judge = at_a_glance
-    ways = {
-        effect: [*in_part(effect, subject.surfels), altogether(effect)] for effect in effects if effect != "visibility"
+    assessment = coarse
+    plans = {
+        effect: [*partial_plans(effect, scene.surfels), plan_without(effect)]
+        for effect in effects
+        if effect != "visibility"
     }
-    ends = [(effect, plan) for effect, plans in ways.items() for plan in (*plans[:-1][:1], plans[-1])]
-    measured = [_Way(*end, found) for end, found in zip(ends, judge.measure(ends), strict=True)]
-    promising = {way.effect for way in measured if way.measured.contribution < judge.tolerance.decibel}
+    ends = [(effect, plan) for effect, each in plans.items() for plan in (*each[:-1][:1], each[-1])]
+    measured = [_Substitute(*end, found) for end, found in zip(ends, assessment.measure(ends), strict=True)]
+    promising = {each.effect for each in measured if each.measured.contribution < assessment.tolerance.decibel}
     asked: list[tuple[str, EffectPlan]] = []
     if promising or "visibility" in effects:
-        judge = at_a_glance.looking_at(subject, level)
+        assessment = coarse.of(scene, level)
     if "visibility" in effects:
-        less = rays_in_part(judge.candidates, OFF_BELOW * judge.tolerance.error)
-        asked = [("visibility", plan) for plan in (*less, altogether("visibility"))]
-    asked += [(effect, plan) for effect, plans in ways.items() if effect in promising for plan in plans]
-    refused = [way for way in measured if way.effect not in promising]
-    return judge, [*(_Way(*way, found) for way, found in zip(asked, judge.measure(asked), strict=True)), *refused]
+        fewer = partial_ray_plans(assessment.radiance, OFF_BELOW * assessment.tolerance.error)
+        asked = [("visibility", plan) for plan in (*fewer, plan_without("visibility"))]
+    asked += [(effect, plan) for effect, each in plans.items() if effect in promising for plan in each]
+    refused = [each for each in measured if each.effect not in promising]
+    substitutes = [_Substitute(*each, found) for each, found in zip(asked, assessment.measure(asked), strict=True)]
+    return assessment, [*substitutes, *refused]
 
 
-def _settle(judge: Judge, before: EffectPlan, ways: Sequence[_Way]) -> _Settled:
-    """Altogether, if that passes; else the boldest of the careful ways up to the first that is refused."""
-    *careful, bold = ways
-    settled = _Settled(bold.plan, *judge.decided(bold.effect, bold.plan, bold.measured, before))
-    if settled.verdict == "off" or bold.measured.share < LEAST_SHARE:
-        return settled
+def _decided(assessment: Assessment, before: EffectPlan, substitutes: Sequence[_Substitute]) -> _Decision:
+    """The plan without the effect, if it passes; else the boldest of the partial plans up to the first refusal."""
+    *careful, bold = substitutes
+    decision = _Decision(bold.plan, *assessment.decided(bold.effect, bold.plan, bold.measured, before))
+    if decision.verdict == "off" or bold.measured.share < LEAST_SHARE:
+        return decision
     passed = []
-    for way in careful:
-        if judge.by_images(way.effect, way.plan, way.measured, before)[0] == "on":
-            # What saves little is not refused, but not worth it: a bolder plan may be.
-            if way.measured.share < LEAST_SHARE:
+    for each in careful:
+        if assessment.by_images(each.effect, each.plan, each.measured, before)[0] == "on":
+            # A plan that saves little is not refused by its images, and a bolder one may save enough.
+            if each.measured.share < LEAST_SHARE:
                 continue
             break
-        passed.append(way)
-    for way in reversed(passed):
-        verdict, why, measured = judge.decided(way.effect, way.plan, way.measured, before)
+        passed.append(each)
+    for each in reversed(passed):
+        verdict, why, measured = assessment.decided(each.effect, each.plan, each.measured, before)
         if verdict == "off":
-            return _Settled(way.plan, "local", why, measured)
-    return settled
+            return _Decision(each.plan, "local", why, measured)
+    return decision
 
 
 def _accepted(
-    judge: Judge, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
+    assessment: Assessment, chosen: Mapping[str, EffectPlan], before: EffectPlan, iteration: int
 ) -> tuple[EffectPlan, Evidence, list[str]]:
-    """What was chosen for each effect, joined, if that passes; else without the one that saves least, and so on.
+    """All chosen plans combined, if that passes; else without the one that saves least, and so on.
 
     Effects interact: without indirect light, rays that some surfels keep for it only darken them. Returns the plan, its
     record, and the effects that it leaves out.
     """
-    left = sorted(chosen, key=lambda effect: -judge.step.saving(chosen[effect], everything()))
+    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect], everything()))
+    seed, decibel = assessment.seed, assessment.tolerance.decibel
     while left:
         plan = everything()
         for effect in left:
-            plan = joined(plan, chosen[effect])
-        verdict, why, measured = judge.decided("plan", plan, judge.measure([("plan", plan)])[0], before)
+            plan = combined(plan, chosen[effect])
+        verdict, why, measured = assessment.decided("plan", plan, assessment.measure([("plan", plan)])[0], before)
         if verdict == "off":
-            return plan, Evidence("plan", "off", why, iteration, judge.seed, judge.tolerance.decibel, measured), left
+            return plan, Evidence("plan", "off", why, iteration, seed, decibel, measured), left
         left.pop()
-    why = "nothing is left out"
-    return everything(), Evidence("plan", "on", why, iteration, judge.seed, judge.tolerance.decibel, None), left
+    return everything(), Evidence("plan", "on", "nothing is left out", iteration, seed, decibel, None), left

@@ -1,4 +1,4 @@
-"""How stale the cache of incident light becomes between two refreshes, and whether they may come less often."""
+"""How stale the cached incident light becomes between two refreshes, and whether they may come less often."""
 
 from dataclasses import dataclass, replace
 
@@ -14,22 +14,23 @@ from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer
 
 from ..measure.bounds import bootstrap_t
-from ..measure.prices import Step, cost
+from ..measure.step_cost import Step, cost
 from .decision import decide
 from .evidence import Evidence, Measured
+from .probe import Occasion
 from .tolerance import Tolerance
 
 CHECKED = 256
-"""Surfels whose cached directions are traced once more."""
+"""Number of surfels whose cached directions are traced again."""
 
 LATER = 2
-"""Factor by which the interval is stretched at a time. What moves steadily is twice as far off after twice as long: its
+"""Factor by which the interval is stretched at a time. An error that grows steadily doubles with the interval, and its
 square is four times as large."""
 
 
 @dataclass(frozen=True)
 class Staleness:
-    """Squared change of some surfels' radiance along their normals, display sRGB, if the cache were traced anew."""
+    """Squared change of some surfels' radiance along their normals when traced again, display sRGB."""
 
     error: Float[Tensor, " checked"]
 
@@ -43,7 +44,7 @@ def staleness(
     plan: EffectPlan,
     generator: torch.Generator,
 ) -> Staleness:
-    """Trace the cached directions of CHECKED surfels that have rays again: the same ones, so that only time differs."""
+    """Trace the cached directions of CHECKED surfels again; the directions are the same, so that only time differs."""
     drawn = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)
     index = drawn[plan.traced_among(drawn)[:CHECKED]]
     old = cached.of(index)
@@ -57,15 +58,16 @@ def _along_normals(surfels: Surfels, incident: Incident, environment: Tensor) ->
     return shade_surfels(surfels, surfels.albedo, incident, surfels.frame[:, None, :, 2], environment)[:, 0].sum(1)
 
 
-def settle_refresh(
-    stale: Staleness, tolerance: Tolerance, step: Step, before: EffectPlan, iteration: int, seed: int, level: float
+def decide_refresh(
+    stale: Staleness, tolerance: Tolerance, step: Step, occasion: Occasion, level: float
 ) -> tuple[int, Evidence]:
-    """The factor of the refresh interval from now on, with its evidence; one step up or down at a time.
+    """The factor of the refresh interval from now on, one step up or down at a time, and the evidence for it.
 
     ``level``: error of the bounds.
     """
     grown = LATER**2 * stale.error
-    below, above = bootstrap_t(grown[None], level, torch.Generator().manual_seed(seed))
+    below, above = bootstrap_t(grown[None], level, torch.Generator().manual_seed(occasion.seed))
+    before = occasion.before
     now = EffectPlan(traced=before.traced, refresh=before.refresh)
     later = replace(now, refresh=before.refresh * LATER)
     measured = Measured(
@@ -85,7 +87,8 @@ def settle_refresh(
     if verdict == "off":
         factor *= LATER
     elif before.refresh > 1 and measured.bound > LATER**2 * tolerance.decibel:
-        # At the present interval it is already more than is tolerated.
+        # The present interval exceeds the tolerance already.
         factor //= LATER
     left_out = factor > everything().refresh
-    return factor, Evidence("refresh", "off" if left_out else "on", why, iteration, seed, tolerance.decibel, measured)
+    verdict = "off" if left_out else "on"
+    return factor, Evidence("refresh", verdict, why, occasion.iteration, occasion.seed, tolerance.decibel, measured)

@@ -1,4 +1,4 @@
-"""From a loss of PSNR that is tolerated to an error between images, and back.
+"""From a tolerated loss of PSNR to an error between images, and back.
 
 MSE_0 is the error that the method makes anyway, against the images; m is the mean squared difference that leaving an
 effect out makes between its own images. The error after it is MSE_0 + m + 2 c, c the mean product of both errors.
@@ -10,12 +10,12 @@ from dataclasses import dataclass
 TOLERANCE_DB = 0.1
 
 LOCAL_TOLERANCE_DB = 3.0
-"""What may happen to one tile of an image, whatever the mean: the error there at most doubles."""
+"""Tolerated loss in one tile of an image, whatever the mean: the error there at most doubles."""
 
 
 @dataclass(frozen=True)
 class Tolerance:
-    """A tolerated loss of PSNR beside the method's own error ``mse`` (display sRGB, over covered pixels)."""
+    """A tolerated loss of PSNR, given the method's own error ``mse`` (display sRGB, over covered pixels)."""
 
     mse: float
     decibel: float = TOLERANCE_DB
@@ -28,7 +28,7 @@ class Tolerance:
 
     @property
     def local_error(self) -> float:
-        """The same for one tile."""
+        """Rise of the squared error of one tile that costs ``local_decibel``."""
         return self.mse * (10 ** (self.local_decibel / 10) - 1)
 
     def loss(self, rise: float) -> float:
@@ -36,7 +36,7 @@ class Tolerance:
         return decibels(1 + rise / self.mse) if self.mse > 0 else (math.inf if rise > 0 else 0.0)
 
     def worst_case(self, difference: float) -> float:
-        """dB that a mean squared difference m costs at most, however both errors are correlated.
+        """dB that a mean squared difference m costs at most, however it correlates with the method's own error.
 
         By the triangle inequality 20 log10(1 + sqrt(m / MSE_0)).
         """
@@ -46,5 +46,5 @@ class Tolerance:
 
 
 def decibels(ratio: float) -> float:
-    """10 log10 of a ratio of energies; 0 for anything at or below one that is no loss."""
+    """10 log10 of a ratio of energies; 0 at or below one, where nothing is lost."""
     return 10 * math.log10(max(ratio, 1.0)) if math.isfinite(ratio) else math.inf

@@ -1,4 +1,4 @@
-"""What leaving something out changes in the gradients: an image may hardly change and carry the only gradient."""
+"""How leaving an effect out changes the gradients: an effect that hardly changes images may carry the only gradient."""
 
 from functools import cached_property
 
@@ -10,33 +10,33 @@ from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.transport.plan import EffectPlan, everything
 
-from .candidates import Candidates
+from .plan_radiance import PlanRadiance
 
 
-def pull_of_images(candidates: Candidates) -> Float[Tensor, "surfels views 3"]:
-    """Gradient of the images' squared error to the radiance that each surfel sends to each sight.
+def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
+    """Gradient of the images' squared error with respect to the radiance that each surfel sends to each view.
 
-    Zero where there is no target.
+    Zero for views without a target.
     """
-    radiance = candidates.radiance(everything()).detach().requires_grad_()
-    total = radiance.new_zeros(())
-    for place, (sight, view) in enumerate(zip(candidates.subject.sights, candidates.views, strict=True)):
-        if sight.target is not None:
-            image = blend(view, radiance[:, place], 1.0).features
-            total = total + (srgb_encode(image) - sight.target).square().mean()
-    return torch.autograd.grad(total, radiance)[0] if total.requires_grad else torch.zeros_like(radiance)
+    sent = radiance.shaded(everything()).detach().requires_grad_()
+    total = sent.new_zeros(())
+    for place, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
+        if view.target is not None:
+            image = blend(projection, sent[:, place], 1.0).features
+            total = total + (srgb_encode(image) - view.target).square().mean()
+    return torch.autograd.grad(total, sent)[0] if total.requires_grad else torch.zeros_like(sent)
 
 
 class Gradients:
-    """Gradients of albedo, roughness and light under the pull of the full images, and how plans change them."""
+    """Gradients of albedo, roughness and light that the error of the full images causes, and how plans change them."""
 
-    def __init__(self, candidates: Candidates) -> None:
-        self.candidates = candidates
+    def __init__(self, radiance: PlanRadiance) -> None:
+        self.radiance = radiance
 
     @cached_property
-    def pull(self) -> Float[Tensor, "surfels views 3"]:
-        """The same for all plans: what differs is what a plan hands on of it."""
-        return pull_of_images(self.candidates)
+    def upstream(self) -> Float[Tensor, "surfels views 3"]:
+        """Upstream gradient, the same for every plan."""
+        return image_gradient(self.radiance)
 
     @cached_property
     def full(self) -> dict[str, Tensor]:
@@ -44,10 +44,10 @@ class Gradients:
         return self.of(everything())
 
     def of(self, plan: EffectPlan) -> dict[str, Tensor]:
-        """By leaf, under a plan."""
-        leaves = self.candidates.leaves
+        """Gradients under a plan, by name of the leaf."""
+        leaves = self.radiance.leaves
         found = torch.autograd.grad(
-            self.candidates.radiance(plan), list(leaves.values()), self.pull, retain_graph=True, allow_unused=True
+            self.radiance.shaded(plan), list(leaves.values()), self.upstream, retain_graph=True, allow_unused=True
         )
         return {
             name: torch.zeros_like(leaf) if value is None else value
@@ -57,8 +57,8 @@ class Gradients:
     def change(self, plan: EffectPlan) -> float:
         """Largest |g_plan - g_full| / |g_full| over the leaves; infinite where a gradient appears out of none.
 
-        Roughness counts only where the plan has a specular part everywhere: elsewhere it is not learnt on purpose, and
-        what it could still do to the images is judged there.
+        Roughness counts only where the plan has specular lobes everywhere: elsewhere it is left unlearnt on purpose,
+        and what it could still do to the images is measured by ``ProbeScene.sharpest``.
         """
         shiny = plan.specular and plan.specular_at is None
         return max(

@@ -1,4 +1,4 @@
-"""Measuring plans against the full images of a subject, and deciding by what was measured."""
+"""Measuring what plans change in the full images of a scene, and deciding by what was measured."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,67 +10,71 @@ from torch import Tensor
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
 
 from ..measure.bounds import Bootstrap, zero_events_upper
-from ..measure.candidates import Candidates
+from ..measure.covered_pixels import CoveredPixels, rendered_views
 from ..measure.gradient import Gradients
-from ..measure.images import Reference, TileErrors, mean_error, tile_errors
-from ..measure.prices import Step, cost
-from ..measure.screen import Screen, splatted
-from ..measure.subject import Subject
-from ..measure.ways import only
+from ..measure.plan_radiance import PlanRadiance
+from ..measure.probe_scene import ProbeScene
+from ..measure.step_cost import Step, cost
+from ..measure.substitutes import restricted_to
+from ..measure.tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
 from .decision import decide
 from .evidence import Measured, Verdict
 from .tolerance import Tolerance
 
-NO_GAUGE = ("view-dependence", "samples")
-"""Effects whose absence no factor on the light takes back."""
+NOT_ABSORBED = ("view-dependence", "samples")
+"""Effects whose absence no factor on the light compensates."""
 
 
-def factor_is_free(effect: str, subject: Subject) -> bool:
-    """Whether a factor on the light may take back what leaving an effect out does to all pixels alike."""
-    return effect not in NO_GAUGE and not subject.given_light
+def light_factor_is_free(effect: str, scene: ProbeScene) -> bool:
+    """Whether a factor on the light may compensate what leaving an effect out does to all pixels alike."""
+    return effect not in NOT_ABSORBED and not scene.given_light
 
 
-class Judge:
-    """Measures plans against the full images of a subject."""
+class Assessment:
+    """Measures plans against the images of a scene with everything on.
+
+    ``level`` is the error of each bound. ``decibel`` are tolerated beside the method's own error ``mse``; None: that of
+    the images, or of the surfels' own radiance where that is smaller, against the views' targets.
+    """
 
     def __init__(
-        self, subject: Subject, step: Step, seed: int, level: float, decibel: float, mse: float | None
+        self, scene: ProbeScene, step: Step, seed: int, level: float, decibel: float, mse: float | None
     ) -> None:
-        self.subject, self.step, self.seed, self.mse = subject, step, seed, mse
+        self.scene, self.step, self.seed, self.mse = scene, step, seed, mse
         self.level = level
         self.bootstrap = Bootstrap(level, torch.Generator().manual_seed(seed))
-        self.candidates = Candidates(subject)
-        self.gradients = Gradients(self.candidates)
+        self.radiance = PlanRadiance(scene)
+        self.gradients = Gradients(self.radiance)
         full = {
-            "shaded": self.candidates.radiance(everything()).detach(),
-            "own": self.candidates.own(HIGHEST_DEGREE),
+            "shaded": self.radiance.shaded(everything()).detach(),
+            "own": self.radiance.own(HIGHEST_DEGREE),
         }
-        if subject.sharpest is not None:
-            full["sharp"] = self.candidates.radiance(everything(), sharp=True).detach()
-        pictures = splatted(self.candidates.views, full.values())
-        self.screen = Screen.of(subject.sights, pictures)
-        shown = zip(full, self.screen.pixels(pictures), strict=True)
-        self.full = {name: Reference.of(image, self.screen) for name, image in shown}
+        if scene.sharpest is not None:
+            full["sharp"] = self.radiance.shaded(everything(), sharp=True).detach()
+        rendered = rendered_views(self.radiance.projections, full.values())
+        self.pixels = CoveredPixels.of(scene.views, rendered)
+        shown = zip(full, self.pixels.take(rendered), strict=True)
+        self.full = {name: ReferenceImage.of(image, self.pixels) for name, image in shown}
         if mse is None:
-            mse = min(mean_error(self.full[name], self.screen) for name in ("shaded", "own"))
+            mse = min(mean_error(self.full[name], self.pixels) for name in ("shaded", "own"))
         self.tolerance = Tolerance(mse, decibel)
 
-    def looking_at(self, subject: Subject, level: float) -> "Judge":
-        """The same, of another subject with another level of error."""
-        return Judge(subject, self.step, self.seed, level, self.tolerance.decibel, self.mse)
+    def of(self, scene: ProbeScene, level: float) -> "Assessment":
+        """An assessment with these settings for another scene, and bounds with another level of error."""
+        return Assessment(scene, self.step, self.seed, level, self.tolerance.decibel, self.mse)
 
     def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
-        """Whether ``before`` left out as much already: what is new has to pass the stricter rule."""
+        """Whether ``before`` left out as much already; a plan that leaves out more has to pass the stricter rule."""
         return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
 
     def by_images(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
-        """The rule, gradients apart, with what ``before`` left out for the same effect as the past."""
+        """The rule without gradients. Hysteresis compares with what ``before`` left out of the same effect."""
         return decide(measured, self._was_off(effect, plan, before), self.tolerance.decibel)
 
     def decided(
         self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan
     ) -> tuple[Verdict, str, Measured]:
-        """The whole rule. Gradients cost most, and are asked for last: what is refused by its images needs none."""
+        """The whole rule. Gradients cost most and come last: a plan that images refuse needs none."""
         verdict, why = self.by_images(effect, plan, measured, before)
         if verdict == "off" and replace(plan, sh_degree=HIGHEST_DEGREE).off:
             measured = replace(measured, gradient=self.gradients.change(plan))
@@ -78,25 +82,25 @@ class Judge:
         return verdict, why, measured
 
     def _was_off(self, effect: str, plan: EffectPlan, before: EffectPlan) -> bool:
-        return self.was_left_out(plan, before if effect == "plan" else only(before, effect))
+        return self.was_left_out(plan, before if effect == "plan" else restricted_to(before, effect))
 
     def measure(self, asked_of: Sequence[tuple[str, EffectPlan]]) -> list[Measured]:
-        """What each plan, made for an effect, loses against everything."""
+        """What each plan loses against everything on; each is given with the effect that it leaves out."""
         if not asked_of:
             return []
         plans = [plan for _, plan in asked_of]
         asked: dict[tuple[int, str], Float[Tensor, "surfels views 3"]] = {}
         for place, plan in enumerate(plans):
             if plan.sh_degree < HIGHEST_DEGREE:
-                asked[place, "own"] = self.candidates.own(plan.sh_degree)
+                asked[place, "own"] = self.radiance.own(plan.sh_degree)
             if replace(plan, sh_degree=HIGHEST_DEGREE).off:
-                asked[place, "shaded"] = self.candidates.radiance(plan).detach()
+                asked[place, "shaded"] = self.radiance.shaded(plan).detach()
             if "sharp" in self.full and "specular" in plan.off:
-                asked[place, "sharp"] = self.candidates.radiance(plan, sharp=True).detach()
-        images = self.screen.pixels(splatted(self.candidates.views, asked.values()))
+                asked[place, "sharp"] = self.radiance.shaded(plan, sharp=True).detach()
+        images = self.pixels.take(rendered_views(self.radiance.projections, asked.values()))
         errors = {
             (place, kind): tile_errors(
-                image, self.full[kind], self.screen, factor_is_free(asked_of[place][0], self.subject)
+                image, self.full[kind], self.pixels, light_factor_is_free(asked_of[place][0], self.scene)
             )
             for (place, kind), image in zip(asked, images, strict=True)
         }
@@ -111,7 +115,7 @@ class Judge:
         ]
 
     def _bounds(self, errors: Mapping[tuple[int, str], TileErrors]) -> dict[tuple[int, str], "_Bounds"]:
-        """Of the mean difference and the mean rise; sharp images have no target, and so no rise."""
+        """Bounds on the larger of mean difference and mean rise; sharp images have no target, and so no rise."""
         stacked = torch.cat([torch.stack([each.weighted_difference, each.weighted_rise]) for each in errors.values()])
         below, above = self.bootstrap.bounds(stacked)
         mean = stacked.double().mean(1).cpu()
@@ -151,7 +155,7 @@ class Judge:
 
 @dataclass(frozen=True)
 class _Bounds:
-    """Of an error: estimate, bounds from both sides, and the upper bound of the difference alone."""
+    """Estimate of an error, its lower and upper bounds, and the upper bound of the difference alone."""
 
     mean: float
     below: float

@@ -1,6 +1,6 @@
-"""What a light calls for: whether directions are to be drawn from it, and what relighting by it may leave out.
+"""What a new light needs: whether directions are to be drawn from it, and what relighting by it may leave out.
 
-A model that was trained under one light is probed anew under every other: a sun needs the shadows that an overcast sky
+A model that was trained under one light is probed again under every other: a sun needs shadows that an overcast sky
 did not.
 """
 
@@ -23,30 +23,32 @@ from radiogs_core.transport.splatting import own_radiance, shade_surfels
 from radiogs_core.transport.tracer import SELF_OFFSET
 
 from ..measure.bounds import bootstrap_t, sidak
-from ..measure.images import Reference, mean_error
-from ..measure.prices import Step
-from ..measure.screen import Screen, splatted
-from ..measure.subject import Sight, Subject, subject_of
+from ..measure.covered_pixels import CoveredPixels, rendered_views
+from ..measure.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from ..measure.step_cost import Step
+from ..measure.tile_errors import ReferenceImage, mean_error
 from .decision import decide
 from .evidence import Evidence, Measured
-from .probe import LEVEL, PROBES, Findings, probe
+from .probe import LEVEL, PROBES, Findings, Occasion, probe
 from .tolerance import TOLERANCE_DB, Tolerance
 
 CHECKED = 128
-"""Surfels that are shaded by both kinds of directions."""
+"""Number of surfels that are shaded by both kinds of directions."""
 
 REFERENCE_DIRECTIONS = (16384, 8192)
 """Directions over the hemisphere, and from the light, that are taken for the truth. Those over the hemisphere are 1.1
 degrees apart: they alone would miss a sun, half a degree wide, from most surfels."""
 
 DRAWS = 16
-"""Times that each surfel's directions are drawn: what a few suns by chance find or miss says little."""
+"""Number of times that each surfel's directions are drawn: whether a few of them hit the sun is a matter of chance."""
 
 DIRECTIONS = 8
-"""Over the hemisphere, and as many from the light, that a probe traces from every surfel, twice: a quarter of the rays
-of relighting with preset tiny. Over the hemisphere alone a probe would not meet a sun, nor what hides it."""
+"""Directions over the hemisphere, and as many drawn from the light, that a probe traces from every surfel, twice: a
+quarter of the rays of relighting with preset tiny. Over the hemisphere alone a probe would miss a sun and what hides
+it."""
 
 IN_RELIGHTING = ("visibility", "indirect", "specular")
+"""Effects that a probe of relighting measures in images."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Concentration:
 
 
 def concentration(light: EnvironmentMap) -> Concentration:
-    """P5: of the brightest channel, weighted by solid angle."""
+    """How concentrated a light is, by its brightest channel, weighted by solid angle."""
     area = texel_solid_angles(*light.radiance.shape[:2]).to(light.radiance.device)
     power = (light.radiance.double().max(-1).values.clamp(min=0) * area).flatten()
     total = float(power.sum())
@@ -74,7 +76,7 @@ def concentration(light: EnvironmentMap) -> Concentration:
 
 
 @torch.no_grad()
-def settle_light_sampling(
+def decide_light_sampling(
     surfels: Surfels,
     light: EnvironmentMap,
     tolerance: Tolerance,
@@ -127,7 +129,7 @@ def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.G
 
 
 def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
-    """Display colour along the normals, from directions and their solid angles, where nothing is in the way."""
+    """Display colour along the normals, from directions and their solid angles, without occlusion."""
     along = surfels.frame[:, None, :, 2]
     return srgb_encode(
         shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
@@ -135,9 +137,10 @@ def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, T
 
 
 def _widened(light: EnvironmentMap) -> EnvironmentMap:
-    """Each texel as bright as the brightest about it: light is read between texels, and a sun reaches into the next.
+    """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
 
-    Drawn from the map itself, directions in those are rare and weigh much (``tests/method/test_effect_probe.py``).
+    Drawn from the map itself, directions in those would be rare and have large weights
+    (``tests/method/test_effect_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
@@ -146,52 +149,51 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
 
 
 @torch.no_grad()
-def own_error(surfels: Surfels, sights: Sequence[Sight]) -> float:
-    """Mean squared error of the surfels' own radiance against the sights' targets: what the method misses anyway."""
-    views = [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in sights]
-    pictures = splatted(views, [torch.stack([own_radiance(sight.camera, surfels) for sight in sights], 1)])
-    screen = Screen.of(sights, pictures)
-    (own,) = screen.pixels(pictures)
-    return mean_error(Reference.of(own, screen), screen)
+def model_error(surfels: Surfels, views: Sequence[ProbeView]) -> float:
+    """Mean squared error of the surfels' own radiance against the views' targets: the method's error in any case."""
+    projections = [project(view.camera, surfels.geometry_for(view.camera)) for view in views]
+    own = torch.stack([own_radiance(view.camera, surfels) for view in views], 1)
+    rendered = rendered_views(projections, [own])
+    pixels = CoveredPixels.of(views, rendered)
+    (image,) = pixels.take(rendered)
+    return mean_error(ReferenceImage.of(image, pixels), pixels)
 
 
-def subject_under(
+def scene_under(
     surfels: Surfels,
     albedo: Float[Tensor, "surfels 3"],
     light: EnvironmentMap,
-    sights: Sequence[Sight],
-    share: Float[Tensor, " surfels"],
+    viewpoints: Viewpoints,
     seed: int,
     offset: float = SELF_OFFSET,
-) -> Subject:
-    """A model as it is relit, seen from ``sights``, whose images are another light's and left out.
+) -> ProbeScene:
+    """A model as it is relit. Targets of the views are dropped: they show another light.
 
-    ``albedo``: linear, as it will be relit. ``share``: ``image_share`` of the cameras there are. ``offset``: where rays
-    start, by default as they do in relighting: what they meet close by belongs to the images, too, and nothing is
-    learnt that could take its absence back. L_ind is that of light that has met one surface, as in relighting: the
-    surfels' own is another light's.
+    ``albedo``: linear, as it will be relit. ``offset``: where rays start, in standard deviations; by default as in
+    relighting, because what rays meet close by is in the images too, and nothing is learnt that could compensate its
+    absence. L_ind is that of light that has met one surface, as in relighting; the surfels' own radiance belongs to
+    another light.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
-    blind = tuple(Sight(sight.camera, None) for sight in sights)
-    subject = subject_of(painted, light.radiance, blind, share, DIRECTIONS, generator, True, offset, drawn=DIRECTIONS)
-    subject = replace(subject, given_light=True)
-    if subject.first is None:
-        return subject
-    return replace(subject, incident=replace(subject.incident, radiance=subject.first))
+    blind = replace(viewpoints, views=tuple(ProbeView(view.camera, None) for view in viewpoints.views))
+    rays = ProbeRays(DIRECTIONS, generator, offset, drawn=DIRECTIONS)
+    scene = replace(trace_scene(painted, light.radiance, blind, rays, bounces=True), given_light=True)
+    assert scene.first is not None
+    return replace(scene, incident=replace(scene.incident, radiance=scene.first))
 
 
 def plan_for_light(
-    subject: Subject, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
+    scene: ProbeScene, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
 ) -> Findings:
-    """What relighting a subject of ``subject_under`` may leave out, beside an error of ``mse`` (``own_error``).
+    """What relighting may leave out of a scene of ``scene_under``, beside an error of ``mse`` (``model_error``).
 
     ``spread``, ``drawn``: relighting's directions over the hemisphere and from the light.
     """
     # Every surfel is traced once, as in a step that does nothing but refresh.
-    step = Step(len(subject.surfels), 0, spread + drawn, 1)
-    found = probe(subject, step, seed, effects=IN_RELIGHTING, decibel=decibel, mse=mse)
-    light = EnvironmentMap(subject.environment)
-    sampling = settle_light_sampling(subject.surfels, light, found.tolerance, spread, drawn, seed)
+    step = Step(len(scene.surfels), 0, spread + drawn, 1)
+    found = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
+    light = EnvironmentMap(scene.environment)
+    sampling = decide_light_sampling(scene.surfels, light, found.tolerance, spread, drawn, seed)
     plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
     return Findings(plan, (*found.evidence, sampling), found.tolerance)

@@ -1,20 +1,20 @@
-"""What effects take of a step's work, by counting: a decision must not depend on how busy a machine is."""
+"""How much of a step's work each effect takes, counted, not timed: decisions must not depend on a machine's load."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 from radiogs_core.transport.plan import EffectPlan
 
-PRICES = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
-"""Microseconds of one CPU core, forward and backward. surfels: of everything in a step that no plan changes, a surfel.
-Only their ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
+MICROSECONDS = {"rays": 2.0, "shaded_samples": 0.024, "lobes": 0.0025, "coefficients": 0.003, "surfels": 8.0}
+"""Microseconds of one CPU core for each, forward and backward. surfels: for each surfel, everything in a step that no
+plan changes. Only the ratios matter, and only to whether an effect takes more than LEAST_SHARE of a step."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """How much a step of stage 2 does under the full plan, from the budget alone.
+    """The size of a step of stage 2, from the budget alone.
 
-    surfels: all of them. chosen: N_g. samples: N_s. interval: steps between two refreshes.
+    surfels: all of them. chosen: N_g. samples: N_s. interval: steps from one refresh of the incident light to the next.
     """
 
     surfels: int
@@ -23,7 +23,7 @@ class Step:
     interval: int
 
     def work(self, plan: EffectPlan) -> dict[str, float]:
-        """Counts of a step under a plan."""
+        """Amounts of work of a step under a plan, by the names of MICROSECONDS."""
         samples = max(1, self.samples // plan.samples)
         traced = 0.0
         if plan.traces:
@@ -45,15 +45,15 @@ class Step:
         }
 
     def saving(self, plan: EffectPlan, beside: EffectPlan) -> float:
-        """Share of a step under ``beside`` that ``plan`` does not take."""
+        """Share of the work of a step under ``beside`` that ``plan`` saves."""
         whole = cost(self.work(beside))
         return 1 - cost(self.work(plan)) / whole
 
 
 HITS = 4.0
-"""Surfels that a ray blends, about."""
+"""Surfels that a ray blends, on average."""
 
 
 def cost(work: Mapping[str, float]) -> float:
-    """Microseconds, by PRICES."""
-    return sum(PRICES[name] * amount for name, amount in work.items())
+    """Microseconds that amounts of work take."""
+    return sum(MICROSECONDS[name] * amount for name, amount in work.items())

@@ -1,4 +1,4 @@
-"""How much of the pictures each surfel is."""
+"""How much of the images each surfel is."""
 
 from collections.abc import Iterable
 
@@ -12,16 +12,17 @@ from radiogs_core.surfels.surfels import Surfels
 
 
 def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """The part of what ``cameras`` see together that each surfel is: its blending weights, summed over all pixels.
+    """Each surfel's share of the images of all ``cameras``: its blending weights, summed over all pixels.
 
-    Sums to one, or is zero where no camera sees anything. A pixel is a blend of its surfels with weights of at most one
-    in sum; so its change is at most the blend of theirs, and its square the blend of their squares (Jensen).
+    Shares sum to one, or are zero where no camera sees anything. A pixel blends its surfels with weights that sum to at
+    most one; so its change is at most the blend of their changes, and its squared change at most the blend of their
+    squared changes (Jensen).
     """
     fixed = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
     weight = torch.zeros_like(fixed.opacity_logit)
     with torch.enable_grad():
         for camera in cameras:
-            # As many channels as a picture has: the kernel is there already.
+            # Three channels, as an image has: that kernel is compiled already.
             ones = torch.ones_like(weight)[:, None].repeat(1, 3).requires_grad_()
             camera = camera.to(weight.device, weight.dtype)
             seen = rasterize(camera, fixed.geometry_for(camera), ones, 1.0).features.sum()

@@ -1,4 +1,4 @@
-"""The radiance that surfels send under different plans, from one set of directions: differences carry no noise."""
+"""Radiance of surfels under different plans, from the same directions, so that differences carry no sampling noise."""
 
 from functools import cached_property
 
@@ -22,38 +22,38 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 
-from .subject import Subject
+from .probe_scene import ProbeScene
 
 
-class Candidates:
-    """Radiance of a subject's surfels towards its sights under any plan.
+class PlanRadiance:
+    """Radiance that the surfels of a scene send towards its views, under any plan.
 
-    ``albedo``, ``roughness`` and ``environment`` are leaves, so that gradients can be compared too. Shading is done
-    once for each set of directions and kind of light, of white surfaces, and put together for a plan: what they scatter
-    by Lambert's law depends on the plan too.
+    ``albedo``, ``roughness_logit`` and ``environment`` are leaves, so that gradients can be compared too. Each set of
+    directions is shaded once, with white surfaces; a plan combines the parts and multiplies by the albedo, which
+    depends on the plan too (see ``lambert_albedo``).
     """
 
-    def __init__(self, subject: Subject) -> None:
-        self.subject = subject
-        surfels = subject.surfels
+    def __init__(self, scene: ProbeScene) -> None:
+        self.scene = scene
+        surfels = scene.surfels
         self.albedo = surfels.albedo.clone().requires_grad_()
         self.roughness_logit = surfels.roughness_logit.clone().requires_grad_()
-        self.environment = subject.environment.clone().requires_grad_()
-        self.outgoing = torch.stack([towards(sight.camera, surfels) for sight in subject.sights], 1)
+        self.environment = scene.environment.clone().requires_grad_()
+        self.outgoing = torch.stack([towards(view.camera, surfels) for view in scene.views], 1)
 
     @cached_property
-    def views(self) -> list[Projection]:
-        """The surfels as the sights see them."""
-        surfels = self.subject.surfels
-        return [project(sight.camera, surfels.geometry_for(sight.camera)) for sight in self.subject.sights]
+    def projections(self) -> list[Projection]:
+        """The surfels projected into each view."""
+        surfels = self.scene.surfels
+        return [project(view.camera, surfels.geometry_for(view.camera)) for view in self.scene.views]
 
     @property
     def leaves(self) -> dict[str, Tensor]:
-        """What gradients are compared of."""
+        """The quantities whose gradients are compared."""
         return {"albedo": self.albedo, "roughness": self.roughness_logit, "light": self.environment}
 
-    def radiance(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
-        """L_PBR under a plan; ``sharp``: as if every surface had the roughness of the subject's ``sharpest``."""
+    def shaded(self, plan: EffectPlan, sharp: bool = False) -> Float[Tensor, "surfels views 3"]:
+        """L_PBR under a plan; ``sharp``: as if every surface had the roughness ``ProbeScene.sharpest``."""
         traced = plan.traced if plan.traces else False
         shiny = plan.specular_at if plan.specular else False
         parts, free = self._parts(plan.samples, sharp)
@@ -68,38 +68,38 @@ class Candidates:
         return scattered[:, None] * diffuse + _where(shiny, specular, 0.0)
 
     def own(self, degree: int) -> Float[Tensor, "surfels views 3"]:
-        """L_G with harmonics up to ``degree``."""
-        return surfel_radiance(self.subject.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
+        """L_G, the surfels' own radiance, with harmonics up to ``degree``."""
+        return surfel_radiance(self.scene.surfels.sh[:, : (degree + 1) ** 2], self.outgoing)
 
     def _parts(self, samples: int, sharp: bool) -> tuple[Tensor, Tensor]:
-        """The four parts by rays, and by what stands for them."""
+        """The four parts shaded from traced light, and from what stands for it."""
         if sharp:
             return self._sharp
         return self._whole if samples == 1 else self._half
 
     @cached_property
     def _whole(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(self.subject.incident, self.subject.untraced)
+        return self._both(self.scene.incident, self.scene.untraced)
 
     @cached_property
     def _half(self) -> tuple[Tensor, Tensor]:
-        incident, untraced = self.subject.incident, self.subject.untraced
+        incident, untraced = self.scene.incident, self.scene.untraced
         half = incident.weight.shape[1] // 2
-        return self._shaded(incident.thinned(half), untraced.thinned(half))
+        return self._both(incident.thinned(half), untraced.thinned(half))
 
     @cached_property
     def _sharp(self) -> tuple[Tensor, Tensor]:
-        return self._shaded(self.subject.incident, self.subject.untraced, sharp=True)
+        return self._both(self.scene.incident, self.scene.untraced, sharp=True)
 
     @cached_property
     def _first(self) -> Tensor:
-        incident, first = self.subject.incident, self.subject.first
+        incident, first = self.scene.incident, self.scene.first
         if first is None:
-            raise UsageError("bounces of a subject that was traced without them")
+            raise UsageError("bounces of a scene that was traced without them")
         once = Incident(incident.direction, incident.weight, incident.visibility, first)
         return self._lit(once)
 
-    def _shaded(self, incident: Incident, untraced: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
+    def _both(self, incident: Incident, untraced: Incident, sharp: bool = False) -> tuple[Tensor, Tensor]:
         return self._lit(incident, sharp), self._lit(untraced, sharp)
 
     def _lit(self, incident: Incident, sharp: bool = False) -> Float[Tensor, "surfels views 4 3"]:
@@ -109,14 +109,14 @@ class Candidates:
     def _materials(self, sharp: bool) -> Surfels:
         logit = self.roughness_logit
         if sharp:
-            if self.subject.sharpest is None:
-                raise UsageError("another roughness of a subject whose materials are final")
-            logit = torch.full_like(logit, roughness_to_logit(self.subject.sharpest))
-        return Surfels.of(self.subject.surfels.parameters() | {"roughness_logit": logit})
+            if self.scene.sharpest is None:
+                raise UsageError("another roughness of a scene whose materials are final")
+            logit = torch.full_like(logit, roughness_to_logit(self.scene.sharpest))
+        return Surfels.of(self.scene.surfels.parameters() | {"roughness_logit": logit})
 
 
 def _where(chosen: Bool[Tensor, " surfels"] | bool | None, one: Tensor, other: Tensor | float) -> Tensor:
-    """``one`` for the chosen surfels, ``other`` for the rest; None: all are chosen, False: none."""
+    """``one`` for the chosen surfels, ``other`` for the rest. None: all are chosen; False: none is."""
     if chosen is None:
         return one
     if isinstance(chosen, bool):

@@ -1,4 +1,4 @@
-"""Ways of leaving effects out: altogether, or where they do not matter; and what several make together."""
+"""Plans that leave an effect out: altogether, or where it does not matter; and several such plans combined."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -9,28 +9,28 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
 
-from .candidates import Candidates
+from .plan_radiance import PlanRadiance
 
 RAY_SHARES = (0.25, 1.0, 4.0, 16.0)
-"""Rays may be taken from the surfels that together change the pictures by no more than one of these shares of what is
-tolerated, as far as ``rays_in_part`` can tell, which overrates it."""
+"""Partial plans for rays: without those of the surfels that together change the images by no more than such a multiple
+of the tolerated error. ``partial_ray_plans`` overestimates the change, so multiples above one are tried too."""
 
 ROUGHNESS_EDGES = (0.7, 0.6, 0.5, 0.3)
-"""Specular parts may be left to the surfels that are smoother than one of these."""
+"""Partial plans for specular lobes: only on surfels smoother than one of these."""
 
 
-def altogether(effect: str) -> EffectPlan:
-    """The boldest way: nothing of the effect is left.
+def plan_without(effect: str) -> EffectPlan:
+    """The plan in which nothing of the effect is left.
 
-    Rays are needed for visibility as for indirect light; so visibility is only ever given up with both.
+    Rays serve visibility and indirect light alike; so visibility is only left out together with indirect light.
     """
     if effect == "visibility":
         return everything().without("indirect").without("visibility")
     return everything().without(effect)
 
 
-def in_part(effect: str, surfels: Surfels) -> list[EffectPlan]:
-    """The other ways, from the most careful to the boldest: each leaves out what the one before does."""
+def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
+    """Plans that leave part of the effect out; each leaves out more than the one before."""
     if effect == "specular":
         return [EffectPlan(specular_at=surfels.roughness < edge) for edge in ROUGHNESS_EDGES]
     if effect == "view-dependence":
@@ -38,17 +38,17 @@ def in_part(effect: str, surfels: Surfels) -> list[EffectPlan]:
     return []
 
 
-def rays_in_part(candidates: Candidates, tolerated: float) -> list[EffectPlan]:
-    """The same of rays: for each of RAY_SHARES, without those of the surfels whose rays matter least to the pictures.
+def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPlan]:
+    """For each of RAY_SHARES, the plan without rays of the surfels whose rays matter least to the images.
 
-    ``tolerated``: mean squared error, display sRGB. What a surfel does to the pictures is at most its share of them
-    times the square of its largest change towards any sight (``image_share``). Many surfels of a trained model lie
-    unseen below its surface, where most of the sky is hidden: 59 % of those of ``convex`` with preset small, 1 % of its
-    pictures.
+    ``tolerated``: mean squared error, display sRGB. A surfel changes the images by at most its share of them times the
+    square of its largest change towards any view (``image_share``). Many surfels of a trained model lie unseen below
+    its surface, where most of the sky is hidden: on ``convex`` with preset small 59 % of the surfels, which are 1 % of
+    the images.
     """
-    without = candidates.radiance(altogether("visibility")).detach()
-    change = srgb_encode(without) - srgb_encode(candidates.radiance(everything()).detach())
-    error = candidates.subject.share * change.square().mean(-1).amax(1)
+    without = radiance.shaded(plan_without("visibility")).detach()
+    change = srgb_encode(without) - srgb_encode(radiance.shaded(everything()).detach())
+    error = radiance.scene.share * change.square().mean(-1).amax(1)
     ordered, place = error.sort()
     together = ordered.cumsum(0)
     plans = []
@@ -69,16 +69,16 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
     "samples": ("samples",),
     "refresh": ("refresh",),
 }
-"""Fields of a plan that say how an effect is left out."""
+"""The fields of a plan that say how each effect is left out."""
 
 
-def only(plan: EffectPlan, effect: str) -> EffectPlan:
-    """What a plan leaves out of one effect."""
+def restricted_to(plan: EffectPlan, effect: str) -> EffectPlan:
+    """The plan that leaves out of one effect what ``plan`` does, and nothing else."""
     return replace(everything(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
 
 
-def joined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
-    """Everything that either plan leaves out; of two masks of rays the bolder plan's one."""
+def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:
+    """The plan that leaves out what either plan does; where both have a mask of rays, that of ``second``."""
     traced = None
     if first.traces and second.traces:
         traced = first.traced if second.traced is None else second.traced

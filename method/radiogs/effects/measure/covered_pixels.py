@@ -1,0 +1,83 @@
+"""The pixels in which images are compared: those of a probe's views that show a surface."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from radiogs_core.kernels.rasterize.rasterize import Projection, blend
+from radiogs_core.transport.splatting import SOLID_ALPHA
+
+from .probe_scene import ProbeView
+
+TILE = 8
+"""Side of a tile, in pixels. A tile counts as one observation: errors of neighbouring pixels are not independent."""
+
+TOGETHER = 12
+"""Channels that are blended in one pass. Kernels are compiled for a number of channels; this one serves any number of
+plans."""
+
+
+@dataclass(frozen=True)
+class RenderedView:
+    """One view, linear and on black: three channels for each radiance that was rendered; and coverage."""
+
+    channels: Float[Tensor, "height width channels"]
+    alpha: Float[Tensor, "height width"]
+
+
+def rendered_views(
+    projections: Sequence[Projection], radiance: Iterable[Float[Tensor, "surfels views 3"]]
+) -> list[RenderedView]:
+    """Blend all of ``radiance``, in its order, into each view."""
+    every = torch.cat(list(radiance), -1)
+    rendered = []
+    for place, projection in enumerate(projections):
+        padded = torch.nn.functional.pad(every[:, place], (0, -every.shape[-1] % TOGETHER))
+        rasters = [blend(projection, some, 1.0) for some in padded.split(TOGETHER, -1)]
+        blended = torch.cat([raster.features for raster in rasters], -1)[..., : every.shape[-1]]
+        rendered.append(RenderedView(blended, rasters[0].alpha))
+    return rendered
+
+
+@dataclass(frozen=True)
+class CoveredPixels:
+    """The pixels of several views that show a surface, sorted by tile.
+
+    covered: a mask for each view. order: indices that sort the covered pixels by tile. tiles: number of covered pixels
+    of each tile that has any. target: image of the view in those pixels, display sRGB; ``known``: whether there is one.
+    """
+
+    covered: tuple[Bool[Tensor, "height_ width_"], ...]
+    order: Int[Tensor, " pixels"]
+    tiles: Int[Tensor, " tiles"]
+    target: Float[Tensor, "pixels 3"]
+    known: Bool[Tensor, "pixels 1"]
+
+    @classmethod
+    def of(cls, views: Sequence[ProbeView], rendered: Sequence[RenderedView]) -> "CoveredPixels":
+        """Where the rendered views show a surface."""
+        covered = tuple(each.alpha > SOLID_ALPHA for each in rendered)
+        tiles, targets, known, before = [], [], [], 0
+        for view, mask in zip(views, covered, strict=True):
+            down, across = (-(-length // TILE) for length in mask.shape)
+            row, column = torch.nonzero(mask).unbind(1)
+            tiles.append(before + row // TILE * across + column // TILE)
+            before += down * across
+            seen = view.target
+            targets.append(torch.zeros(len(row), 3, device=mask.device) if seen is None else seen[mask])
+            known.append(torch.full((len(row), 1), seen is not None, device=mask.device))
+        tile, order = torch.cat(tiles).sort(stable=True)
+        counts = torch.unique_consecutive(tile, return_counts=True)[1]
+        return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order])
+
+    def take(self, rendered: Sequence[RenderedView]) -> tuple[Float[Tensor, "pixels 3"], ...]:
+        """The covered pixels of the rendered views, sorted by tile: one tensor for each radiance that was rendered."""
+        shown = torch.cat([each.channels[mask] for each, mask in zip(rendered, self.covered, strict=True)])
+        return shown[self.order].split(3, -1)
+
+    def tile_means(self, values: Float[Tensor, "pixels quantities"]) -> Float[Tensor, "quantities tiles"]:
+        """Means over all pixels of each tile; those that show no surface count as zero."""
+        return torch.segment_reduce(values.contiguous(), "sum", lengths=self.tiles).mT / TILE**2

@@ -1,0 +1,81 @@
+"""Errors of images that leave an effect out, tile by tile, beside the error that the method makes anyway."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.scene.colour import srgb_encode
+
+from .covered_pixels import TILE, CoveredPixels
+
+
+@dataclass(frozen=True)
+class TileErrors:
+    """Squared errors, display sRGB, of every tile that shows a surface.
+
+    difference: of the reduced image from the full one, mean over the tile (pixels without a surface count as zero).
+    rise: by how much the squared error against the target grows; equal to ``difference`` where there is no target.
+    covered: number of the tile's pixels that show a surface.
+    """
+
+    difference: Float[Tensor, " tiles"]
+    rise: Float[Tensor, " tiles"]
+    covered: Float[Tensor, " tiles"]
+
+    @property
+    def weighted_difference(self) -> Float[Tensor, " tiles"]:
+        """Differences weighted so that their mean is the mean squared difference over covered pixels."""
+        return self.difference * self._weight
+
+    @property
+    def weighted_rise(self) -> Float[Tensor, " tiles"]:
+        """Rises weighted so that their mean is the mean rise over covered pixels."""
+        return self.rise * self._weight
+
+    @property
+    def _weight(self) -> Tensor:
+        return TILE**2 * len(self.covered) / self.covered.sum()
+
+
+@dataclass(frozen=True)
+class ReferenceImage:
+    """The image with everything on: linear, in display sRGB, and its difference from the target (0 where unknown)."""
+
+    linear: Float[Tensor, "pixels 3"]
+    display: Float[Tensor, "pixels 3"]
+    residual: Float[Tensor, "pixels 3"]
+
+    @classmethod
+    def of(cls, linear: Float[Tensor, "pixels 3"], pixels: CoveredPixels) -> "ReferenceImage":
+        """The full image in the covered pixels."""
+        display = srgb_encode(linear)
+        return cls(linear, display, torch.where(pixels.known, display - pixels.target, 0.0))
+
+
+def light_factor(reduced: Float[Tensor, "pixels 3"], full: Float[Tensor, "pixels 3"]) -> Float[Tensor, "3"]:
+    """Factor for each channel that brings the reduced image nearest to the full one, in linear radiance.
+
+    Images do not tell how bright the light is from how bright surfaces are: a change that one factor on the light
+    compensates is no loss.
+    """
+    square = reduced.square().sum(0)
+    return torch.where(square > 0, (reduced * full).sum(0) / torch.where(square > 0, square, 1.0), 1.0)
+
+
+def tile_errors(
+    reduced: Float[Tensor, "pixels 3"], full: ReferenceImage, pixels: CoveredPixels, scaled: bool
+) -> TileErrors:
+    """Errors of a ``reduced`` image, linear; ``scaled``: after multiplication by ``light_factor``."""
+    if scaled:
+        reduced = reduced * light_factor(reduced, full.linear)
+    change = srgb_encode(reduced) - full.display
+    rise = change * (change + 2 * full.residual)
+    difference, risen = pixels.tile_means(torch.stack([change.square().mean(-1), rise.mean(-1)], -1))
+    return TileErrors(difference, risen, pixels.tiles.to(difference))
+
+
+def mean_error(image: ReferenceImage, pixels: CoveredPixels) -> float:
+    """Mean squared error against the targets where they are known, display sRGB."""
+    return float(image.residual[pixels.known[:, 0]].square().mean())
