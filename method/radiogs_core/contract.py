@@ -98,7 +98,8 @@ class StageSpec:
     reads: the fields of variant and budget that decide its outcome, with their values. sources: names of modules;
     their files, and those of all modules that they import, decide its outcome too.
     begin: makes the stage from a run and the product of the stage before it (empty for the first). compiles: whether
-    its first step compiles kernels, so that one is taken beforehand and charged to nobody.
+    its first step compiles kernels, so that one is taken beforehand and charged to nobody. keeps_files: whether what
+    it makes lies in ``Run.workspace``, so that the stages after it must run on the same machine.
     """
 
     name: str
@@ -109,6 +110,7 @@ class StageSpec:
     sources: tuple[str, ...]
     begin: Callable[[Run, Mapping[str, Any]], Stage]
     compiles: bool = False
+    keeps_files: bool = False
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from functools import partial
 
 import torch
 
-from radiogs_core.errors import ExplainedError
+from radiogs_core.errors import ExplainedError, UsageError
 from radiogs_core.kernels.runtime import workers
 from radiogs_datasets import load_scene
 
@@ -112,6 +112,13 @@ def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, 
 
 
 def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
+    for _, cell in request.own_cells():
+        if any(stage.keeps_files for stage in bench.method(cell.found_as).stages(cell.variant, cell.budget)):
+            raise UsageError(
+                f"{cell.method} cannot run on a cluster",
+                "It keeps files between its stages, and stages run on any machine.",
+                "Leave --engine ray out.",
+            )
     recipe = Recipe(bench.method, EXPERIMENTS[request.suite.experiment], load_scene, COMPILED_ON)
     with connected(engine.address) as ray:
         threads = engine.threads or ONE_THREAD

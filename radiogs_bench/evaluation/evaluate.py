@@ -127,7 +127,7 @@ class _Course:
 
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
         """A view's maps in main memory, on black."""
-        return on_black(prepared, prepared.render(view.camera.to(self.device, torch.float32), *further))
+        return on_black(prepared, view.camera.to(self.device, torch.float32), *further)
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the model's own light, and keep what is compared over all views."""
@@ -192,7 +192,9 @@ class _Course:
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
-        self.figures.add("relight", view.name, self.rules.score_image(image, target, mask, maps["alpha"], "relight"))
+        self.figures.add(
+            "relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight")
+        )
         if view is self.shown and light == self.shown_light:
             self.arrays |= {"render/relit": image, "truth/relit": target}
         if view is self.shown and list(self.lit).index(light) < STRIP:

@@ -78,6 +78,7 @@ class CommandMethod:
                 reads=reads,
                 sources=(__name__,),
                 begin=partial(self._begin, number),
+                keeps_files=True,
             )
             for number, command in enumerate(self.file.train)
         ]

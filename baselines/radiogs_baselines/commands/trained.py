@@ -11,7 +11,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps
+from radiogs_core.contract import MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -143,7 +143,7 @@ class TrainedCommand:
         """Run the command that renders the test views, or relights them, unless that is done.
 
         ``albedo_scale`` is not used: what these codes do of that kind they do themselves. Raises CommandFailed, and
-        DataError for a light that is none of the scene's.
+        DataError for a light that is none of the scene's, NotOffered where there is no command that relights.
         """
         if light is None:
             if self.place.file.render is not None:
@@ -153,7 +153,7 @@ class TrainedCommand:
             return self._prepared()
         name = self._name_of(light)
         if self.place.file.relight is None:
-            return PreparedCommand(self.place.file.title, {}, ())
+            raise NotOffered(f"{self.place.file.title} has no command that relights")
         self._bring_about(self._relighting(name), after_step)
         return self._prepared_under(name)
 

@@ -9,7 +9,7 @@ import torch
 from baselines.commands.bench import Bench, method_of, toml
 from radiogs_baselines.commands import CommandBudget, CommandMethod, read_method
 from radiogs_baselines.commands.placeholders import filled, filled_list
-from radiogs_core.contract import scaled
+from radiogs_core.contract import NotOffered, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
@@ -124,6 +124,7 @@ def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, 
     with pytest.raises(DataError, match="a light that is none of the scene's"):
         trained.prepare(EnvironmentMap(torch.ones(2, 4, 3)))
     without = Bench(method_of(tmp_path, toml(["--name|model-1"])), convex, tmp_path / "other").train()
-    assert without.prepare(next(iter(convex.lights.values()))).offers == {}
+    with pytest.raises(NotOffered, match="no command that relights"):
+        without.prepare(next(iter(convex.lights.values())))
     with pytest.raises(DataError, match="holds no prediction"):
         without.prepare()

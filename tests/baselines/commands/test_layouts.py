@@ -117,7 +117,7 @@ def test_what_was_rendered_of_another_training_is_rendered_again(
 ) -> None:
     note = tmp_path / "note"
     shelf = f"--pantry|{pantry('gs-ir')}|--note|{note}"
-    text = toml(["--name|model-1"], shelf, reader="gs-ir", head="resumes = true")
+    text = toml(["--name|model-1"], shelf, reader="gs-ir", head="resumes = true").replace('["--resume"]', "[]")
     bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
     for runs in (1, 2):
         bench.train().prepare()
@@ -143,6 +143,18 @@ def test_all_lights_at_once_are_one_command(convex: Scene, pantry: Callable[[str
     for light in convex.lights.values():
         trained.prepare(light)
     assert len(note.read_text().splitlines()) == 1
+
+
+def test_views_elsewhere_are_relit_by_their_names(convex: Scene, pantry: Callable[[str], Path], tmp_path: Path) -> None:
+    scene = replace(convex, test=convex.test[:4], relight=convex.test[4:6])
+    shelf = f"--pantry|{pantry('plain')}"
+    text = toml(["--name|model-1"], shelf, f"{shelf}|--light|{{light}}")
+    trained = Bench(method_of(tmp_path, text), scene, tmp_path / "work").train()
+    name, light = next(iter(scene.lights.items()))
+    relit = trained.prepare(light)
+    for view in (*scene.test, *scene.relight):
+        truth = view.read(f"relit/{name}") * (view.read("alpha") == 1)
+        assert (relit.render(view.camera)["image"] - truth).abs().mean() < 0.05
 
 
 def test_the_lights_that_a_code_reads_are_those_of_the_scene(
