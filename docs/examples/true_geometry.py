@@ -1,9 +1,9 @@
 """Where L_rad costs on a scene without inter-reflection: stage 2 over the reconstruction, and over the true solids.
 
-    python docs/examples/true_geometry.py [SCENE] [SEED] [N_s]
+    python docs/examples/true_geometry.py [SCENE] [SEED] [N_s] [PRESET]
 
-Trains with and without L_rad on both geometries (preset tiny, one thread, some seven minutes), and prints how much of
-the cosine-weighted hemisphere of the surfels is blocked, how bright what blocks it is, and the scores.
+Trains with and without L_rad on both geometries (preset tiny, one thread, about seven minutes). For each model it
+prints the scores, the blocked share of the surfels' cosine-weighted hemispheres, and the indirect light that arrives.
 """
 
 import sys
@@ -17,9 +17,11 @@ from radiogs.budget import budget
 from radiogs.model import Model
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering
+from radiogs.trained import TrainedRadioGS
 from radiogs.variant import Variant
 from radiogs_bench.evaluation.evaluate import evaluate
-from radiogs_bench.suites.cell import Cell
+from radiogs_bench.metrics import protocol
+from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
@@ -33,10 +35,10 @@ CPU = torch.device("cpu")
 SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness/mse")
 
 
-def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
-    """A state of stage 1 with true geometry and the mean radiance that stage 1 has found nearby."""
+def over_the_solids(scene: Scene, product: dict[str, Any]) -> dict[str, Any]:
+    """The product of stage 1 with true geometry instead, and the mean radiance that stage 1 found nearby."""
     surfels = surfels_on(scene.true_surfaces(SPACING))
-    learnt = state["optimiser"]["tensors"]
+    learnt = product["optimiser"]["tensors"]
     nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
     tensors = surfels.parameters() | {"log_environment": learnt["log_environment"]}
     tensors |= {"sh": learnt["sh"].detach()[nearest], "sh_rest": torch.zeros(len(surfels), 15, 3)}
@@ -45,7 +47,7 @@ def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
 
 @torch.no_grad()
 def blocked(model: Model) -> tuple[float, float, float]:
-    """Share of the hemisphere, mean L_ind over all of it, and what L_ind would be were all surfels consistent."""
+    """The blocked share of the hemisphere, the mean L_ind over all of it, and L_ind if all surfels were consistent."""
     surfels = model.surfels
     normal = surfels.frame[..., 2]
 
@@ -62,22 +64,22 @@ def blocked(model: Model) -> tuple[float, float, float]:
     return share, arriving, indirect(Surfels.of(surfels.parameters() | {"sh": sh}))[1]
 
 
-def main(name: str = "convex", seed: str = "0", samples: str = "32") -> None:
-    """Train, and print a line a model."""
+def main(name: str = "convex", seed: str = "0", samples: str = "32", preset: str = "tiny") -> None:
+    """Train, and print one line per model."""
     use_threads(1)
-    scene, cost = load_scene(name), replace(budget("tiny"), incident_samples=int(samples))
+    scene, cost = load_scene(name), replace(budget(preset), incident_samples=int(samples))
     first = Initialisation(scene, Variant(), cost, int(seed), CPU)
     while first.iteration < first.iterations:
         first.step()
-    starts = {"reconstruction": first.state(), "true solids": over_the_solids(scene, first.state())}
+    starts = {"reconstruction": first.product(), "true solids": over_the_solids(scene, first.product())}
     for geometry, start in starts.items():
         for weight in (Variant().radiometric_weight, 0.0):
             variant = Variant(radiometric_weight=weight)
             stage = InverseRendering(scene, variant, cost, int(seed), CPU, deepcopy(start))
             while stage.iteration < stage.iterations:
                 stage.step()
-            cell = Cell(name, scene.checksum, variant, cost, int(seed), "cpu", "default", "", "")
-            metrics = evaluate(stage.model, scene, cell, CPU, lambda done, total: None, timed=False).metrics
+            trained = TrainedRadioGS(stage.model, Run(scene, variant, cost, int(seed), CPU))
+            metrics = evaluate(trained, scene, protocol("default"), CPU, lambda done, total: None, timed=False).metrics
             scores = ", ".join(f"{key} {metrics[key]['value']:.3f}" for key in SCORES)
             share, arriving, consistent = blocked(stage.model)
             line = f"{geometry}, lambda_rad {weight}: {scores}; blocked {share:.4f}, L_ind {arriving:.4f}"
