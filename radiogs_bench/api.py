@@ -195,4 +195,4 @@ def open_store(folder: str | Path) -> pd.DataFrame:
 
 
 def _maps(prepared: Any, view: View, device: torch.device, further: tuple[str, ...]) -> dict[str, Tensor]:
-    return on_black(prepared, prepared.render(view.camera.to(device, torch.float32), *further))
+    return on_black(prepared, view.camera.to(device, torch.float32), *further)

@@ -31,7 +31,14 @@ substitutes: dict[str, Method] = {}
 
 def method_names() -> tuple[str, ...]:
     """Names of all methods that are installed or given, sorted."""
-    return tuple(sorted({*_offered(), *substitutes}))
+    return tuple(sorted({*_offered(), *recipes(), *substitutes}))
+
+
+def recipes() -> Mapping[str, Path]:
+    """Files of commands for published codes, by name; they come with the package, the codes do not."""
+    from radiogs_baselines.commands import recipes as files
+
+    return files()
 
 
 def method(name: str) -> Method:
@@ -41,6 +48,8 @@ def method(name: str) -> Method:
     if name.endswith(SUFFIX):
         return _from_file(Path(name))
     offered = _offered()
+    if name not in offered and name in recipes():
+        return _from_file(recipes()[name])
     if name not in offered:
         near = get_close_matches(name, method_names(), 1)
         raise UsageError(
@@ -54,6 +63,8 @@ def method(name: str) -> Method:
 def origin(name: str) -> str:
     """The package that offers a method."""
     point = _offered().get(name)
+    if name in recipes():
+        return "a recipe for a published code"
     return "this program" if point is None or point.dist is None else f"{point.dist.name} {point.dist.version}"
 
 

@@ -13,6 +13,7 @@ from radiogs_core.errors import UsageError
 WORDS: Mapping[Any, str] = {
     str: "text",
     int: "a whole number",
+    float: "a number",
     bool: "true or false",
     type(None): "nothing",
     tuple[str, ...]: "a list of text",

@@ -46,7 +46,7 @@ def paper_table() -> PaperTable:
         },
     ]
 
-    def figure(mean: float | None, published: str | None, difference: float | None = None) -> PaperValue:
+    def value(mean: float | None, published: str | None, difference: float | None = None) -> PaperValue:
         return {
             **cell(mean, difference, None if mean is not None else "not in this store; 100 % lost & gone"),
             "published": published,
@@ -66,16 +66,16 @@ def paper_table() -> PaperTable:
             {"key": "ours", "text": "Ours_100 %", "remark": ""},
         ],
         "cells": {
-            row: {column["key"]: figure for column, figure in zip(columns, figures, strict=True)}
-            for row, figures in {
-                "split-sum": (figure(None, "36.659"), figure(None, "0.0254"), figure(None, "1.0"), figure(None, None)),
+            row: {column["key"]: value for column, value in zip(columns, values, strict=True)}
+            for row, values in {
+                "split-sum": (value(None, "36.659"), value(None, "0.0254"), value(None, "1.0"), value(None, None)),
                 "detach": (
-                    figure(30.1234, "37.252", -1.5),
-                    figure(0.25, "0.0275", 0.0),
-                    figure(0.00047, "1.1"),
-                    figure(64, "64"),
+                    value(30.1234, "37.252", -1.5),
+                    value(0.25, "0.0275", 0.0),
+                    value(0.00047, "1.1"),
+                    value(64, "64"),
                 ),
-                "ours": (figure(31.6234, "37.858"), figure(0.25, "0.0266"), figure(2.04, "0.5"), figure(64, "128")),
+                "ours": (value(31.6234, "37.858"), value(0.25, "0.0266"), value(2.04, "0.5"), value(64, "128")),
             }.items()
         },
     }

@@ -88,8 +88,9 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
         near = get_close_matches(chosen, LAYOUTS, 1)
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
-    load = LAYOUTS[chosen].load
-    return replace(load(folder), folder=folder, loaders=(load.__module__,), surfaces=surfaces_of_folder(folder))
+    load, surfaces = LAYOUTS[chosen].load, surfaces_of_folder(folder)
+    known_by = () if surfaces is None else (surfaces_of_folder.__module__,)
+    return replace(load(folder), folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
 
 
 def _recognised(folder: Path) -> str:

@@ -158,9 +158,10 @@ def write_views(prepared: "Prepared", run: "Run", split: str, folder: Path) -> i
     folder.mkdir(parents=True, exist_ok=True)
     cameras = [view.camera.to(run.device, torch.float32) for view in views]
     for view, camera in zip(views, cameras, strict=True):
-        maps = {name: image.numpy() for name, image in on_black(prepared, prepared.render(camera)).items()}
+        maps = {name: image.numpy() for name, image in on_black(prepared, camera).items()}
         name = view.name.replace("/", "_")
-        write_png(folder / f"{name}.png", maps.pop("image"))
+        if "image" in maps:
+            write_png(folder / f"{name}.png", maps.pop("image"))
         for kind, image in maps.items():
             write_exr(folder / f"{name}_{kind}.exr", image)
     said = f"{len(views)} views in {folder}"

@@ -85,7 +85,7 @@ def evaluate(
         timings=course.costs.timings(),
         views=list(figures.views),
         shown_view=course.shown.name,
-        shown_light=course.shown_light,
+        shown_light=course.shown_light if "render/relit" in course.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
         arrays={name: image.numpy().astype(np.float32) for name, image in course.arrays.items()},
         protocol=rules.describe(),
@@ -127,7 +127,7 @@ class _Course:
 
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
         """A view's maps in main memory, on black."""
-        return on_black(prepared, prepared.render(view.camera.to(self.device, torch.float32), *further))
+        return on_black(prepared, view.camera.to(self.device, torch.float32), *further)
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the model's own light, and keep what is compared over all views."""
@@ -187,12 +187,14 @@ class _Course:
 
     def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
         for view in views:
-            self.figures.add("relight", view.name, dict.fromkeys(("psnr", "ssim", "lpips"), Value(None, reason)))
+            self.figures.add("relight", view.name, self.rules.no_comparison(reason))
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
-        self.figures.add("relight", view.name, self.rules.score_image(image, target, mask, maps["alpha"], "relight"))
+        self.figures.add(
+            "relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight")
+        )
         if view is self.shown and light == self.shown_light:
             self.arrays |= {"render/relit": image, "truth/relit": target}
         if view is self.shown and list(self.lit).index(light) < STRIP:

@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Prepared
+from radiogs_core.contract import MapKind, Prepared
 from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
@@ -19,32 +19,34 @@ GEOMETRY = ("alpha", "normal", "depth")
 """Maps that coverage does not multiply: normals are unit, depths are where a surface is."""
 
 
-def on_black(prepared: Prepared, maps: Maps) -> dict[str, Tensor]:
-    """The maps on the CPU, composited on black, images in display sRGB and clipped; the others are linear or data.
+def on_black(prepared: Prepared, camera: Camera, *further: str) -> dict[str, Tensor]:
+    """The maps of a camera, on the CPU, composited on black; images in display sRGB and clipped, others as declared.
 
-    Raises DataError for a map that the method did not declare or that has not the declared shape, with its name.
+    Without ``alpha`` nothing is known of coverage, and maps are taken as they are. Raises DataError for a map that the
+    method did not declare or that has not the camera's size, with its name.
     """
-    shape = maps["image"].shape[:2] if "image" in maps else None
-    alpha = maps["alpha"].cpu() if "alpha" in maps else None
-    found: dict[str, Tensor] = {}
+    maps = prepared.render(camera, *further)
     for name, image in maps.items():
-        kind = prepared.offers.get(name)
-        channels = CHANNELS.get(name, 3)
-        if kind is None or shape is None or tuple(image.shape) != (*shape, channels):
-            raise DataError(
-                f"the method rendered a map '{name}' of shape {tuple(image.shape)}",
-                "It did not declare such a map."
-                if kind is None
-                else f"The map 'image' has {None if shape is None else tuple(shape)} pixels; {channels} channels belong"
-                " to this map.",
-                "What maps are: radiogs_core.contract.Prepared.",
-            )
-        image = image.cpu()
-        if kind.alpha == "straight" and name not in GEOMETRY and alpha is not None:
-            image = image * alpha
-        if name == "image" and kind.colour == "linear":
-            image = srgb_encode(image).clamp(0, 1)
-        found[name] = image
-    if alpha is None and shape is not None:
-        found["alpha"] = torch.ones(*shape, 1)
-    return found
+        require_declared(prepared, camera, name, tuple(image.shape))
+    alpha = maps["alpha"].cpu() if "alpha" in maps else None
+    return {name: _shown(name, image.cpu(), prepared.offers[name], alpha) for name, image in maps.items()}
+
+
+def require_declared(prepared: Prepared, camera: Camera, name: str, shape: tuple[int, ...]) -> None:
+    """Raise DataError for a map that the method did not declare, or of a wrong shape."""
+    wanted = (camera.height, camera.width, CHANNELS.get(name, 3))
+    if name in prepared.offers and shape == wanted:
+        return
+    raise DataError(
+        f"the method rendered a map '{name}' of shape {shape}",
+        "It did not declare such a map." if name not in prepared.offers else f"The camera asks for {wanted}.",
+        "What maps are: radiogs_core.contract.Prepared.",
+    )
+
+
+def _shown(name: str, image: Tensor, kind: MapKind, alpha: Tensor | None) -> Tensor:
+    if kind.alpha == "straight" and name not in GEOMETRY and alpha is not None:
+        image = image * alpha
+    if name != "image":
+        return image
+    return (srgb_encode(image) if kind.colour == "linear" else image).clamp(0, 1)

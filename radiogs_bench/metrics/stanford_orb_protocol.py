@@ -53,7 +53,7 @@ class StanfordOrb(Protocol):
         region = orb.eroded(mask)
         if task == "indirect" or not region.any():
             reason = EMPTY if task != "indirect" else f"protocol '{self.name}' does not compare indirect light"
-            return {measure: Value(None, reason) for measure in ("psnr", "psnr_h", "psnr_l", "ssim", "lpips")}
+            return self.no_comparison(reason)
         target = target.clamp(min=0)
         if task == "relight":
             image = orb.aligned(image, target, region)
@@ -65,6 +65,10 @@ class StanfordOrb(Protocol):
             "ssim": Value(ssim(ours, theirs, self.ssim)),
             "lpips": perceptual(srgb_encode(ours), srgb_encode(theirs), self.lpips[0]),
         }
+
+    def no_comparison(self, reason: str) -> Scores:
+        """The measures of ``score_image``, none of which exists."""
+        return {measure: Value(None, reason) for measure in ("psnr", "psnr_h", "psnr_l", "ssim", "lpips")}
 
     def albedo_scale(
         self,

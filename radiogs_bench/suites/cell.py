@@ -121,7 +121,7 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
     ``found_as`` is what the method is found by where that is not its name: the path of its file.
     """
     kind = EXPERIMENTS[work.experiment]
-    loader = code_digest(*scene.loaders)
+    loader = code_digest(*scene.loaders, *(scene.surfaces_by if kind.on_surfaces else ()))
     evaluation = kind.evaluation_code(method)
     specs = method.stages(work.variant, work.budget) if kind.trains else ()
     begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}

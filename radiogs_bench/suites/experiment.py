@@ -16,12 +16,14 @@ class Experiment:
     """A kind of work on a cell; ``experiments.registry`` has the function that does it.
 
     trains: whether the method is trained. scores_on_the_way: whether the model is also scored while the last stage is
-    trained. sources: modules that measure; they and what they import decide its metrics.
+    trained. on_surfaces: whether the scene's true surfaces are used, so that what computes them counts as a loader.
+    sources: modules that measure; they and what they import decide its metrics.
     """
 
     name: str
     trains: bool = True
     scores_on_the_way: bool = False
+    on_surfaces: bool = False
     sources: tuple[str, ...] = (EVALUATION,)
 
     def evaluation_code(self, method: Method) -> str:
@@ -56,7 +58,9 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment(TRAINING),
         Experiment(COST, scores_on_the_way=True, sources=(EVALUATION, "radiogs_bench.experiments.cost")),
         Experiment(AUDIT, sources=(EVALUATION, "radiogs_bench.experiments.audit")),
-        Experiment(FORWARD_PARITY, trains=False, sources=("radiogs_bench.experiments.forward_parity",)),
+        Experiment(
+            FORWARD_PARITY, trains=False, on_surfaces=True, sources=("radiogs_bench.experiments.forward_parity",)
+        ),
         Experiment(STABILITY, trains=False, sources=("radiogs_bench.experiments.stability",)),
     )
 }

@@ -193,7 +193,7 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
         rows += own or [Row(key, "", found.title, method=name)]
     keys = [row.key for row in rows]
     reference = suite.reference if suite.reference in keys else keys[0]
-    return replace(suite, rows=tuple(rows), reference=reference if len(rows) > 1 else None)
+    return replace(suite, rows=tuple(rows), reference=reference)
 
 
 def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:

@@ -2,65 +2,216 @@
 
 import dataclasses
 import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bench.fake_method import fake_cell
-from radiogs.budget import budget
+from bench.chain_method import Chain, Steps, Turned
+from bench.fake_method import FAKE, SCENE, fake_cell
+from radiogs.budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
+from radiogs.method import RADIOGS
 from radiogs.profile import PROFILES
 from radiogs.variant import Variant
-from radiogs_bench.sources import code_digest, evaluation_code, sources_of
-from radiogs_bench.suites.cell import TRAINING, Cell, content_key
+from radiogs_bench.suites.cell import Cell, Work, cell_of, content_key
+from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
+from radiogs_core.contract import StageSpec, values_of
 
-OTHER: list[Cell] = [
-    fake_cell(checksum="1" * 64),
-    fake_cell(budget=budget("tiny")),
-    fake_cell(seed=1),
-    fake_cell(device="cuda"),
-    fake_cell(method_code="n"),
-]
+OTHER_VALUES: Mapping[str, Any] = {
+    "radiometric_weight": 0.1,
+    "detach": "pbr",
+    "initialise": "nvs",
+    "view_share": 0.5,
+    "shading": "split-sum",
+    "incident": "detached",
+    "relighting": "surfels",
+    "deviations": PROFILES["released"],
+    "effects": "auto",
+}
+"""Another value of every field of the variant than the full method has."""
 
-
-@pytest.mark.parametrize("cell", OTHER)
-def test_every_key_depends_on_scene_budget_seed_device_and_method(cell: Cell) -> None:
-    same = fake_cell()
-    assert cell.key != same.key
-    assert cell.training_key != same.training_key
-    assert cell.initialisation_key != same.initialisation_key
-
-
-@pytest.mark.parametrize("variant", [Variant(radiometric_weight=0.0), Variant(detach="pbr"), Variant(detach="surfel")])
-def test_variants_that_stage_1_does_not_read_share_it(variant: Variant) -> None:
-    cell = fake_cell(variant=variant)
-    assert cell.initialisation_key == fake_cell().initialisation_key
-    assert cell.training_key != fake_cell().training_key
+FROM_STAGE_1 = ("initialise", "view_share", "deviations")
+SHOWING_ALONE = ("relighting",)
 
 
-@pytest.mark.parametrize("variant", [Variant(initialise="nvs"), Variant(view_share=0.5)])
-def test_variants_that_stage_1_reads_do_not_share_it(variant: Variant) -> None:
-    assert fake_cell(variant=variant).initialisation_key != fake_cell().initialisation_key
+def radiogs_cell(variant: Variant | None = None, budget: Budget | None = None, **work: Any) -> Cell:
+    """A cell of the method itself."""
+    return cell_of(RADIOGS, SCENE, Work(variant or Variant(), budget or PRESETS["smoke"], **work))
 
 
-@pytest.mark.parametrize("change", [{"protocol": "irgs"}, {"evaluation_code": "f"}])
-def test_another_way_of_scoring_keeps_the_trained_model(change: dict[str, str]) -> None:
-    cell = fake_cell(**change)
-    assert cell.training_key == fake_cell().training_key
-    assert cell.key != fake_cell().key
+def changed(cell: Cell, like: Cell) -> list[bool]:
+    """Which keys differ: one for each stage, then the result's."""
+    stages = [mine.key != theirs.key for mine, theirs in zip(cell.stages, like.stages, strict=True)]
+    return [*stages, cell.key != like.key]
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Variant)])
+def test_a_field_of_the_variant_changes_the_first_stage_that_reads_it_and_all_after(name: str) -> None:
+    first = 0 if name in FROM_STAGE_1 else 2 if name in SHOWING_ALONE else 1
+    found = changed(radiogs_cell(Variant(**{name: OTHER_VALUES[name]})), radiogs_cell())
+    assert found == [place >= first for place in range(3)]
+
+
+@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Budget)])
+def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_after(name: str) -> None:
+    """Its name alone is that of no stage's work: a preset under another name trains the same."""
+    first = 2 if name in ("name", *RELIGHT_ONLY) else 1 if name in INVERSE_ONLY else 0
+    smoke = PRESETS["smoke"]
+    value = "other" if name == "name" else 2 * getattr(smoke, name)
+    found = changed(radiogs_cell(budget=replace(smoke, **{name: value})), radiogs_cell())
+    assert found == [place >= first for place in range(3)]
+
+
+def test_deviations_that_stage_1_does_not_make_leave_it_shared() -> None:
+    later = next(
+        name
+        for name in PROFILES["released"]
+        if name not in Variant(deviations=(name,)).of_initialisation()["deviations"]
+    )
+    assert changed(radiogs_cell(Variant(deviations=(later,))), radiogs_cell()) == [False, True, True]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        fake_cell(scene=replace(SCENE, checksum="1" * 64)),
+        fake_cell(scene=replace(SCENE, loaders=("radiogs_core.errors",))),
+        fake_cell(seed=1),
+        fake_cell(device="cuda"),
+    ],
+    ids=["scene", "loader", "seed", "device"],
+)
+def test_every_key_depends_on_scene_loader_seed_and_device(other: Cell) -> None:
+    assert changed(other, fake_cell()) == [True, True, True]
+
+
+@dataclass(frozen=True)
+class Differently:
+    """The fake with something else in the stages from ``place`` on, or in how it is shown."""
+
+    place: int = 0
+    change: tuple[tuple[str, Any], ...] = ()
+    sources: tuple[str, ...] = FAKE.sources
+
+    name = FAKE.name
+    title = FAKE.title
+    variant = FAKE.variant
+    presets = FAKE.presets
+    restore = FAKE.restore
+
+    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
+        specs = list(FAKE.stages(variant, budget))
+        specs[self.place] = replace(specs[self.place], **dict(self.change))
+        return specs
+
+
+def differently(*given: Any, **named: Any) -> Cell:
+    return cell_of(Differently(*given, **named), SCENE, Work(Variant(), PRESETS["smoke"]))
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize(
+    "change",
+    [("owner", "another"), ("name", "another"), ("reads", {"other": 1}), ("sources", ("radiogs_core.scene.camera",))],
+)
+def test_owner_name_dependencies_and_sources_of_a_stage_change_it_and_all_after(place: int, change: Any) -> None:
+    assert changed(differently(place, (change,)), fake_cell()) == [stage >= place for stage in range(3)]
+
+
+@pytest.mark.parametrize("change", [("title", "another"), ("steps", 99), ("compiles", False)])
+def test_what_a_stage_is_called_for_people_changes_no_key(change: Any) -> None:
+    """Steps are among what it reads if they decide its outcome."""
+    assert changed(differently(0, (change,)), fake_cell()) == [False] * 3
+
+
+def test_sources_of_showing_change_the_result_and_train_nothing_anew() -> None:
+    found = differently(sources=("radiogs.relighting",))
+    assert changed(found, fake_cell()) == [False, False, True]
+    assert found.evaluation_code != fake_cell().evaluation_code
+    assert found.method_code != fake_cell().method_code
+
+
+class Siblings(Chain):
+    """A chain whose first stages are those of another method."""
+
+    def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
+        first, *rest = super().stages(variant, budget)
+        return [replace(first, owner="elder"), *rest]
+
+
+def test_methods_that_name_one_owner_share_a_stage_and_no_more() -> None:
+    work = Work(Turned(), Chain.presets["smoke"])
+    elder = cell_of(Chain(("begin", "end"), name="elder"), SCENE, work)
+    younger = cell_of(Siblings(("begin", "end"), name="younger"), SCENE, work)
+    assert changed(younger, elder) == [False, True, True]
+
+
+def test_a_field_that_showing_alone_reads_changes_the_result_alone() -> None:
+    chain = Chain(("one", "two", "three"))
+    cells = [cell_of(chain, SCENE, Work(Turned(shown=shown), chain.presets["smoke"])) for shown in (1.0, 2.0)]
+    assert changed(*cells) == [False, False, False, True]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_stages_are_chained_and_the_first_and_last_of_them_name_what_is_shared(count: int) -> None:
+    """Stages that read and do the same are still different products, one after the other."""
+
+    class Alike(Chain):
+        def stages(self, variant: Turned, budget: Steps) -> Sequence[StageSpec]:
+            return [
+                replace(spec, name="again", reads=values_of(variant, "weight"))
+                for spec in super().stages(variant, budget)
+            ]
+
+    cell = cell_of(Alike([f"s{place}" for place in range(count)]), SCENE, Work(Turned(), Alike.presets["smoke"]))
+    keys = [stage.key for stage in cell.stages]
+    assert len({*keys, cell.key}) == count + 1
+    assert (cell.first_key, cell.training_key) == (keys[0], keys[-1])
+
+
+def test_an_experiment_that_trains_nothing_has_no_stages_and_is_its_own_first() -> None:
+    cell = fake_cell(experiment=FORWARD_PARITY, settings={"spacing": 0.1})
+    assert cell.stages == ()
+    assert cell.training_key is None
+    assert cell.first_key == cell.key
+    assert cell.key != fake_cell(experiment=FORWARD_PARITY, settings={"spacing": 0.2}).key
+
+
+def test_another_protocol_keeps_the_trained_model() -> None:
+    assert changed(fake_cell(protocol="irgs"), fake_cell()) == [False, False, True]
+
+
+def test_other_sources_that_score_keep_the_trained_model() -> None:
+    other = replace(fake_cell(), evaluation_code="other")
+    assert changed(other, fake_cell()) == [False, False, True]
+
+
+def test_scores_along_the_way_are_part_of_what_the_last_stage_leaves() -> None:
+    assert changed(fake_cell(experiment=COST), fake_cell()) == [False, True, True]
+    assert changed(fake_cell(experiment=COST, protocol="irgs"), fake_cell(experiment=COST)) == [False, True, True]
 
 
 def test_the_scene_counts_by_its_content_not_by_its_name() -> None:
-    assert fake_cell(scene="elsewhere/corner").key == fake_cell().key
+    assert changed(fake_cell(scene=replace(SCENE, name="elsewhere/corner")), fake_cell()) == [False] * 3
 
 
-def test_every_field_of_the_variant_is_in_the_training_key() -> None:
-    for field in dataclasses.fields(Variant):
-        assert field.name in fake_cell().content()["variant"]
+def test_a_method_counts_by_what_it_is_not_by_where_it_was_found() -> None:
+    work = Work(Variant(), PRESETS["smoke"])
+    found = cell_of(FAKE, SCENE, work, "somewhere/fake.toml")
+    assert found.found_as == "somewhere/fake.toml"
+    assert changed(found, fake_cell()) == [False] * 3
 
 
-def test_the_content_is_what_a_stored_result_gives_back() -> None:
+def test_every_field_of_the_variant_is_in_the_content() -> None:
+    assert fake_cell().content()["variant"].keys() == {field.name for field in dataclasses.fields(Variant)}
+
+
+@pytest.mark.parametrize("variant", [Variant(deviations=PROFILES["released"]), Variant(effects=("visibility",))])
+def test_the_content_is_what_a_stored_result_gives_back(variant: Variant) -> None:
     """Else nothing that is looked for by its content is ever found in a store."""
-    content = fake_cell(variant=Variant(deviations=PROFILES["released"])).content()
+    content = fake_cell(variant=variant).content()
     assert json.loads(json.dumps(content)) == content
 
 
@@ -76,35 +227,11 @@ def test_content_that_is_no_json_has_no_key() -> None:
         content_key({"value": float("inf")})
 
 
-def test_the_code_digest_sees_names_and_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    package = tmp_path / "some_package"
-    package.mkdir()
-    (package / "__init__.py").write_text("")
-    (package / "one.py").write_text("x = 1\n")
-    monkeypatch.syspath_prepend(tmp_path)
-
-    def digest() -> str:
-        code_digest.cache_clear()
-        return code_digest("some_package")
-
-    first = digest()
-    assert digest() == first
-    (package / "one.py").write_text("x = 2\n")
-    second = digest()
-    (package / "one.py").rename(package / "two.py")
-    assert len({first, second, digest()}) == 3
-    code_digest.cache_clear()
-
-
-def test_the_code_digest_covers_kernels_and_subpackages() -> None:
-    assert "radiogs/kernels/counters.py" in sources_of("radiogs")
-
-
 def test_results_without_lpips_are_scored_again_once_its_weights_are_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
-    without = evaluation_code(TRAINING)
+    without = EXPERIMENTS[TRAINING].evaluation_code(FAKE)
     (tmp_path / "alexnet_features.npz").touch()
     (tmp_path / "alex.pth").touch()
-    assert evaluation_code(TRAINING) != without
+    assert EXPERIMENTS[TRAINING].evaluation_code(FAKE) != without

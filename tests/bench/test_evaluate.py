@@ -1,32 +1,31 @@
 """Evaluation compares the right maps in the right form; a stand-in renders known images."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import torch
 
-from bench.fake_method import CPU, FakeStage, fake_cell
-from radiogs.model import Model
-from radiogs_bench.evaluation import evaluate as module
+from bench.chain_method import Chain, Turned
+from bench.fake_method import CPU
 from radiogs_bench.evaluation import frame_cost
-from radiogs_bench.evaluation.evaluate import evaluate, incident_map
+from radiogs_bench.evaluation.evaluate import Evaluation, evaluate
 from radiogs_bench.evaluation.scoring import displayed, truth
-from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP
+from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP, protocol
+from radiogs_core.contract import MapKind, NotOffered, Run
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
-from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import splat
-from scenes import look_at, sphere_scene
+from scenes import look_at
 
 SIZE = 16
 SCALE = torch.tensor([0.5, 2.0, 1.25])
-MODEL = FakeStage(torch.zeros(3), 0.0, 0).model
 
 
 def view_with(place: int, names: Mapping[str, int]) -> View:
@@ -53,75 +52,140 @@ def scene_of(*views: View) -> Scene:
     return Scene("s", "none", views, views, lights, None, "0")
 
 
+KINDS = {
+    "image": MapKind("display"),
+    "alpha": MapKind("data"),
+    **dict.fromkeys(("albedo", "indirect", "incident"), MapKind("linear")),
+    **dict.fromkeys(("normal", "roughness", "depth"), MapKind("data")),
+}
+
+
 class Perfect:
-    """Renders the ground truth, but for what ``wrong`` adds to a map, and albedo divided by SCALE."""
+    """Shows the ground truth of a scene, but for what ``wrong`` adds to a map, and albedo divided by SCALE.
 
-    wrong: ClassVar[Mapping[str, float]]
-    scene: ClassVar[Scene]
-    scales: ClassVar[list[torch.Tensor]]
-    incident: ClassVar[Incident] = Incident(*(torch.zeros(4, 5, *rest) for rest in ((3,), (), (), (3,))))
+    ``light`` is that which it has recovered; ``steps`` are those of preparing for another one.
+    """
 
-    def __init__(self, model: Model, *further: Any) -> None:
-        self.light = None
-        if len(further) > 2:  # as relit_under: light, albedo scale, run, after_step, share
-            self.light = next(name for name, light in self.scene.lights.items() if light is further[0])
-            self.scales.append(further[1])
+    timed = True
 
-    def render(self, camera: Any) -> dict[str, torch.Tensor]:
+    def __init__(
+        self,
+        scene: Scene,
+        wrong: Mapping[str, float] | None = None,
+        light: EnvironmentMap | None = None,
+        steps: int = 0,
+    ) -> None:
+        self.scene, self.wrong, self.light, self.steps = scene, dict(wrong or {}), light, steps
+        self.scales: list[torch.Tensor] = []
+        self.asked: list[str] = []
+
+    def facts(self) -> dict[str, Any]:
+        return {}
+
+    def tensors(self) -> dict[str, Any]:
+        return {}
+
+    def export(self, folder: Path) -> list[Path]:
+        return []
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: torch.Tensor | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> "Own | Relit":
+        if light is None:
+            return Own(self)
+        assert albedo_scale is not None
+        self.scales.append(albedo_scale)
+        for _ in range(self.steps):
+            after_step()
+        return Relit(self, next(name for name, each in self.scene.lights.items() if each is light))
+
+    def view(self, camera: Camera) -> View:
         views = (*self.scene.test, *self.scene.relight)
-        view = next(view for view in views if torch.equal(view.camera.centre, camera.centre))
-        if self.light is not None:
-            name = f"relit/{self.light}"
-            return {"image": truth(view, name) + self.wrong.get(name, 0.0), "alpha": view.read("alpha")}
+        return next(view for view in views if torch.equal(view.camera.centre, camera.centre))
+
+
+class Own:
+    """Under its own light."""
+
+    timed = True
+    offers = KINDS
+    default = frozenset(KINDS) - {"incident"}
+
+    def __init__(self, model: Perfect) -> None:
+        self.model = model
+
+    def render(self, camera: Camera, *further: str) -> dict[str, torch.Tensor]:
+        view, wrong = self.model.view(camera), self.model.wrong
+        self.model.asked += further
         maps = {name: torch.zeros(SIZE, SIZE, channels) for name, channels in EVERYTHING.items() if "/" not in name}
         maps |= {name: truth(view, name) for name in maps if view.has(name)}
         maps["albedo"] = maps["albedo"] / SCALE
         depth = truth(view, "depth") if view.has("depth") else torch.zeros(SIZE, SIZE, 1)
         maps |= {"alpha": view.read("alpha"), "depth": depth / 3}
-        return {name: image + self.wrong.get(name, 0.0) for name, image in maps.items()}
+        if "incident" in further:
+            maps["incident"] = torch.full((SIZE, SIZE, 3), 0.2)
+        return {name: image + wrong.get(name, 0.0) for name, image in maps.items()}
 
 
-def values(
-    scene: Scene,
-    monkeypatch: pytest.MonkeyPatch,
-    wrong: Mapping[str, float] | None = None,
-    protocol: str = "default",
-) -> Any:
-    monkeypatch.setattr(Perfect, "scene", scene, raising=False)
-    monkeypatch.setattr(Perfect, "wrong", wrong or {}, raising=False)
-    monkeypatch.setattr(Perfect, "scales", [], raising=False)
-    monkeypatch.setattr(module, "Renderer", Perfect)
-    if module.incident_map is incident_map:  # the model of these tests has no surfels to splat
-        monkeypatch.setattr(module, "incident_map", lambda model, incident, camera: torch.full((SIZE, SIZE, 3), 0.2))
-    monkeypatch.setattr(module, "relit_under", Perfect)
+class Relit:
+    """Under one of the scene's lights."""
+
+    timed = True
+    offers: Mapping[str, MapKind] = {name: KINDS[name] for name in ("image", "alpha")}
+    default = frozenset(offers)
+
+    def __init__(self, model: Perfect, light: str) -> None:
+        self.model, self.name = model, f"relit/{light}"
+
+    def render(self, camera: Camera, *further: str) -> dict[str, torch.Tensor]:
+        view = self.model.view(camera)
+        return {"image": truth(view, self.name) + self.model.wrong.get(self.name, 0.0), "alpha": view.read("alpha")}
+
+
+class Fixed(Perfect):
+    """Has light and surface in one, as a plain radiance field has."""
+
+    def prepare(self, light: EnvironmentMap | None = None, *further: Any, **named: Any) -> Own:
+        if light is not None:
+            raise NotOffered("light and surface are one here")
+        return Own(self)
+
+
+def run_on(scene: Scene) -> Run:
+    return Run(scene, Turned(), Chain.presets["smoke"], 0, CPU)
+
+
+def scored(model: Any, rules: str = "default", scene: Scene | None = None) -> Evaluation:
     told: list[tuple[int, int]] = []
-    cell = replace(fake_cell(), protocol=protocol)
-    result = evaluate(MODEL, scene, cell, CPU, lambda done, total: told.append((done, total)))
+    result = evaluate(model, scene or model.scene, protocol(rules), CPU, lambda done, total: told.append((done, total)))
     assert told == [(step, told[-1][1]) for step in range(1, told[-1][1] + 1)]
     return result
 
 
-def test_a_perfect_model_has_perfect_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+def values(scene: Scene, wrong: Mapping[str, float] | None = None, rules: str = "default") -> Any:
+    return scored(Perfect(scene, wrong), rules)
+
+
+def test_a_perfect_model_has_perfect_figures() -> None:
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING), view_with(2, EVERYTHING))
-    found = values(scene, monkeypatch)
+    model = Perfect(scene)
+    found = scored(model)
     for task in ("nvs", "albedo", "indirect", "relight"):
         assert found.metrics[f"{task}/psnr"]["value"] > 0.99 * PSNR_CAP
     assert found.metrics["normal/mae"]["value"] == pytest.approx(0.0, abs=1e-6)
     assert found.metrics["roughness/mse"]["value"] == pytest.approx(0.0, abs=1e-12)
     assert found.albedo_scale == pytest.approx(SCALE.tolist())
-    assert all(torch.allclose(scale, SCALE) for scale in Perfect.scales)
+    assert all(torch.allclose(scale, SCALE) for scale in model.scales)
     assert found.views == ["view_0", "view_1", "view_2"]
     assert all(time > 0 for task in ("nvs", "render") for time in found.timings[f"{task}/ms"]["views"])
 
 
-def test_evaluation_can_be_stopped_during_fine_tuning(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_evaluation_can_be_stopped_during_a_long_preparation() -> None:
     """Every step tells how many images are done, so that a request to stop is not left waiting for the last step."""
     told: list[tuple[int, int]] = []
-
-    def relight(model: Model, light: EnvironmentMap, *further: Any) -> Perfect:
-        for _ in range(3):
-            further[2]()
-        return Perfect(model, light, *further)
 
     def advance(done: int, total: int) -> None:
         told.append((done, total))
@@ -129,10 +193,8 @@ def test_evaluation_can_be_stopped_during_fine_tuning(monkeypatch: pytest.Monkey
             raise InterruptedError
 
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
-    values(scene, monkeypatch)
-    monkeypatch.setattr(module, "relit_under", relight)
     with pytest.raises(InterruptedError):
-        evaluate(MODEL, scene, fake_cell(), CPU, advance)
+        evaluate(Perfect(scene, steps=3), scene, protocol("default"), CPU, advance)
     assert told == [(1, 6), (2, 6), (2, 6), (2, 6)]
 
 
@@ -144,17 +206,17 @@ def test_the_memory_of_frames_is_the_most_that_any_light_took(monkeypatch: pytes
         yield next(taken)
 
     monkeypatch.setattr(frame_cost, "peaks_within", peaks_within)
-    timings = values(scene_of(view_with(0, EVERYTHING)), monkeypatch).timings
+    timings = values(scene_of(view_with(0, EVERYTHING))).timings
     assert timings["nvs/megabytes"]["value"] == 3.0
     assert timings["render/megabytes"] == {"value": 5.0, "reason": None, "views": [None]}
 
 
-def test_views_elsewhere_are_relit_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_views_elsewhere_are_relit_and_nothing_else() -> None:
     """As Stanford-ORB has them: each under a light of its own, beside test views that are under none."""
     test = [view_with(place, {"image": 3, "normal": 3}) for place in range(2)]
     elsewhere = [view_with(2, {"relit/sun": 3}), view_with(3, {"relit/sky": 3})]
     scene = replace(scene_of(*test), relight=tuple(elsewhere))
-    found = values(scene, monkeypatch, {"relit/sun": 0.1, "relit/sky": 0.001, "image": 0.01})
+    found = values(scene, {"relit/sun": 0.1, "relit/sky": 0.001, "image": 0.01})
     assert found.views == ["view_0", "view_1", "view_2", "view_3"]
     assert found.metrics["relight/psnr"]["value"] == pytest.approx((20 + 60) / 2, abs=1e-2)
     assert found.metrics["relight/psnr"]["views"] == [None, None, *map(partial(pytest.approx, abs=1e-2), (20, 60))]
@@ -166,18 +228,18 @@ def test_views_elsewhere_are_relit_and_nothing_else(monkeypatch: pytest.MonkeyPa
     assert found.shown_light is None
 
 
-def test_a_known_error_has_the_psnr_of_its_square(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_known_error_has_the_psnr_of_its_square() -> None:
     scene = scene_of(view_with(0, EVERYTHING))
-    found = values(scene, monkeypatch, {"image": 0.01, "relit/sun": 0.1, "relit/sky": 0.001, "roughness": 0.02})
+    found = values(scene, {"image": 0.01, "relit/sun": 0.1, "relit/sky": 0.001, "roughness": 0.02})
     assert found.metrics["nvs/psnr"]["value"] == pytest.approx(40.0, abs=1e-3)
     assert found.metrics["roughness/mse"]["value"] == pytest.approx(4e-4, rel=1e-4)
     # The mean over lights of 20 dB and 60 dB, not the PSNR of their mean error.
     assert found.metrics["relight/psnr"]["value"] == pytest.approx(40.0, abs=1e-2)
 
 
-def test_indirect_light_is_compared_as_it_is_displayed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_indirect_light_is_compared_as_it_is_displayed() -> None:
     scene = scene_of(view_with(0, EVERYTHING))
-    found = values(scene, monkeypatch, {"indirect": 0.05})
+    found = values(scene, {"indirect": 0.05})
     true = truth(scene.test[0], "indirect").double().numpy()
 
     def encode(linear: np.ndarray) -> np.ndarray:
@@ -187,11 +249,9 @@ def test_indirect_light_is_compared_as_it_is_displayed(monkeypatch: pytest.Monke
     assert found.metrics["indirect/psnr"]["value"] == pytest.approx(-10 * math.log10(error), abs=1e-3)
 
 
-def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_so() -> None:
     some = {"image": 3, "normal": 3}
-    found = values(scene_of(view_with(0, {"image": 3}), view_with(1, some)), monkeypatch)
+    found = values(scene_of(view_with(0, {"image": 3}), view_with(1, some)))
     assert {name.split("/")[0] for name in found.metrics} == {"nvs", "normal"}
     assert found.metrics["normal/mae"]["value"] is None
     assert found.metrics["normal/mae"]["reason"] == "not every test view has this ground truth"
@@ -200,9 +260,9 @@ def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_s
     assert found.shown_light is None
 
 
-def test_the_arrays_are_what_the_contact_sheet_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_arrays_are_what_the_contact_sheet_shows() -> None:
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING))
-    found = values(scene, monkeypatch)
+    found = values(scene)
     names = {"image", "albedo", "normal", "roughness", "indirect", "relit", "relit/sun", "relit/sky"}
     assert found.arrays.keys() == {
         "render/incident",
@@ -233,64 +293,65 @@ def test_display_is_clipped() -> None:
     assert torch.equal(displayed(torch.tensor([[[-1.0, 0.0, 9.0]]])), torch.tensor([[[0.0, 0.0, 1.0]]]))
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_every_protocol_has_a_figure_or_a_reason_for_every_task(monkeypatch: pytest.MonkeyPatch, protocol: str) -> None:
-    scene = scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2)))
-    seen: list[Incident] = []
-
-    def incident_light(model: Model, incident: Incident, camera: Any) -> torch.Tensor:
-        seen.append(incident)
-        return torch.full((SIZE, SIZE, 3), 0.2)
-
-    monkeypatch.setattr(module, "incident_map", incident_light)
-    found = values(scene, monkeypatch, {"image": 0.01}, protocol)
-    assert all(incident is Perfect.incident for incident in seen)
-    assert len(seen) == (2 if protocol == "radiogs" else 1)  # of the view that is shown, always
+@pytest.mark.parametrize("rules", PROTOCOLS)
+def test_every_protocol_has_a_figure_or_a_reason_for_every_task(rules: str) -> None:
+    model = Perfect(scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2))), {"image": 0.01})
+    found = scored(model, rules)
+    assert model.asked == ["incident"] * (2 if rules == "radiogs" else 1)  # of the view that is shown, always
     tasks = {name.split("/")[0] for name in found.metrics}
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight"}
     for metric in found.metrics.values():
         assert (metric["value"] is None) == bool(metric["reason"])
-    assert found.protocol["name"] == protocol
-    nvs = found.metrics["nvs/psnr_l" if protocol == "stanford-orb" else "nvs/psnr"]["value"]
+    assert found.protocol["name"] == rules
+    nvs = found.metrics["nvs/psnr_l" if rules == "stanford-orb" else "nvs/psnr"]["value"]
+    assert nvs is not None
     assert 20 < nvs < 60
 
 
-def test_a_protocol_that_relights_unscaled_does_so_and_reports_its_factor(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = scene_of(view_with(0, EVERYTHING))
-    found = values(scene, monkeypatch, protocol="gs-ir")
-    assert found.albedo_scale == pytest.approx(SCALE.tolist(), rel=0.02)
-    assert all(torch.equal(scale, torch.ones(3)) for scale in Perfect.scales)
+@pytest.mark.parametrize("rules", PROTOCOLS)
+def test_a_method_that_cannot_be_relit_has_its_reason_in_place_of_every_relit_figure(rules: str) -> None:
+    """And nothing else is missing: the same metrics as of one that can, and all images are told of."""
+    scene = scene_of(*(view_with(place, EVERYTHING) for place in range(2)))
+    found, able = scored(Fixed(scene), rules), scored(Perfect(scene), rules)
+    assert found.metrics.keys() == able.metrics.keys()
+    for name, metric in found.metrics.items():
+        if name.startswith("relight/"):
+            assert metric == {"value": None, "reason": "light and surface are one here", "views": [None, None]}
+        else:
+            assert metric == able.metrics[name]
+    assert not [name for name in found.timings if name.startswith(("render/", "prepare/"))]
+    assert not [name for name in found.arrays if "/relit" in name]
+    assert (found.shown_light, able.shown_light) == (None, "sun")
 
 
-def test_depth_is_scored_up_to_its_scale_where_the_protocol_does(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_a_method_does_not_offer_is_not_scored() -> None:
+    scene = scene_of(*(view_with(place, EVERYTHING) for place in range(2)))
+    found = scored(Chain(("fit",)).restore(run_on(scene), {"value": torch.zeros(1)}), scene=scene)
+    assert {name.split("/")[0] for name in found.metrics} == {"nvs", "relight"}
+    assert found.albedo_scale is None
+    assert found.timings == {}  # it says that its seconds mean nothing
+
+
+def test_a_protocol_that_relights_unscaled_does_so_and_reports_its_factor() -> None:
+    model = Perfect(scene_of(view_with(0, EVERYTHING)))
+    assert scored(model, "gs-ir").albedo_scale == pytest.approx(SCALE.tolist(), rel=0.02)
+    assert len(model.scales) == 2
+    assert all(torch.equal(scale, torch.ones(3)) for scale in model.scales)
+
+
+def test_depth_is_scored_up_to_its_scale_where_the_protocol_does() -> None:
     scene = scene_of(*(view_with(place, {"image": 3, "depth": 1}) for place in range(2)))
-    found = values(scene, monkeypatch, protocol="stanford-orb").metrics["depth/simse"]
+    found = values(scene, rules="stanford-orb").metrics["depth/simse"]
     assert found["value"] == pytest.approx(0, abs=1e-10)
-    assert "depth/simse" not in values(scene, monkeypatch).metrics
+    assert "depth/simse" not in values(scene).metrics
 
 
-def test_the_released_indirect_light_is_the_hemispheres_mean_splatted() -> None:
-    """A constant radiance from everywhere is itself times coverage, whatever the weights."""
-    camera = sphere_scene().test[0].camera
-    model = replace(MODEL, surfels=replace(MODEL.surfels, centre=torch.zeros(4, 3)))
-    weight = torch.rand(4, 5)
-    direction = torch.nn.functional.normalize(torch.randn(4, 5, 3), dim=-1)
-    radiance = torch.tensor([0.2, 0.4, 0.8])
-    incident = Incident(direction, weight, torch.zeros(4, 5), radiance.expand(4, 5, 3))
-    alpha = splat(camera, model.surfels, {"any": torch.zeros(4, 1)}, depth_unit=1.0).alpha
-    assert alpha.max() > 0.5
-    torch.testing.assert_close(incident_map(model, incident, camera), alpha[..., None] * radiance)
-    # Directions that stand for no solid angle do not count.
-    incident.weight[:, 1:] = 0
-    incident.radiance = torch.cat([radiance.expand(4, 1, 3), torch.rand(4, 4, 3)], 1)
-    torch.testing.assert_close(incident_map(model, incident, camera), alpha[..., None] * radiance)
-
-
-def test_the_recovered_light_is_compared_at_the_true_ones_resolution(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_recovered_light_is_compared_at_the_true_ones_resolution() -> None:
     scene = replace(scene_of(view_with(0, EVERYTHING)), training_light=EnvironmentMap(torch.full((8, 16, 3), 2.0)))
-    monkeypatch.setattr(module.Model, "environment", torch.tensor([1.0, 2.0, 5.0]).expand(2, 4, 3))
-    found = values(scene, monkeypatch).metrics
+    light = EnvironmentMap(torch.tensor([1.0, 2.0, 5.0]).expand(2, 4, 3))
+    found = scored(Perfect(scene, light=light)).metrics
     assert found["environment/error"]["value"] == pytest.approx((1 + 0 + 9) / 12)
     assert found["environment/error_scaled"]["value"] == pytest.approx(0, abs=1e-9)
     assert found["environment/error"]["views"] == [None]
-    assert "environment/error" not in values(scene_of(view_with(0, EVERYTHING)), monkeypatch).metrics
+    assert "environment/error" not in scored(Perfect(scene_of(view_with(0, EVERYTHING)), light=light)).metrics
+    assert "environment/error" not in values(scene).metrics

@@ -3,16 +3,23 @@
 from dataclasses import replace
 
 import pytest
+import torch
 
-from bench.fake_method import CPU, fake_cell
-from bench.test_evaluate import EVERYTHING, MODEL, scene_of, view_with
+from bench.fake_method import CPU, model_at
+from bench.test_evaluate import EVERYTHING, scene_of, view_with
+from radiogs.budget import PRESETS
+from radiogs.trained import TrainedRadioGS
+from radiogs.variant import Variant
 from radiogs_bench.evaluation.evaluate import evaluate
-from radiogs_bench.metrics import PROTOCOLS
+from radiogs_bench.metrics import PROTOCOLS, protocol
 from radiogs_bench.metrics.weights import FILES
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
+from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
+
+MODEL = model_at(torch.zeros(3))
 
 
 @pytest.fixture(scope="module")
@@ -22,9 +29,10 @@ def scene() -> Scene:
     return replace(views, training_light=EnvironmentMap(MODEL.environment.detach() + 0.1))
 
 
-@pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_every_figure_that_evaluation_stores_can_be_a_column(protocol: str, scene: Scene) -> None:
-    found = evaluate(MODEL, scene, fake_cell(protocol=protocol), CPU, lambda done, total: None)
+@pytest.mark.parametrize("rules", PROTOCOLS)
+def test_every_figure_that_evaluation_stores_can_be_a_column(rules: str, scene: Scene) -> None:
+    trained = TrainedRadioGS(MODEL, Run(scene, Variant(), PRESETS["smoke"], 0, CPU))
+    found = evaluate(trained, scene, protocol(rules), CPU, lambda done, total: None)
     stored = found.metrics | found.timings
     tasks = {Metric.of(key).task for key in stored}
     assert tasks >= {"nvs", "normal", "albedo", "roughness", "indirect", "relight", "environment"}

@@ -13,7 +13,10 @@ from radiogs_bench.suites.cell import Work, cell_of
 from radiogs_bench.suites.experiment import AUDIT, COST, FORWARD_PARITY, STABILITY, TRAINING
 from radiogs_core.scene.scene import Scene
 
-BLENDER = Scene("corner", "blender", (), (), {}, None, "0" * 64, loaders=("radiogs_datasets.layouts.blender",))
+BLENDER = Scene(
+    "corner", "blender", (), (), {}, None, "0" * 64,
+    loaders=("radiogs_datasets.layouts.blender",), surfaces_by=("radiogs_datasets.generate.surfaces",),
+)  # fmt: skip
 TENSOIR = Scene("hotdog", "tensoir", (), (), {}, None, "1" * 64, loaders=("radiogs_datasets.layouts.tensoir",))
 
 
@@ -79,6 +82,8 @@ MODULES: Mapping[str, set[str]] = {
         "elsewhere", "elsewhere: initialise", "elsewhere: invert",
     },
     "radiogs_datasets.layouts.tensoir": {"elsewhere", "elsewhere: initialise", "elsewhere: invert"},
+    # the generator, where a suite uses its surfaces
+    "radiogs_datasets.generate.surfaces": {"parity"},
     # the harness: metrics, what is scored along the way, experiments
     "radiogs_bench.metrics.psnr": RESULTS | {"cost: invert"},
     "radiogs_bench.training.trail": {"cost: invert", "cost", "audit", "parity", "stability"},

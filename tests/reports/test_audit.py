@@ -1,4 +1,4 @@
-"""The audit of plans: its tables and its figure against figures worked out by hand from a made-up run."""
+"""The audit of plans: its tables and its figure against values worked out by hand from a made-up run."""
 
 import copy
 import io

@@ -1,4 +1,4 @@
-"""The report of cost: its sentences and tables against figures computed from the runs by other means."""
+"""The cost report: its sentences and tables against values computed from the runs by other means."""
 
 import copy
 import io
@@ -35,7 +35,7 @@ SEEDS = (0, 1, 2)
 
 
 def made_up(seeds: tuple[int, ...] = SEEDS) -> Summary:
-    """Five rows on one scene; figures, seconds and rays are random, so that nothing agrees by chance."""
+    """Five rows on one scene; metrics, seconds and rays are random, so that nothing agrees by chance."""
     generator = np.random.default_rng(5)
     made = summary()
     made["columns"], made["reference"], made["paper"], made["sheet"] = made["columns"][:2], "reference", [], []
@@ -157,7 +157,7 @@ def test_quality_at_a_time_and_time_to_quality_are_inverse() -> None:
     assert seconds_to([Point(1, 9.0), Point(2, 7.0)], 8.0, made_up()["columns"][1]) == pytest.approx(1.5)
 
 
-def test_targets_are_each_scenes_own_and_the_reference_reaches_them() -> None:
+def test_every_scene_has_its_own_targets_and_the_reference_reaches_them() -> None:
     """A second scene lies 10 dB higher, its training is three times slower; one row lies 0.6 dB lower throughout."""
     made = made_up()
     for each in list(made["runs"]):
@@ -184,7 +184,7 @@ def test_what_rounds_to_nothing_has_no_sign() -> None:
     assert shown == ["0.00", "0.00", "0.00", "-0.01", "+0.01"]
 
 
-def test_the_front_in_the_tables_is_what_no_other_row_beats() -> None:
+def test_the_pareto_front_of_the_tables_holds_the_unbeaten_rows() -> None:
     made = made_up()
     table = frame(made).groupby("row").mean()
     (grid,) = [each for each in report_of(made).grids if each.name == "fronts"]

@@ -37,7 +37,7 @@ def two_rows() -> Summary:
 
 @pytest.fixture(scope="module")
 def reports(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with all reports; they take seconds to make, and are only looked at."""
+    """A folder with all reports; they take seconds to make, and tests only read them."""
     folder = tmp_path_factory.mktemp("run")
     write_reports(write_run(folder, two_rows()))
     return folder
@@ -125,8 +125,8 @@ def test_direct_and_indirect_light_add_up_to_the_image() -> None:
     assert (direct({"image": np.zeros((1, 1, 3)), "indirect": np.ones((1, 1, 3))}) == 0).all()
 
 
-def test_the_light_that_arrives_stands_where_the_protocol_compares_it() -> None:
-    """Truth that a protocol takes for arriving light is no part of the image, so that nothing is direct there."""
+def test_true_indirect_light_is_shown_as_incident_where_the_protocol_says_so() -> None:
+    """Incident light is no part of the image, so no direct light can be computed from it."""
     found = {"image": np.full((2, 2, 3), 0.5), "indirect": np.full((2, 2, 3), 0.01)}
     assert components(found).keys() == {"image", "indirect", "direct"}
     arriving = components(indirect_as_incident(found))
@@ -137,7 +137,7 @@ def test_the_light_that_arrives_stands_where_the_protocol_compares_it() -> None:
 @pytest.mark.parametrize(
     ("compared", "absent"), [({"quantity": "outgoing"}, [3]), ({"quantity": "incident"}, [1, 2]), (None, [3])]
 )
-def test_what_the_truth_lacks_is_said_in_its_place(
+def test_missing_ground_truth_leaves_a_labelled_frame(
     tmp_path: Path, compared: dict[str, str] | None, absent: list[int]
 ) -> None:
     made = two_rows()
@@ -151,7 +151,7 @@ def test_what_the_truth_lacks_is_said_in_its_place(
     ]  # fmt: skip
 
 
-def test_a_strip_has_a_line_a_light_and_holds_the_stored_pictures(tmp_path: Path) -> None:
+def test_the_relighting_figure_has_a_line_per_light_and_holds_the_stored_pictures(tmp_path: Path) -> None:
     made = two_rows()
     (sketch,) = relighting_figures(made, write_run(tmp_path, made))
     tiles = sketch.figure.axes
@@ -164,7 +164,7 @@ def test_a_strip_has_a_line_a_light_and_holds_the_stored_pictures(tmp_path: Path
             assert np.array_equal(axes.images[0].get_array(), np.rint(image * 255))
 
 
-def test_many_rows_go_on_below_and_none_is_lost(tmp_path: Path) -> None:
+def test_many_rows_continue_below_and_none_is_lost(tmp_path: Path) -> None:
     made = two_rows()
     (one,) = scene_views(made, write_run(tmp_path, made))
     for count in range(1, 30):
@@ -187,7 +187,7 @@ def test_rows_that_agree_in_a_map_share_one_picture_of_it(tmp_path: Path) -> Non
 
 
 def test_a_light_is_scaled_by_the_factor_that_fits_best_over_the_sphere() -> None:
-    """The factor of each channel, found by lstsq with rows weighted by their solid angle."""
+    """Judged by lstsq per channel, with texels weighted by their solid angle."""
     generator = np.random.default_rng(1)
     mine, theirs = generator.random((8, 16, 3)), generator.random((8, 16, 3))
     mine[..., 2] = 0

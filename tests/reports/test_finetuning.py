@@ -1,4 +1,4 @@
-"""Fine-tuning: which rows are compared, when it pays, and what the figures hold."""
+"""Fine-tuning: which rows are compared, when it pays, and what the plots hold."""
 
 from pathlib import Path
 from typing import Any
@@ -32,9 +32,9 @@ def made_up() -> Summary:
     made["cells"], made["runs"], made["sheet"] = {}, [], []
     for place, (row, (mode, share)) in enumerate(ROWS.items()):
         prepare, frame = MILLISECONDS[row]
-        figures: dict[str, float | None] = {"relight/psnr": 20.0 + place, "render/ms": frame, "prepare/ms": prepare}
-        made["cells"][row] = {key: cell(value, 0.25) for key, value in figures.items()}
-        each = run(row, "my_scene", 0, row, figures)
+        metrics: dict[str, float | None] = {"relight/psnr": 20.0 + place, "render/ms": frame, "prepare/ms": prepare}
+        made["cells"][row] = {key: cell(value, 0.25) for key, value in metrics.items()}
+        each = run(row, "my_scene", 0, row, metrics)
         budget: dict[str, Any] = {"name": row, "finetune_iterations": round(20 * share), "incident_samples": 8}
         each["made_from"] = {"variant": {"relighting": mode, "detach": "none"}, "budget": budget}
         made["runs"].append(each)
@@ -84,7 +84,7 @@ def test_when_a_row_is_ahead_is_where_the_lines_meet(mine: Times, other: Times, 
         assert (lead(1) > 0) == (lead(1e9) > 0) == ("always" in said)
 
 
-def test_curves_hold_the_figures_by_iterations_and_better_is_up(tmp_path: Path) -> None:
+def test_curves_hold_the_metrics_by_iterations_and_better_is_up(tmp_path: Path) -> None:
     made = made_up()
     sketches = {each.name: each.figure for each in finetuning_figures(made, write_run(tmp_path, made))}
     assert list(sketches) == ["finetuning", "finetuning-crossover", "my_scene-finetuning"]

@@ -64,16 +64,16 @@ def text(tmp_path: Path) -> str:
     return page_of(tmp_path, summary())
 
 
-def test_every_figure_stands_in_a_table_with_the_published_one(text: str) -> None:
+def test_every_value_is_in_a_table_beside_the_published_one(text: str) -> None:
     plain = html.unescape(re.sub(r"<[^>]+>", " ", text))
-    for figure in ("31.23", "-1.23 ± 0.50", "paper 37.86", "n/a", "to do"):
-        assert figure in plain
+    for printed in ("31.23", "-1.23 ± 0.50", "paper 37.86", "n/a", "to do"):
+        assert printed in plain
     assert 'title="no_weights"' in text
     assert "n/a: no_weights." in plain
     assert 'data-published="35.82"' in text
 
 
-def test_where_zero_is_the_best_figures_sort_by_their_distance_to_it(tmp_path: Path) -> None:
+def test_where_zero_is_the_best_values_sort_by_magnitude(tmp_path: Path) -> None:
     made = summary()
     made["columns"][0]["direction"] = "zero"
     made["cells"]["no-rad"]["nvs/psnr"]["mean"] = -3.25
@@ -176,8 +176,8 @@ def test_a_run_without_results_is_a_page_too(tmp_path: Path) -> None:
     made["runs"] = [made["runs"][2]]
     made["keys"], made["sheet"], made["conventions"], made["machine"] = [], [], {}, ""
     for row in made["cells"].values():
-        for figure in row.values():
-            figure.update(mean=None, difference=None, reason="nothing is finished")
+        for value in row.values():
+            value.update(mean=None, difference=None, reason="nothing is finished")
     assert "0 of 1 finished" in page_of(tmp_path, made)
 
 

@@ -62,7 +62,7 @@ def made_up() -> Summary:
     made = summary()
     made["rows"].append({"key": "third", "latex": "Third", "text": "third", "seconds": 9.5})
     made["cells"]["third"] = {
-        key: {**figure, "mean": None, "difference": None} for key, figure in made["cells"]["ours"].items()
+        key: {**value, "mean": None, "difference": None} for key, value in made["cells"]["ours"].items()
     }
     made["cells"]["third"]["normal/mae"] = {"mean": 11.0, "count": 1, "difference": None, "reason": None}
     made["published"]["third"] = {"nvs/psnr": 40.0}
@@ -77,7 +77,7 @@ def opened(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
     watched.close()
 
 
-def test_tables_sort_by_click_best_first_and_what_is_lacking_stays_last(opened: Watched) -> None:
+def test_tables_sort_by_click_best_first_and_missing_values_stay_last(opened: Watched) -> None:
     head = opened.page.locator('table[data-name="means"] thead button')
     head.nth(1).click()
     assert opened.column("means", 1) == ["31.23", "30.00", "n/a"]
@@ -89,7 +89,7 @@ def test_tables_sort_by_click_best_first_and_what_is_lacking_stays_last(opened: 
     assert [each.get_attribute("aria-sort") for each in sorted_by.all()] == ["ascending"]
 
 
-def test_tables_sort_by_keyboard_and_by_published_figures(opened: Watched) -> None:
+def test_tables_sort_by_keyboard_and_by_published_values(opened: Watched) -> None:
     opened.page.locator('table[data-name="means"] thead button').nth(1).focus()
     opened.page.keyboard.press("Enter")
     assert opened.column("means", 1) == ["31.23", "30.00", "n/a"]

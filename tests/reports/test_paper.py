@@ -1,4 +1,4 @@
-"""The paper's tables: the same rows and columns, nothing blank, LaTeX that holds together, figures that agree."""
+"""The paper's tables: the same rows and columns, nothing blank, LaTeX that holds together, values that agree."""
 
 import csv
 import io
@@ -96,13 +96,13 @@ def test_rows_and_columns_are_the_papers_and_no_cell_is_blank() -> None:
 def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None:
     table = paper_table()
     table["key"] = "views"
-    figures = table["cells"].pop("detach")
+    values = table["cells"].pop("detach")
     keys = ("ours-100", "no-rad-100", "ours-50", "no-rad-50")
     table["rows"] = [
         {"key": key, "text": f"{method}, {key.rpartition('-')[2]} % of the views", "remark": ""}
         for key, method in zip(keys, ("Ours", "Ours w/o L_rad") * 2, strict=True)
     ]
-    table["cells"] = {key: {name: {**each} for name, each in figures.items()} for key in keys}
+    table["cells"] = {key: {name: {**each} for name, each in values.items()} for key in keys}
     table["cells"]["no-rad-50"]["nvs/psnr"].update(mean=12.345, published="-0.54")
     table["reference"] = "ours-100"
     text = paper_latex(table, SUMMARY)
@@ -119,7 +119,7 @@ def test_methods_that_the_paper_prints_side_by_side_stand_side_by_side() -> None
     assert "| 50 % of the views | measured | 30.123" in paper_markdown(table, SUMMARY)
 
 
-def test_every_missing_figure_has_its_reason_below_the_table() -> None:
+def test_every_missing_value_has_its_reason_below_the_table() -> None:
     marks = set(re.findall(r"n/a\$\^\{(\w+)\}\$", LATEX))
     assert marks == {"a", "b"}
     assert r"$^{a}$ not in this store; 100 \% lost \& gone." in LATEX
@@ -128,7 +128,7 @@ def test_every_missing_figure_has_its_reason_below_the_table() -> None:
     assert "$^{c}$ Printed otherwise in table 3." in LATEX
 
 
-def test_measured_and_published_figures_are_ranked_each_among_themselves() -> None:
+def test_measured_and_published_values_are_ranked_separately() -> None:
     psnr, lpips, hours, samples = TABLE["columns"]
     assert paper_ranks(TABLE, psnr, of_published=False) == {"ours": 1, "detach": 2}
     assert paper_ranks(TABLE, psnr, of_published=True) == {"ours": 1, "detach": 2, "split-sum": 3}
@@ -145,18 +145,18 @@ def test_one_measured_row_alone_has_no_rank() -> None:
     assert paper_ranks(alone, alone["columns"][0], of_published=False) == {}
 
 
-def test_a_small_figure_is_not_printed_as_zero() -> None:
+def test_a_small_value_is_not_printed_as_zero() -> None:
     assert measured(TABLE["cells"]["detach"]["training/hours"], TABLE["columns"][2]) == "0.00047"
     assert measured(TABLE["cells"]["ours"]["training/hours"], TABLE["columns"][2]) == "2.0"
 
 
-def test_the_caption_says_seeds_interval_and_where_published_figures_come_from() -> None:
+def test_the_caption_says_seeds_interval_and_where_published_values_come_from() -> None:
     text = caption(TABLE, SUMMARY)
     for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval over 2 pairs", "TensoIR_Ind", "Ours_100 %"):
         assert part in text
 
 
-def test_markdown_and_csv_carry_the_figures_of_the_latex() -> None:
+def test_markdown_and_csv_hold_the_values_of_the_latex() -> None:
     text = paper_markdown(TABLE, SUMMARY)
     assert "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500) | 0.2500 (0.0000 ± 0.5000) | 0.00047 | 64 |" in text
     assert "|  | paper [3] | 37.252 | 0.0275 | 1.1 | 64 |" in text
@@ -164,9 +164,9 @@ def test_markdown_and_csv_carry_the_figures_of_the_latex() -> None:
     records = list(csv.DictReader(io.StringIO(paper_csv(TABLE))))
     assert len(records) == 12
     for record in records:
-        figure = TABLE["cells"][record["row"]][record["column"]]
-        assert record["published"] == (figure["published"] or "")
-        assert (float(record["mean"]) if record["mean"] else None) == figure["mean"]
+        value = TABLE["cells"][record["row"]][record["column"]]
+        assert record["published"] == (value["published"] or "")
+        assert (float(record["mean"]) if record["mean"] else None) == value["mean"]
         assert bool(record["mean"]) != bool(record["not_measured"])
 
 

@@ -1,4 +1,4 @@
-"""The front holds exactly the rows that no other beats: judged by looking at every pair."""
+"""The Pareto front holds exactly the rows that no other beats: judged by comparing every pair."""
 
 import itertools
 import random
@@ -10,7 +10,7 @@ from radiogs_reports.analysis.pareto import pareto_front, points
 from radiogs_reports.analysis.samples import cost_of
 
 
-def test_the_front_is_what_no_other_beats_at_both() -> None:
+def test_the_pareto_front_holds_the_pairs_that_no_other_dominates() -> None:
     generator = random.Random(0)
     places = [(float(generator.randint(0, 9)), float(generator.randint(0, 9))) for _ in range(60)]
     beaten = {
@@ -41,4 +41,4 @@ def test_rays_are_counted_over_both_stages_and_unknown_costs_are_no_points() -> 
     made = summary()
     assert cost_of(made["runs"][0], "rays") == 1040
     assert cost_of(made["runs"][2], "rays") is None
-    assert points(made, made["columns"][2], "seconds") == []  # no row has the figure
+    assert points(made, made["columns"][2], "seconds") == []  # no row has a value

@@ -70,7 +70,7 @@ def test_ranks_go_by_what_is_printed_and_ties_share() -> None:
     assert suite_ranks(made, made["columns"][2]) == {}
 
 
-def test_markdown_and_csv_carry_the_same_figures() -> None:
+def test_markdown_and_csv_hold_the_same_values() -> None:
     text = suite_markdown(summary())
     assert "| Ours | 31.23 | 7.50 | n/a (no_weights) | 37.86 | 61 |" in text
     records = list(csv_reader.DictReader(io.StringIO(suite_csv(summary()))))

@@ -1,4 +1,4 @@
-"""Two runs into one folder: the second's tables and figures are those of the folder; nothing else is deleted."""
+"""Two runs into one folder: only the second's tables and figures remain, and nothing else is deleted."""
 
 from pathlib import Path
 

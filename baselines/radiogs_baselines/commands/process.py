@@ -17,7 +17,9 @@ GRACE = 10.0
 """Seconds between being asked to end and being made to."""
 
 SAMPLE = 0.2
-"""Seconds between two looks at the memory."""
+"""Seconds between two looks at the memory; the first come sooner, for commands that end at once."""
+
+FIRST_SAMPLE = 0.01
 
 FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
 """Variables of our own interpreter that would lead another one to our packages."""
@@ -28,8 +30,8 @@ class Ended:
     """How a command ended.
 
     ``exit_code`` is negative for a signal. ``peak_bytes`` is the largest sum of resident memory over its processes
-    that was seen, None where it cannot be. ``too_long`` says that it was ended for its time limit, ``survivors`` which
-    of its processes could not be ended.
+    that was seen, None where none was: it cannot be on this system, or the command ended before the first look.
+    ``too_long`` says that it was ended for its time limit, ``survivors`` which of its processes could not be ended.
     """
 
     exit_code: int
@@ -60,7 +62,7 @@ class Running:
 
     def __init__(self, order: Order, grace: float = GRACE) -> None:
         self.order, self.grace = order, grace
-        self._peak = 0
+        self._peak, self._sample = 0, FIRST_SAMPLE
         mark = str(order.works_for.absolute())
         # A harness that was killed leaves its command behind, which would write into the same folder.
         Family(0, mark).end(grace)
@@ -96,7 +98,8 @@ class Running:
             now, limit = time.monotonic(), self.order.time_limit
             if limit is not None and now - self._begun >= limit:
                 return self.end(too_long=True)
-            wait = min(SAMPLE, max(until - now, 0), self._begun + limit - now if limit is not None else SAMPLE)
+            wait = min(self._sample, max(until - now, 0), self._begun + limit - now if limit is not None else SAMPLE)
+            self._sample = min(2 * self._sample, SAMPLE)
             try:
                 self._process.wait(wait)
             except subprocess.TimeoutExpired:
@@ -119,8 +122,7 @@ class Running:
                 code = -9
             self._reader.join(5)
             self.log.close()
-            peak = self._peak if SUPPORTED else None
-            self._ended = Ended(code, seconds, peak, too_long, tuple(survivors))
+            self._ended = Ended(code, seconds, self._peak or None, too_long, tuple(survivors))
             atexit.unregister(self.end)
         return self._ended
 

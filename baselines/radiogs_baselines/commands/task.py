@@ -163,7 +163,8 @@ def _how(ended: Ended, limit: float | None) -> tuple[str, str]:
         return f"was ended after {limit:g} seconds, its time limit", "The method's file sets it (time_limit)."
     if ended.exit_code > 0:
         return f"ended with exit code {ended.exit_code}", ""
-    name = signal.Signals(-ended.exit_code).name
+    number = -ended.exit_code
+    name = next((each.name for each in signal.Signals if each == number), str(number))  # real-time ones have none
     why = "The system does that where memory runs out." if name == "SIGKILL" else ""
     return f"was ended by the signal {name}", why
 

@@ -71,7 +71,8 @@ class Scene:
     each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
     ``folder`` is where its files are, None for a scene that is computed. ``loaders`` names the modules that read or
     computed it: what they make of the files decides every metric, so their sources are part of a cell's key.
-    ``surfaces`` samples the true surfaces where they are known, as those of generated scenes are (``true_surfaces``).
+    ``surfaces`` samples the true surfaces where they are known, as those of generated scenes are (``true_surfaces``);
+    ``surfaces_by`` names the modules that do, whose sources are part of the key of a cell that uses them.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Scene:
     folder: Path | None = None
     loaders: tuple[str, ...] = ()
     surfaces: Surfaces | None = field(default=None, compare=False, repr=False)
+    surfaces_by: tuple[str, ...] = ()
 
     def true_surfaces(self, spacing: float) -> SurfaceSamples:
         """Samples of the true surfaces, about ``spacing`` world units apart. Raises DataError where none are known."""

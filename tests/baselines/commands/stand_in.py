@@ -97,10 +97,24 @@ def behave(arguments: Namespace) -> None:
     if habit == "hang deaf":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(600)
+    if habit == "hang tidily":
+        try:
+            signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
+            time.sleep(600)
+        finally:
+            (arguments.output / "tidied").touch()
+    if habit == "need to be alone":
+        state = Path(f"/proc/{os.environ['STAND_IN_OTHER']}/stat")
+        assert not state.exists() or state.read_text().rpartition(")")[2].split()[0] == "Z", "the other is alive"
     if habit == "hang with orphans":
         orphan(arguments, "one")
         orphan(arguments, "two", leave_mark=False)
         time.sleep(600)
+    if habit == "crash with orphans":
+        orphan(arguments, "one")
+        orphan(arguments, "two", leave_mark=False)
+        time.sleep(0.6)
+        raise SystemExit(3)
     if habit == "leave an orphan":
         orphan(arguments, "one")
     if habit == "fill the disk":
@@ -119,10 +133,16 @@ def behave(arguments: Namespace) -> None:
 
 
 def orphan(arguments: Namespace, name: str, leave_mark: bool = True) -> None:
-    """Start a process in a session of its own whose parent ends at once, and note its number."""
+    """Start a process that is deaf to requests, in a session of its own, and note its number.
+
+    Its parent ends at once; without the mark, with the command.
+    """
     environment = dict(os.environ) if leave_mark else {}
     noted = arguments.output.parent / f"orphan-{name}"
-    wait = f"import os, pathlib, time; pathlib.Path({str(noted)!r}).write_text(str(os.getpid())); time.sleep(600)"
+    wait = (
+        "import os, pathlib, signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN);"
+        f"pathlib.Path({str(noted)!r}).write_text(str(os.getpid())); time.sleep(600)"
+    )
     between = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {wait!r}], start_new_session=True)"
     if leave_mark:
         subprocess.run([sys.executable, "-c", between], env=environment, check=True)

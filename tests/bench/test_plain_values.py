@@ -1,0 +1,127 @@
+"""Dataclasses from plain values: the types are the schema, and what is wrong is answered with its place."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import pytest
+
+from radiogs.method import RADIOGS
+from radiogs.profile import PROFILES
+from radiogs.variant import Variant
+from radiogs_bench.plain_values import from_plain, to_plain
+from radiogs_core.errors import UsageError
+
+
+@dataclass(frozen=True)
+class Inner:
+    rate: float = 0.5
+    kind: Literal["a", "b"] = "a"
+
+
+@dataclass(frozen=True)
+class Outer:
+    """Every form of field that a variant may have."""
+
+    name: str
+    count: int = 3
+    on: bool = True
+    inner: Inner = field(default_factory=Inner)
+    several: tuple[Inner, ...] = ()
+    pair: tuple[int, str] = (1, "x")
+    names: tuple[str, ...] = ()
+    either: Literal["all", "auto"] | tuple[str, ...] = "all"
+    perhaps: int | None = None
+    number_or_text: float | str = 0.0
+    table: Mapping[str, float] = field(default_factory=dict)
+    anything: Any = None
+
+    def __post_init__(self) -> None:
+        if self.count < 0:
+            raise UsageError("count: below zero", "It counts.", "Leave it out.")
+
+
+def read(**given: Any) -> Outer:
+    made: Outer = from_plain(Outer, {"name": "n", **given}, "variant of m")
+    return made
+
+
+def test_what_is_left_out_has_its_default() -> None:
+    assert read() == Outer("n")
+
+
+@pytest.mark.parametrize(
+    ("given", "made"),
+    [
+        ({"inner": {"kind": "b"}}, {"inner": Inner(kind="b")}),
+        ({"several": [{"rate": 1}, {}]}, {"several": (Inner(1.0), Inner())}),
+        ({"pair": [2, "y"]}, {"pair": (2, "y")}),
+        ({"names": ["p", "q"]}, {"names": ("p", "q")}),
+        ({"either": "auto"}, {"either": "auto"}),
+        ({"either": ["p"]}, {"either": ("p",)}),
+        ({"either": []}, {"either": ()}),
+        ({"perhaps": 4}, {"perhaps": 4}),
+        ({"perhaps": None}, {"perhaps": None}),
+        ({"number_or_text": "t"}, {"number_or_text": "t"}),
+        ({"number_or_text": 2}, {"number_or_text": 2.0}),
+        ({"table": {"p": 1}}, {"table": {"p": 1.0}}),
+        ({"anything": [1, {"p": 2}]}, {"anything": [1, {"p": 2}]}),
+    ],
+)
+def test_every_form_of_field_is_made_of_plain_values(given: dict[str, Any], made: dict[str, Any]) -> None:
+    assert read(**given) == Outer("n", **made)
+    assert read(**json.loads(json.dumps(given))) == Outer("n", **made)
+
+
+def test_a_whole_number_for_a_real_one_becomes_real() -> None:
+    """Else 1 and 1.0 would be two cells of one variant."""
+    made = read(inner={"rate": 1})
+    assert type(made.inner.rate) is float
+    assert json.dumps(to_plain(made)) == json.dumps(to_plain(read(inner={"rate": 1.0})))
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ({"cuont": 1}, "variant of m: there is no field 'cuont'\nDid you mean 'count'?"),
+        ({"zzz": 1}, "variant of m: there is no field 'zzz'\nThere are: name, count"),
+        ({"inner": {"knid": "a"}}, "variant of m: inner: there is no field 'knid'\nDid you mean 'kind'?"),
+        ({"inner": {"kind": "c"}}, "variant of m: inner.kind: 'c' is none of its values\nThere are: 'a', 'b'."),
+        ({"inner": 3}, "variant of m: inner: 3 is no table"),
+        ({"several": [{}, {"rate": "x"}]}, "several[1].rate: 'x' is not a number"),
+        ({"pair": [1]}, "pair: [1] is not a list of 2"),
+        ({"pair": [1, 2]}, "pair[1]: 2 is not text"),
+        ({"names": "p"}, "names: 'p' is not a list"),
+        ({"names": [1]}, "names[0]: 1 is not text"),
+        ({"either": "some"}, "either: 'some' is none of its values"),
+        ({"either": [1]}, "either[0]: 1 is not text"),
+        ({"perhaps": "x"}, "perhaps: 'x' is not a whole number"),
+        ({"number_or_text": [1]}, "number_or_text: [1] is not a number or text"),
+        ({"count": True}, "count: True is not a whole number"),
+        ({"count": 1.0}, "count: 1.0 is not a whole number"),
+        ({"on": 1}, "on: 1 is not true or false"),
+        ({"table": {"p": "x"}}, "table.p: 'x' is not a number"),
+        ({"table": []}, "table: [] is not a table"),
+        ({"inner": {"rate": float("inf")}}, "inner.rate: inf is not a finite number"),
+        ({"count": -1}, "variant of m: count: below zero\nIt counts.\nLeave it out."),
+    ],
+)
+def test_what_is_wrong_is_answered_with_its_place(given: dict[str, Any], says: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        read(**given)
+    assert says in str(caught.value)
+    assert caught.value.remedy
+
+
+def test_a_field_without_a_default_is_asked_for() -> None:
+    with pytest.raises(UsageError, match="variant of m: the field 'name' is missing"):
+        from_plain(Outer, {}, "variant of m")
+
+
+@pytest.mark.parametrize(
+    "variant",
+    [Variant(), Variant(effects="auto"), Variant(effects=("visibility",)), Variant(deviations=PROFILES["released"])],
+)
+def test_a_variant_comes_back_from_what_is_stored_of_it(variant: Variant) -> None:
+    assert from_plain(RADIOGS.variant, json.loads(json.dumps(to_plain(variant))), "v") == variant
