@@ -2,22 +2,20 @@
 
     python docs/examples/true_geometry.py [SCENE] [SEED] [N_s] [PRESET]
 
-Trains with and without L_rad on both geometries (preset tiny, one thread, about seven minutes). For each model it
-prints the scores, the blocked share of the surfels' cosine-weighted hemispheres, and the indirect light that arrives.
+Trains with and without L_rad on both geometries (preset tiny, one thread, some seven minutes), and prints how much of
+the cosine-weighted hemisphere of the surfels is blocked, how bright what blocks it is, and the scores.
 """
 
 import sys
+from collections.abc import Mapping
 from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
 import torch
 
-from radiogs.budget import budget
+from radiogs.method import RADIOGS
 from radiogs.model import Model
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.trained import TrainedRadioGS
 from radiogs.variant import Variant
 from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.metrics import protocol
@@ -35,10 +33,10 @@ CPU = torch.device("cpu")
 SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness/mse")
 
 
-def over_the_solids(scene: Scene, product: dict[str, Any]) -> dict[str, Any]:
-    """The product of stage 1 with true geometry instead, and the mean radiance that stage 1 found nearby."""
+def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
+    """A state of stage 1 with true geometry and the mean radiance that stage 1 found nearby."""
     surfels = surfels_on(scene.true_surfaces(SPACING))
-    learnt = product["optimiser"]["tensors"]
+    learnt = state["optimiser"]["tensors"]
     nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
     tensors = surfels.parameters() | {"log_environment": learnt["log_environment"]}
     tensors |= {"sh": learnt["sh"].detach()[nearest], "sh_rest": torch.zeros(len(surfels), 15, 3)}
@@ -64,24 +62,29 @@ def blocked(model: Model) -> tuple[float, float, float]:
     return share, arriving, indirect(Surfels.of(surfels.parameters() | {"sh": sh}))[1]
 
 
+def product_of(place: int, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+    """The product of a stage of RadioGS after all its steps."""
+    stage = RADIOGS.stages(run.variant, run.budget)[place].begin(run, before)
+    while stage.iteration < stage.iterations:
+        stage.step()
+    return stage.product()
+
+
 def main(name: str = "convex", seed: str = "0", samples: str = "32", preset: str = "tiny") -> None:
     """Train, and print one line per model."""
     use_threads(1)
-    scene, cost = load_scene(name), replace(budget(preset), incident_samples=int(samples))
-    first = Initialisation(scene, Variant(), cost, int(seed), CPU)
-    while first.iteration < first.iterations:
-        first.step()
-    starts = {"reconstruction": first.product(), "true solids": over_the_solids(scene, first.product())}
+    cost = replace(RADIOGS.presets[preset], incident_samples=int(samples))
+    run = Run(load_scene(name), Variant(), cost, int(seed), CPU)
+    first = product_of(0, run, {})
+    starts = {"reconstruction": first, "true solids": over_the_solids(run.scene, first)}
     for geometry, start in starts.items():
         for weight in (Variant().radiometric_weight, 0.0):
-            variant = Variant(radiometric_weight=weight)
-            stage = InverseRendering(scene, variant, cost, int(seed), CPU, deepcopy(start))
-            while stage.iteration < stage.iterations:
-                stage.step()
-            trained = TrainedRadioGS(stage.model, Run(scene, variant, cost, int(seed), CPU))
-            metrics = evaluate(trained, scene, protocol("default"), CPU, lambda done, total: None, timed=False).metrics
+            varied = replace(run, variant=Variant(radiometric_weight=weight))
+            trained = RADIOGS.restore(varied, product_of(1, varied, deepcopy(start)))
+            rules = protocol("default")
+            metrics = evaluate(trained, run.scene, rules, CPU, lambda done, total: None, timed=False).metrics
             scores = ", ".join(f"{key} {metrics[key]['value']:.3f}" for key in SCORES)
-            share, arriving, consistent = blocked(stage.model)
+            share, arriving, consistent = blocked(trained.model)
             line = f"{geometry}, lambda_rad {weight}: {scores}; blocked {share:.4f}, L_ind {arriving:.4f}"
             sys.stdout.write(f"{line}, consistent {consistent:.4f}\n")
             sys.stdout.flush()

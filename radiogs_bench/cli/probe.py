@@ -1,4 +1,4 @@
-"""``radiogs-bench probe``: what a scene, or a trained model, calls for, with evidence."""
+"""``radiogs-bench probe``: which effects a scene, or a trained model, needs, with evidence."""
 
 import argparse
 import json
@@ -24,7 +24,7 @@ MATTERS = 0.1
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
     parser = commands.add_parser(
-        "probe", help="measure which effects a scene or a trained model calls for", allow_abbrev=False
+        "probe", help="measure which effects a scene or a trained model needs", allow_abbrev=False
     )
     parser.set_defaults(command=probe)
     parser.add_argument(

@@ -188,7 +188,7 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
     rows: list[Row] = []
     for name in names:
         found = method(name)
-        own = [row for row in suite.rows if row.method == found.name]
+        own = [row for row in suite.rows if row.method in (name, found.name)]
         key = re.sub(r"[^\w.-]", "-", found.name)
         rows += own or [Row(key, "", found.title, method=name)]
     keys = [row.key for row in rows]

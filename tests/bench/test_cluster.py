@@ -14,10 +14,10 @@ import pytest
 from bench import fake_method
 from bench.fake_method import FakeSweep, asked
 from bench.kill_everywhere import table
+from bench.test_cluster_here import SHARING, cluster_of, run_all, seconds_of_initialisation
 from radiogs_bench.cli import main
 from radiogs_bench.engines.choice import Engine, choose
-from radiogs_bench.engines.cluster import Cluster, connected, run_on_cluster
-from radiogs_bench.engines.delegate import Recipe
+from radiogs_bench.engines.cluster import connected, run_on_cluster
 from radiogs_bench.engines.in_process import Task
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.store.folder import Store
@@ -29,7 +29,6 @@ from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.scene import Scene
 
 CELLS = [cell for _, cell in asked(3).cells()]
-PLACES = {"fake": "nowhere/fake"}
 CELL_SECONDS = 0.5
 """Long enough for a machine to be lost while it works on one."""
 
@@ -118,9 +117,7 @@ class Lines(LogProgress):
 def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress, interruption: Interruption) -> Any:
     store = Store(folder)
     with connected(address) as ray:
-        cluster = Cluster(
-            ray, Recipe(fake_method.method, experiment, fake_method.load, "nowhere/fake"), PLACES, 1, "cpu", store
-        )
+        cluster = cluster_of(ray, folder, experiment)
         assert cluster.can_run()
         return run_on_cluster([Task(cell, cell.key) for cell in CELLS], cluster, store, progress, interruption)
 
@@ -161,3 +158,14 @@ def test_a_stop_keeps_what_is_finished_and_a_failing_cell_leaves_the_others_alon
     assert all(path.stat().st_mtime_ns == moment for path, moment in before.items())
     assert len(list((tmp_path / "cells").glob("*.failed.json"))) == 1
     assert len(list(Store(tmp_path).results())) == len(CELLS) - 1
+
+
+@needs_ray
+@pytest.mark.slow
+def test_two_suites_on_a_cluster_train_their_first_stage_once(two_machines: Any, tmp_path: Path) -> None:
+    FakeSweep(tmp_path / "whole").run(SHARING)
+    with connected(two_machines.address) as ray:
+        for cells in (SHARING[:1], SHARING):
+            assert run_all(cluster_of(ray, tmp_path / "there"), cells) == []
+    assert table(tmp_path / "there") == table(tmp_path / "whole")
+    assert len(seconds_of_initialisation(tmp_path / "there", SHARING)) == 1

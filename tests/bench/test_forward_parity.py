@@ -11,6 +11,7 @@ from radiogs.budget import budget
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
+from radiogs_bench.methods import method
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.cell import Work, cell_of
 from radiogs_bench.training.interruption import Interruption
@@ -95,7 +96,7 @@ def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     cell = cell_of(RADIOGS, scene, Work(Variant(), cost, experiment="forward-parity", settings=settings))
     store = Store(tmp_path)
     with Interruption() as interruption:
-        run_forward_parity(Bench(store, CPU, LogProgress(), interruption), cell, scene)
+        run_forward_parity(Bench(store, CPU, LogProgress(), interruption, method), cell, scene)
     result = store.result(cell.key)
     assert result is not None
     biases = {part: result["metrics"][f"{part}/bias"]["value"] for part in ("total", "direct", "indirect", "surfels")}

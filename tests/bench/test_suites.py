@@ -4,15 +4,17 @@ from dataclasses import replace
 
 import pytest
 
+from bench.chain_method import Chain
 from bench.fake_method import SCENE, asked
 from radiogs.budget import PRESETS
 from radiogs.variant import Variant
 from radiogs_baselines.published import published, published_tables
+from radiogs_bench.methods import substitutes
 from radiogs_bench.metrics import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite
+from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite, of_methods, with_field
 from radiogs_bench.suites.sweep import Request
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
@@ -171,3 +173,63 @@ def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
 def test_a_preset_too_small_for_a_row_is_refused() -> None:
     with pytest.raises(UsageError, match="too small"):
         scaled(PRESETS["smoke"], {"incident_samples": 0.01})
+
+
+@pytest.fixture
+def chain(monkeypatch: pytest.MonkeyPatch) -> Chain:
+    chain = Chain(("fit",))
+    monkeypatch.setitem(substitutes, "chain", chain)
+    return chain
+
+
+def test_a_suite_of_other_methods_has_their_rows_and_one_for_each_that_has_none(chain: Chain) -> None:
+    both = of_methods(ABLATIONS, ["radiogs", "chain"])
+    assert both.rows[:-1] == ABLATIONS.rows
+    assert (both.rows[-1].key, both.rows[-1].text, both.rows[-1].method) == ("chain", chain.title, "chain")
+    assert both.reference == ABLATIONS.reference
+    assert (both.columns, both.scenes, both.published) == (ABLATIONS.columns, ABLATIONS.scenes, ABLATIONS.published)
+    alone = of_methods(ABLATIONS, ["chain"])
+    assert [row.method for row in alone.rows] == ["chain"]
+    assert alone.reference == "chain", "the reference row is gone: the first stands for it"
+    own = replace(ABLATIONS, rows=(*ABLATIONS.rows, Row("turned", "T", "T", {"weight": 2.0}, method="chain")))
+    assert [row.key for row in of_methods(own, ["chain"]).rows] == ["turned"], "a suite's own rows of it come first"
+
+
+def test_a_method_from_a_file_has_a_row_whose_key_is_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its path is what it is found by, and no key in a table."""
+    monkeypatch.setitem(substitutes, "folder/some method.toml", Chain(("fit",), name="some method"))
+    (row,) = of_methods(ABLATIONS, ["folder/some method.toml"]).rows
+    assert (row.key, row.method) == ("some-method", "folder/some method.toml")
+
+
+def test_a_method_that_is_not_there_is_answered_with_the_nearest(chain: Chain) -> None:
+    with pytest.raises(UsageError, match=r"there is no method 'chian'\nDid you mean 'chain'"):
+        of_methods(ABLATIONS, ["chian"])
+
+
+def test_a_field_is_turned_in_every_row_that_has_it_and_made_no_choice_of_its_own(chain: Chain) -> None:
+    rows = (
+        Row("ours", "Ours", "Ours"),
+        Row("chosen", "C", "C", {"effects": []}),
+        Row("split-sum", "S", "S", {"shading": "split-sum"}),  # the method refuses a choice of effects with it
+        Row("stranger", "X", "X", method="chain"),
+    )
+    suite = with_field(replace(ABLATIONS, rows=rows, reference="ours"), "effects", "auto", "auto")
+    assert [row.variant for row in suite.rows] == [{"effects": "auto"}, {"effects": []}, {"shading": "split-sum"}, {}]
+    assert [row.text for row in suite.rows] == ["Ours (effects: auto)", "C", "S", "X"]
+    assert suite.rows[0].latex == "Ours (auto)"
+    assert [row.key for row in suite.rows] == [row.key for row in rows], "labels change, keys do not"
+
+
+def test_no_row_is_turned_to_a_value_that_its_method_refuses() -> None:
+    assert with_field(ABLATIONS, "effects", ["sunshine"], "sunshine") == ABLATIONS
+
+
+def test_cells_of_several_methods_stand_in_one_request(chain: Chain) -> None:
+    suite = of_methods(replace(ABLATIONS, rows=ABLATIONS.rows[:1]), ["radiogs", "chain"])
+    cells = dict(zip(("ours", "chain"), (cell for _, cell in asked(1, suite).cells()), strict=True))
+    assert [cell.method for cell in cells.values()] == ["radiogs", "chain"]
+    assert [stage.name for stage in cells["chain"].stages] == ["fit"]
+    assert cells["chain"].budget == chain.presets["smoke"]
+    with pytest.raises(UsageError, match="unknown preset 'paper' of chain"):
+        asked(1, suite, "paper").cells()
