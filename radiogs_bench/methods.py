@@ -42,7 +42,10 @@ def recipes() -> Mapping[str, Path]:
 
 
 def method(name: str) -> Method:
-    """A method by its name, or from a TOML file of commands. Raises UsageError for one that is not there or broken."""
+    """A method by its name, or from a TOML file of commands. Raises UsageError for one that is not there or broken.
+
+    A file is read at every call: keep what a run began with (``functools.cache``), or an edit changes it on the way.
+    """
     if name in substitutes:
         return substitutes[name]
     if name.endswith(SUFFIX):
@@ -143,7 +146,6 @@ def _required() -> tuple[str, ...]:
     return ("name", "title", "variant", "presets", "sources", "stages", "restore")
 
 
-@cache
 def _from_file(path: Path) -> Method:
     from radiogs_baselines.commands import read_method
 

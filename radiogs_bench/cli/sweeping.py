@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from functools import cache
 
 import torch
 
@@ -32,7 +33,9 @@ def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.de
     given = options.scenes or own_scenes(suite)
     scenes = load_scenes(given)
     places = dict(zip(scenes, map(place_of, given), strict=True))
-    request = Request(suite, scenes, options.seeds, options.preset, rules, options.device, options.shard, places)
+    request = Request(
+        suite, scenes, options.seeds, options.preset, rules, options.device, options.shard, places, cache(method)
+    )
     request.cells()  # a method or preset that is not there shows now
     return request, device
 
@@ -59,7 +62,9 @@ def run_request(
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
-        ended = bring_to_end(request, Bench(store, device, progress, interruption, method), engine, options.arguments)
+        ended = bring_to_end(
+            request, Bench(store, device, progress, interruption, request.method), engine, options.arguments
+        )
         code = ended.code or report_failures(ended.failures)
     from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
@@ -75,7 +80,7 @@ def work_along_with(request: Request, store: Store, device: torch.device, number
     """Be worker ``number`` of ``count``; returns its exit code."""
     with progress_for_stderr() as progress, Interruption() as interruption:
         return report_failures(
-            work_along(request, Bench(store, device, progress, interruption, method), number, count).failures
+            work_along(request, Bench(store, device, progress, interruption, request.method), number, count).failures
         )
 
 

@@ -1,16 +1,17 @@
 """A sweep: the cells of a suite over scenes and seeds, and its manifest in the store."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypedDict, cast
 
-from radiogs_core.contract import scaled
+from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 
-from ..methods import budget_of, method, variant_of
+from ..methods import budget_of, variant_of
+from ..methods import method as find_method
 from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name, strict_json
 from .cell import Cell, Work, cell_of
@@ -54,7 +55,8 @@ class Sweep(TypedDict):
 class Request:
     """How a suite is to be run; ``shard`` (i, n) is which part of it, of how many, is run here.
 
-    ``places`` says where another process finds each scene: the name or path it was loaded from.
+    ``places`` says where another process finds each scene: the name or path it was loaded from. ``method`` finds a
+    method by its name.
     """
 
     suite: Suite
@@ -65,6 +67,7 @@ class Request:
     device: str
     shard: tuple[int, int] = (0, 1)
     places: Mapping[str, str] = field(default_factory=dict)
+    method: Callable[[str], Method] = find_method
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place: scene by scene and seed by seed, so that whole comparisons finish early."""
@@ -79,7 +82,7 @@ class Request:
         return [(place, cell) for place, cell in cells if groups[cell.first_key] % count == number]
 
     def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
-        used = method(row.method)
+        used = self.method(row.method)
         work = Work(
             variant=variant_of(used, row.variant),
             budget=scaled(budget_of(used, self.preset), row.budget),
