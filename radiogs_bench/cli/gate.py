@@ -23,7 +23,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def gate(options: argparse.Namespace) -> int:
-    """Print what moved; the exit code is 1 if any of it is a regression."""
+    """Print every change from the baseline; the exit code is 1 if any is a regression."""
     from ..results.gate import baseline_of, compare, read_baseline
     from ..store.atomic import write_atomically
     from ..store.folder import Store, strict_json
@@ -35,10 +35,10 @@ def gate(options: argparse.Namespace) -> int:
         write_atomically(options.baseline, strict_json(baseline_of(store, sweep)))
         say(f"{options.baseline}: {len(sweep['cells'])} cells")
         return 0
-    moved = compare(store, sweep, read_baseline(options.baseline))
-    for each in moved:
+    changes = compare(store, sweep, read_baseline(options.baseline))
+    for each in changes:
         say(f"{each.severity}: {each.cell}: {each.what}")
-    regressions = sum(each.severity == "regression" for each in moved)
+    regressions = sum(each.severity == "regression" for each in changes)
     cells = len(sweep["cells"])
-    say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as the baseline has them"))
+    say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as in the baseline"))
     return REGRESSION if regressions else 0

@@ -1,4 +1,4 @@
-"""From a store to its summary, the reports, and the table on the screen."""
+"""Writes a store's summary and reports, and prints its table."""
 
 from pathlib import Path
 
@@ -22,7 +22,7 @@ def write_and_show(store: Store) -> None:
     say(explanation(summary))
     for reason in reasons(summary):
         say(reason)
-    say(f"Metric protocol: {summary['protocol']}. Published figures: {summary['published_data']}.")
+    say(f"Metric protocol: {summary['protocol']}. Published values: {summary['published_data']}.")
     for path in written:
         say(f"wrote {path}")
 
@@ -39,40 +39,40 @@ def write(store: Store) -> tuple[Summary, list[Path]]:
 
 
 def table_of(summary: Summary) -> Table:
-    """The suite's table, with the published figures below the measured ones."""
+    """The suite's table, with published values below measured ones."""
     seeds = ", ".join(map(str, summary["seeds"]))
     title = f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
     table = Table("", *(heading(column) for column in summary["columns"]), "seconds", title=title, show_lines=True)
     for row in summary["rows"]:
-        figures = [
+        entries = [
             entry(summary["cells"][row["key"]][column["key"]], summary["published"].get(row["key"], {}), column)
             for column in summary["columns"]
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
-        table.add_row(row["text"], *figures, seconds)
+        table.add_row(row["text"], *entries, seconds)
     return table
 
 
 def explanation(summary: Summary) -> str:
-    """What stands below each figure."""
+    """A sentence that explains what is below each value in the table."""
     if summary["reference"] is None:
-        return "Rows are no variants of one thing: no difference is taken between them."
+        return "The rows are not variants of one method, so no differences are shown."
     pairs = max(cell["count"] for row in summary["cells"].values() for cell in row.values())
-    below = f"Below each figure: its difference to '{summary['reference']}'"
+    below = f"Below each value: its difference to '{summary['reference']}'"
     if pairs <= 1:
-        return f"{below}; one run cannot tell how sure it is (--seeds 2 or more gives an interval)."
+        return f"{below}; a single run has no interval (use --seeds 2 or more)."
     return f"{below}, paired over {pairs} (scene, seed), with its 95 % t interval."
 
 
 def reasons(summary: Summary) -> list[str]:
-    """Why figures are lacking, each reason once with the columns it holds for."""
+    """Why values are missing: each reason once, with its columns."""
     columns: dict[str, list[str]] = {}
     for column in summary["columns"]:
         for row in summary["rows"]:
             reason = summary["cells"][row["key"]][column["key"]]["reason"]
             if reason is not None and column["label"] not in columns.setdefault(reason, []):
                 columns[reason].append(column["label"])
-    return [f"lacking in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
+    return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
 
 
 def heading(column: ColumnSummary) -> str:
@@ -82,13 +82,13 @@ def heading(column: ColumnSummary) -> str:
 
 
 def entry(cell: CellSummary, published_row: dict[str, float], column: ColumnSummary) -> str:
-    """Mean, paired difference with its interval, and the published figure, each on a line."""
+    """Mean, paired difference with its interval, and published value, each on a line."""
     digits = column["decimals"]
     lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}"]
     difference = cell["difference"]
     if difference is not None and difference["low"] is not None and difference["high"] is not None:
-        reach = (difference["high"] - difference["low"]) / 2
-        lines.append(f"{difference['mean']:+.{digits}f} ± {reach:.{digits}f}")
+        half_width = (difference["high"] - difference["low"]) / 2
+        lines.append(f"{difference['mean']:+.{digits}f} ± {half_width:.{digits}f}")
     elif difference is not None:
         lines.append(f"{difference['mean']:+.{digits}f}")
     if column["key"] in published_row:

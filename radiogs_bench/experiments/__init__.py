@@ -1,1 +1,1 @@
-"""What is done for a cell: the stages of the method, and experiments of another kind."""
+"""What is done for a cell: training and scoring, and experiments that train nothing."""

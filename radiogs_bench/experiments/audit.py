@@ -1,4 +1,4 @@
-"""Training whose cost, and what the method itself predicts, stand among the metrics."""
+"""Trains and scores, and adds the cost of training and the method's own predictions to the metrics."""
 
 import math
 from typing import Any
@@ -11,9 +11,9 @@ from .train import train_and_score
 
 
 def accounts(facts: dict[str, Any], ledgers: dict[str, Ledger]) -> tuple[dict[str, float], dict[str, float]]:
-    """What training cost, as metrics and as timings, and the metrics that the method gives of itself.
+    """Costs of training as metrics and timings, and the metrics among the method's facts.
 
-    ``stage2/rays``, in millions, and ``stage2/seconds`` are of the last stage; ``training/seconds`` of all.
+    ``stage2/rays`` (millions) and ``stage2/seconds`` are those of the last stage, ``training/seconds`` of all stages.
     """
     last = next(reversed(ledgers.values()))
     metrics = {"stage2/rays": 1e-6 * last["work"].get("rays", 0), **facts.get("metrics", {})}
@@ -22,5 +22,5 @@ def accounts(facts: dict[str, Any], ledgers: dict[str, Ledger]) -> tuple[dict[st
 
 
 def train_score_and_account(bench: Bench, cell: Cell, scene: Scene) -> None:
-    """Train and score, with what training cost and what the method predicted among the metrics."""
+    """Train, score, and record the cost of training and the plan's bounds."""
     train_and_score(bench, cell, scene, accounts=accounts)

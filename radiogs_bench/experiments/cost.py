@@ -1,4 +1,4 @@
-"""Training that is scored along the way: what quality costs in time."""
+"""Trains and scores the model during training too: quality over time."""
 
 from dataclasses import replace
 
@@ -12,11 +12,11 @@ from ..training.stages import Bench
 from .train import train_and_score
 
 VIEWS_ALONG_THE_WAY = 3
-"""Of the test views, evenly spread: enough to see quality rise, few enough not to take longer than the training."""
+"""Test views that are scored during training, evenly spread: few enough to take less time than training."""
 
 
 def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
-    """Train and score, and score the model at geometric shares of the last stage as well."""
+    """Train and score; also score the model at geometrically spaced steps of the last stage."""
     few = replace(scene, test=tuple(few_views(scene, VIEWS_ALONG_THE_WAY)))
     rules = protocol(cell.protocol)
 

@@ -1,7 +1,7 @@
-"""Light transport through surfels against a path tracer's: is the fixed point of L_rad global illumination?
+"""Compares light transport through surfels with a path tracer: is the fixed point of L_rad global illumination?
 
-Surfels are laid over the generator's own solids with their true materials, under the true light; their radiance is
-solved for by minimising L_rad alone, and then compared with the path tracer's. Nothing is learnt from images.
+Surfels are placed on the scene's true surfaces with their true materials, under the true light. Their radiance is
+solved for by minimising L_rad alone and compared with the path tracer's. Nothing is learnt from images.
 """
 
 import math
@@ -53,36 +53,36 @@ SPACING = 0.03
 """World units between surfels; the scenes are 2 to 3 across."""
 
 OFFSET = 0.1
-"""Where rays start, in standard deviations: surfels that lie exactly on a surface need little more than rounding."""
+"""Ray offset in standard deviations: for surfels exactly on a surface, little more than rounding is needed."""
 
 SPREAD_SAMPLES, LIGHT_SAMPLES = 192, 192
-"""Directions that images are shaded from: over the hemisphere, and drawn from the light. Without the second kind the
-same few directions would stand for the sun at every surfel of a face."""
+"""Directions for shading images: over the hemisphere, and drawn from the light. Without the latter, the same few
+directions would represent the sun at every surfel of a face."""
 
 MARGIN = 3
-"""Pixels that are kept away from silhouettes: surfels are soft for about a step of their grid."""
+"""Distance to silhouettes in pixels below which pixels are not compared: surfels blur edges by about their spacing."""
 
 SILHOUETTE = 5e-3
 """Change of slope of the inverse depth, per world unit, above which two pixels see different surfaces. Inverse depth is
 linear over a plane; an edge between two faces at 4 units bends it by at most 3e-3, a step of 0.1 units by 6e-3."""
 
 PARTS = ("total", "surfels", "direct", "indirect")
-"""What is compared: shaded radiance, the surfels' own, and shaded radiance after one and after more surfaces."""
+"""What is compared: shaded radiance, the surfels' own radiance, and the direct and indirect parts of the former."""
 
 
 SOLVE, SOLVING = "solve", "solving for the radiance"
-"""The one stage: its name in results, and its title on progress bars."""
+"""Name of the single stage in results, and its title on progress bars."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """Surfels with their light, before their radiance is known."""
+    """Surfels and light, before the radiance is solved for."""
 
     surfels: Surfels
     equation: RenderingEquation
 
     def to(self, device: torch.device) -> "Setup":
-        """The same on another device."""
+        """A copy on another device."""
         surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
         emission = self.equation.emission
         return Setup(
@@ -97,7 +97,7 @@ class Setup:
 
 
 def setup(scene: Scene, spacing: float) -> Setup:
-    """Surfels on the true surfaces of a scene. Raises DataError where those or the light are not known."""
+    """Surfels on the true surfaces of a scene. Raises DataError if these or the light are not known."""
     if scene.training_light is None:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
     samples = scene.true_surfaces(spacing)
@@ -111,7 +111,7 @@ def setup(scene: Scene, spacing: float) -> Setup:
 
 
 def effort_of(budget: Any) -> SolverBudget:
-    """What a budget lets the solver do: as much as RadioGS may fine-tune for a new light."""
+    """The solver's effort under a budget: that of RadioGS's fine-tuning for a new light."""
     return SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
 
 
@@ -153,7 +153,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[RadianceSolver, Trail, dict[str, float]]:
-    """The solver at its end, how its losses fell, and the last of them."""
+    """The finished solver, the trail of its losses, and the last losses."""
     started = time.perf_counter()
     cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
     solver = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
@@ -171,7 +171,7 @@ def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[Radianc
 def compared_views(
     bench: Bench, cell: Cell, scene: Scene, made: Setup, solver: RadianceSolver
 ) -> tuple[MetricsByView, dict[str, np.ndarray]]:
-    """The metrics of every test view, and the maps of the first."""
+    """Metrics of every test view, and the maps of the first one."""
     values = MetricsByView(protocol(cell.protocol), [view.name for view in scene.test])
     incident = shading_incident(solver)
     arrays: dict[str, np.ndarray] = {}
@@ -189,7 +189,7 @@ def compared_views(
 
 @torch.no_grad()
 def shading_incident(stage: RadianceSolver) -> Incident:
-    """The light that arrives at all surfels once their radiance is solved for."""
+    """Incident light of all surfels after their radiance is solved for."""
     normal = stage.surfels.frame[..., 2]
     directions = relighting_directions(normal, stage.sampler, SPREAD_SAMPLES, LIGHT_SAMPLES, stage.generator)
     return incident_along(stage.tracer, *directions)
@@ -197,7 +197,7 @@ def shading_incident(stage: RadianceSolver) -> Incident:
 
 @torch.no_grad()
 def transported(surfels: Surfels, equation: RenderingEquation, incident: Incident, camera: Camera) -> dict[str, Image]:
-    """Linear radiance of one view, by ``PARTS``, on black: what the surfels emit counts as direct."""
+    """Linear radiance of one view, by ``PARTS``, on black; emission counts as direct."""
     outgoing = towards(camera, surfels)
     parts = shade_surfels(surfels, equation.albedo, incident, outgoing[:, None], equation.light.radiance)[:, 0]
     counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in equation.parts]
@@ -218,7 +218,7 @@ def transported(surfels: Surfels, equation: RenderingEquation, incident: Inciden
 
 
 def traced(view: View) -> dict[str, Image]:
-    """The path tracer's radiance of one view, by ``PARTS``. Raises DataError where a scene lacks one of its parts."""
+    """The path tracer's radiance of one view, by ``PARTS``. Raises DataError if the scene lacks a part."""
     direct, indirect = truth(view, "direct"), truth(view, "indirect")
     total = direct + indirect
     return {"total": total, "surfels": total, "direct": direct, "indirect": indirect}
@@ -227,7 +227,7 @@ def traced(view: View) -> dict[str, Image]:
 def compared(
     ours: Mapping[str, Image], true: Mapping[str, Image], kept: Bool[Tensor, "height width"]
 ) -> dict[str, dict[str, Value]]:
-    """By part: PSNR in display colour and bias of the energy in percent, over the pixels that are kept."""
+    """By part: PSNR in display colour and bias of the energy in percent, over the compared pixels."""
     found = {}
     for name in PARTS:
         mine, yours = ours[name][kept], true[name][kept]
@@ -241,7 +241,7 @@ def compared(
 
 
 def clear_of_silhouettes(view: View) -> Bool[Tensor, "height width"]:
-    """Pixels that are MARGIN away from any that the surfaces cover in part or whose neighbours see other surfaces."""
+    """Pixels at least MARGIN away from partly covered pixels and from edges between surfaces."""
     depth = view.read("depth")[..., 0]
     whole = (coverage(view)[..., 0] > 1 - 1e-3) & (depth > 0)
     inverse = torch.where(whole, 1 / torch.where(whole, depth, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""What can be done for a cell, by name (``suites.experiment``): each function brings it to its end and stores it."""
+"""Experiments by name (``suites.experiment``); each function runs a cell and stores its result."""
 
 from collections.abc import Callable, Mapping
 

@@ -1,4 +1,4 @@
-"""One cell from beginning to end: train, score, store."""
+"""Runs a cell: train, score, store."""
 
 import time
 from collections.abc import Callable
@@ -16,16 +16,16 @@ from ..suites.cell import Cell
 from ..training.stages import Bench, Ledger, Score, trained
 
 EVALUATE = "evaluate"
-"""The last of a result's stages: scoring."""
+"""Name of the scoring stage in results."""
 
 Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
-"""Further metrics and timings of a training: from the model's facts, and the ledgers of its stages."""
+"""Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""
 
 Scorer = Callable[[Bench, Cell, Scene, Trained], Evaluation]
 
 
 def scored(bench: Bench, cell: Cell, scene: Scene, model: Trained) -> Evaluation:
-    """Score a model as the cell asks, showing progress; a request to stop is heard between images."""
+    """Score a model under the cell's protocol, with progress; a request to stop takes effect between images."""
 
     def advance(done: int, total: int) -> None:
         bench.progress.advance("evaluation", done, total)
@@ -44,7 +44,7 @@ def train_and_score(
 ) -> None:
     """Train the cell's model (or find it trained), score it, and store the result.
 
-    ``along_the_way`` scores it while it is trained (see ``trained``); ``accounts`` adds metrics of the training itself.
+    ``along_the_way`` scores it during training (see ``trained``); ``accounts`` adds metrics of the training itself.
     """
     model, ledgers = trained(bench, cell, scene, along_the_way)
     forget_peaks(bench.device)

@@ -1,1 +1,1 @@
-"""What stored results say: the summary that reports are made from, the tables of the paper, the gate."""
+"""Reads stored results: the summary that reports are made from, the paper's tables, the gate."""

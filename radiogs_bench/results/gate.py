@@ -1,8 +1,8 @@
-"""Comparing a run with a stored baseline: work exactly, figures within a band, time as a warning.
+"""Compares a run with a stored baseline: work counters exactly, metrics within a band, time as a warning.
 
-The baseline's bands come from its own spread over seeds: BAND standard deviations of a row's figure on a scene, and
-never less than FLOOR. A run on the CPU repeats bit for bit for a given number of threads, processor and versions of the
-libraries; there the counters are compared exactly, elsewhere a difference in them is a warning.
+The band is BAND standard deviations of a row's metric on a scene over the baseline's seeds, and at least FLOOR. A run
+on the CPU repeats bit for bit with the same threads, processor and library versions; then counters must be equal,
+otherwise a difference is a warning.
 """
 
 import json
@@ -22,21 +22,21 @@ from ..suites.sweep import Sweep, label
 BASELINE_SCHEMA = "radiogs-bench/baseline/1"
 
 BAND = 4.0
-"""Standard deviations: of 100 figures that only scatter, one in 160 gates is stopped by chance."""
+"""Standard deviations: with 100 metrics and only noise, one gate in 160 fails by chance."""
 
 FLOOR = 1e-4
-"""Least band, relative to the figure: what another processor's rounding may move."""
+"""Smallest band, relative to the value: room for another processor's rounding."""
 
 SLOWER = 1.3
-"""Times as long as the baseline, from which on time is remarked on."""
+"""Ratio of seconds to the baseline's above which time is a warning."""
 
 SETTINGS = ("suite", "preset", "protocol", "device")
 REPEATABLE = ("cpu", "threads", "gpu")
 
 
 @dataclass(frozen=True)
-class Moved:
-    """One thing that is not as the baseline has it, in words; only a regression stops a gate."""
+class Change:
+    """One difference from the baseline, in words; only a regression fails the gate."""
 
     cell: str
     what: str
@@ -44,13 +44,13 @@ class Moved:
 
 
 def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
-    """What the store's last run found, as a baseline. Raises DataError unless every cell is finished."""
+    """A baseline from the store's last run. Raises DataError unless every cell is finished."""
     cells = {label(place): store.result(place["key"]) for place in sweep["cells"]}
     unfinished = [name for name, result in cells.items() if result is None]
     if unfinished:
         raise DataError(
             f"{len(unfinished)} of {len(cells)} cells are not finished: {', '.join(unfinished[:5])}",
-            "A baseline with holes would let through what it does not know.",
+            "A baseline with missing cells would not check them.",
             "Finish the run first.",
         )
     finished = {name: result for name, result in cells.items() if result is not None}
@@ -64,7 +64,7 @@ def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
 
 
 def read_baseline(path: Path) -> dict[str, Any]:
-    """Raises DataError for a file that is none."""
+    """A stored baseline. Raises DataError for any other file."""
     try:
         content = json.loads(path.read_bytes())
     except (OSError, ValueError) as error:
@@ -82,28 +82,28 @@ def read_baseline(path: Path) -> dict[str, Any]:
     return content
 
 
-def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Moved]:
-    """Everything that moved, cell by cell. Raises DataError if run and baseline were asked for different things."""
+def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Change]:
+    """All differences, cell by cell. Raises DataError if suite, preset, protocol or device differ."""
     other = {name: (baseline[name], sweep[name]) for name in SETTINGS if baseline[name] != sweep[name]}  # type: ignore[literal-required]
     if other:
         raise DataError(
-            "run and baseline are not of one kind: "
+            "run and baseline have different settings: "
             + ", ".join(f"{name} {ours} against {theirs}" for name, (theirs, ours) in other.items()),
-            "Their figures cannot be compared.",
-            "Run what the baseline was made of, or make it anew with --update.",
+            "Their metrics cannot be compared.",
+            "Run with the baseline's settings, or make the baseline again with --update.",
         )
     found = {label(place): store.result(place["key"]) for place in sweep["cells"]}
-    moved = [Moved(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
+    changes = [Change(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
     for name, kept in baseline["cells"].items():
         result = found.get(name)
         if result is None:
-            moved.append(Moved(name, "has no finished result"))
+            changes.append(Change(name, "has no finished result"))
         else:
-            moved += _compare_cell(name, result, kept, baseline)
-    return sorted(moved, key=lambda each: (each.severity, each.cell, each.what))
+            changes += _compare_cell(name, result, kept, baseline)
+    return sorted(changes, key=lambda each: (each.severity, each.cell, each.what))
 
 
-def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: Mapping[str, Any]) -> Iterator[Moved]:
+def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: Mapping[str, Any]) -> Iterator[Change]:
     same = _machine(result) == baseline["machine"]
     for stage, counters in kept["work"].items():
         ours = result["work"].get(stage, {})
@@ -112,19 +112,19 @@ def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: 
             if before != now:
                 change = f"{100 * (now - before) / before:+.3g} %" if before else "new"
                 where = "" if same else " (on another machine)"
-                yield Moved(
+                yield Change(
                     name, f"{stage} {counter}: {before} -> {now} ({change}){where}", "regression" if same else "warning"
                 )
     for metric, before in kept["metrics"].items():
         value = result["metrics"].get(metric, {"value": None})["value"]
         band = baseline["bands"][_group(name)][metric]
         if value is None:
-            yield Moved(name, f"{metric}: {before:.6g} -> n/a")
+            yield Change(name, f"{metric}: {before:.6g} -> n/a")
         elif abs(value - before) > band:
-            yield Moved(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
+            yield Change(name, f"{metric}: {before:.6g} -> {value:.6g} ({value - before:+.3g}, band {band:.3g})")
     earlier, later = float(kept["seconds"]), training_seconds(result)
     if same and later > SLOWER * earlier:
-        yield Moved(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
+        yield Change(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
 
 
 def _kept(result: Result) -> dict[str, Any]:
@@ -136,7 +136,7 @@ def _kept(result: Result) -> dict[str, Any]:
 
 
 def _bands(sweep: Sweep, results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
-    """By scene and row, by metric; a row of one seed has no spread, and the floor for a band."""
+    """Bands by scene and row, then by metric; with a single seed the band is FLOOR."""
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
     for place in sweep["cells"]:
         for metric, each in results[label(place)]["metrics"].items():
@@ -162,7 +162,7 @@ def _group(name: str) -> str:
 
 
 def _machine(result: Result) -> dict[str, Any]:
-    """What a bitwise repetition depends on, of every session that contributed."""
+    """What a bitwise repetition depends on: processor, threads and versions of all contributing sessions."""
     sessions = [session for stage in result["sessions"].values() for session in stage]
     cards = {
         json.dumps(

@@ -1,8 +1,7 @@
-"""The tables of the paper that a store holds figures for, row by row and column by column as they are printed.
+"""Fills the paper's tables from a store, with the rows and columns that the paper prints.
 
-A result belongs to a row if it was made by the row's variant under the row's share of the preset, with the sources, the
-protocol and the kind of device of the folder's last run, on a scene and a seed of it. So a store of the ablations also
-fills the rows that other tables share with it.
+A result belongs to a row if it has the row's method, variant and budget, and the sources, protocol, device, scene and
+seed of one of the folder's last run. So a store of the ablations also fills rows that other tables share with it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -24,24 +23,24 @@ from ..suites.suite import MEASURES, TASKS, Row, Suite
 from ..suites.sweep import Sweep
 
 OURS = Row("ours", "Ours", "Ours")
-"""The full method: the one row that tables have which no suite runs yet."""
+"""The full method, for tables that no suite runs."""
 
 MEASURED_APART = {"hours": "", "samples": "N", "change": "change"}
-"""Headings of measures that are no metric; where there is none, the unit is the heading."""
+"""Headings of measures that are not metrics; if empty, the unit is the heading."""
 
 RELIGHT_RAYS = ("relight_hemisphere_samples", "relight_light_samples")
 
 GROUPS = {**TASKS, "training": "Training"}
 
 WHOLE_VIEWS = "100"
-"""The rows of table ``views`` that changes are relative to end in this share."""
+"""Ending of the rows of table ``views`` that changes are relative to (percent of the views)."""
 
 Rows = Mapping[str, list[Result]]
-"""Results by row of a table."""
+"""Results by row of the table."""
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper that has at least one measured figure, in the order of their keys."""
+    """Every table of the paper with at least one measured value, in the order of their keys."""
     own = {place["key"]: place for place in sweep["cells"]}
     results = list(store.results())
     mine = [result for result in results if result["key"] in own]
@@ -59,13 +58,13 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
         else:
             rows = rows_by_content(alike, suite.rows if suite else (OURS,), sweep["preset"])
         table = filled(key, published(key), rows, suite)
-        if any(figure["mean"] is not None for row in table["cells"].values() for figure in row.values()):
+        if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
     return tables
 
 
 def belongs(result: Result, mine: Iterable[Result], seeds: Iterable[int]) -> bool:
-    """Whether a result was made as this run's were, on a scene and a seed of it."""
+    """Whether a result has the sources, protocol, device, scene and seed of one of this run's results."""
     made_alike = any(
         all(result["cell"][name] == other["cell"][name] for name in SHARED_BY_A_RUN)
         and result["scene"] == other["scene"]
@@ -78,7 +77,7 @@ SHARED_BY_A_RUN = ("checksum", "loader", "device", "protocol", "method", "method
 
 
 def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str) -> Rows:
-    """The results of each row of a suite; a row that the preset is too small for has none."""
+    """The results of each row of a suite. A row that the preset is too small for is left out."""
     found = {}
     for row in rows:
         used = method(row.method)
@@ -97,7 +96,7 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
 
 
 def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> PaperTable:
-    """The table with what was measured."""
+    """The published table with the measured values beside it."""
     reference = (suite.reference if suite else None) or OURS.key
     return PaperTable(
         key=key,
@@ -111,7 +110,7 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
         ],
         cells={
             row: {
-                column: paper_figure(table, rows, row, column, reference, suite) for column in table.columns
+                column: paper_value(table, rows, row, column, reference, suite) for column in table.columns
             }
             for row in table.labels
         },
@@ -119,11 +118,11 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
 
 
 def paper_column(name: str, table: PublishedTable) -> PaperColumn:
-    """A column's headings, and with how many digits the paper prints it."""
+    """A column's headings, and the number of decimals that the paper prints."""
     task, measure, *scene = name.split("/")
     known, column = MEASURES.get(measure), table.columns[name]
     heading = known.label if known else MEASURED_APART[measure]
-    printed = [figures[name] for figures in table.printed.values() if name in figures]
+    printed = [texts[name] for texts in table.printed.values() if name in texts]
     return PaperColumn(
         key=name,
         group=GROUPS[task],
@@ -134,10 +133,10 @@ def paper_column(name: str, table: PublishedTable) -> PaperColumn:
     )
 
 
-def paper_figure(
+def paper_value(
     table: PublishedTable, rows: Rows, row: str, column: str, reference: str, suite: Suite | None
 ) -> PaperValue:
-    """One figure, measured and published."""
+    """One entry of a table: measured and published."""
     mine = sample(rows, row, column)
     mean = estimate(list(mine.values()))
     difference = None if row == reference else paired_difference(mine, sample(rows, reference, column))
@@ -152,7 +151,7 @@ def paper_figure(
 
 
 def sample(rows: Rows, row: str, column: str) -> Sample:
-    """A row's figures by (scene, seed)."""
+    """A row's values of a column by (scene, seed)."""
     task, measure, *scenes = column.split("/")
     if measure == "change":
         mine = sample(rows, row, f"{task}/psnr")
@@ -167,7 +166,7 @@ def sample(rows: Rows, row: str, column: str) -> Sample:
 
 
 def value_of(result: Result, task: str, measure: str) -> float | None:
-    """A result's figure: a metric, a cost, the hours of training, or the rays that a surfel is relit by."""
+    """A result's value: a metric, a timing, hours of training, or rays per surfel when relit; None if missing."""
     if measure == "hours":
         return training_seconds(result) / 3600
     if measure == "samples":
@@ -179,7 +178,7 @@ def value_of(result: Result, task: str, measure: str) -> float | None:
 
 
 def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
-    """Why a figure was not measured."""
+    """Why a value was not measured."""
     _, measure, *scenes = column.split("/")
     results = rows.get(row, [])
     if results:

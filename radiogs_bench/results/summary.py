@@ -1,4 +1,4 @@
-"""The summary that all reports are made from: means and paired differences of a sweep's stored results."""
+"""Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
 from collections.abc import Mapping, Sequence
 
@@ -23,13 +23,13 @@ from ..suites.sweep import Place, Sweep, state_of
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]
-"""Every cell of the sweep, with its result if it is there."""
+"""Every cell of the sweep, with its result or None."""
 
 
 def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, float]], published_data: str) -> Summary:
-    """Mean and paired difference of every figure of the table.
+    """Mean and paired difference of every metric in the table.
 
-    ``published`` holds the published figures by row and column, ``published_data`` what they are the mean of.
+    ``published`` holds published values by row and column; ``published_data`` says which data they are averaged over.
     """
     cells = [(place, store.result(place["key"])) for place in sweep["cells"]]
     finished = [(place, result) for place, result in cells if result is not None]
@@ -48,10 +48,10 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
             for row in sweep["rows"]
         ],
         cells={
-            row["key"]: {column: figure(cells, sweep, row["key"], column) for column in sweep["columns"]}
+            row["key"]: {column: cell_summary(cells, sweep, row["key"], column) for column in sweep["columns"]}
             for row in sweep["rows"]
         },
-        published={row: dict(figures) for row, figures in published.items()},
+        published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
         machine=machines([result for _, result in finished]),
         sheet=[
@@ -76,8 +76,8 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def figure(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
-    """One figure of the table."""
+def cell_summary(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
+    """The mean of a metric over a row's cells, and its paired difference to the reference row."""
     mine, reason = sample(cells, row, column)
     mean = estimate(list(mine.values()))
     if mean is None:
@@ -90,27 +90,27 @@ def figure(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
 
 
 def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
-    """A row's figures by (scene, seed), and why some are lacking, if any are."""
-    figures, reason = {}, None
+    """A row's values of a metric by (scene, seed), and the reason if some are missing."""
+    values, reason = {}, None
     for place, result in cells:
         if place["row"] != row:
             continue
         metric = None if result is None else (result["metrics"] | result["timings"]).get(column)
         if metric is not None and metric["value"] is not None:
-            figures[place["scene"], place["seed"]] = metric["value"]
+            values[place["scene"], place["seed"]] = metric["value"]
         elif result is None:
             reason = f"{place['scene']} seed {place['seed']} is not finished"
         else:
             reason = why_absent(place["scene"], result, column) if metric is None else metric["reason"]
-    return figures, reason
+    return values, reason
 
 
 MAP_OF = {"nvs": "image"}
-"""The map that a task compares, where it is called otherwise than the task."""
+"""The map that a task compares, where their names differ."""
 
 
 def why_absent(scene: str, result: Result, column: str) -> str:
-    """Why a result lacks a metric: the method gave no such map, or there is nothing to compare it with."""
+    """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it."""
     task = column.partition("/")[0]
     wanted = MAP_OF.get(task, task)
     if result["maps"] and wanted in COMPARED and wanted not in result["maps"]:
@@ -127,11 +127,11 @@ COMPARED = {
     "indirect": "indirect light",
     "environment": "a light",
 }
-"""What test views are compared by, in words."""
+"""Maps that are compared, in words."""
 
 
 def row_seconds(cells: Finished, row: str) -> float | None:
-    """Mean seconds of the stages but the evaluation over the row's finished cells; None where they have no other."""
+    """Mean training seconds over the row's finished cells; None where nothing was trained."""
     spent = [
         training_seconds(result)
         for place, result in cells
@@ -142,7 +142,7 @@ def row_seconds(cells: Finished, row: str) -> float | None:
 
 
 def machines(results: Sequence[Result]) -> str:
-    """What the results were made on; several machines are all named, because their seconds do not compare."""
+    """The machines that made the results, all of them, because seconds of different machines are not comparable."""
     cards = {
         f"{card['gpu'] or card['cpu']}, {card['threads']} thread{'' if card['threads'] == 1 else 's'}"
         for result in results
@@ -162,7 +162,7 @@ def sheet_row(store: Store, place: Place, result: Result, view: str) -> SheetSum
 
 
 def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None) -> RunSummary:
-    """One cell with its figures and its provenance."""
+    """One cell with its metrics and provenance."""
     run = RunSummary(
         row=place["row"],
         scene=place["scene"],
@@ -206,7 +206,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
 
 
 def plan_summary(result: Result) -> PlanSummary | None:
-    """What was simulated, and on what evidence."""
+    """Which effects were simulated, the predicted bound, and what probing cost; None without a plan."""
     effects = result["facts"].get("effects")
     if effects is None or not result["stages"]:
         return None

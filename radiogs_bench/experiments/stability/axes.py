@@ -14,7 +14,7 @@ AXES: Mapping[str, Axis] = {axis.key: axis for axis in (*SURFEL_AXES, *PLACEMENT
 
 
 def axis_and_points(settings: Mapping[str, float]) -> tuple[Axis, int]:
-    """What a row's settings ask for: one axis, by its name, and how many points its curves have.
+    """The axis that a row's settings name, and the number of points of its curves.
 
     Raises UsageError for anything else.
     """

@@ -1,4 +1,4 @@
-"""What a curve is made of, and how a point of it is measured."""
+"""Curves of float32 error along a condition: their parts, and how a point is measured."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -13,14 +13,14 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 
 EPS = float(torch.finfo(torch.float32).eps)
-"""The unit of all errors: float32's distance from one to the next number, 1.19e-7."""
+"""Unit of all errors: the spacing of float32 at one, 1.19e-7."""
 
 SAFE = 1e-3
-"""A condition is in the safe range while its documented tolerance is at most this: 0.1 %, a quarter of an 8-bit
+"""A condition is in the safe range if its documented tolerance is at most this: 0.1 %, a quarter of an 8-bit
 level."""
 
 GRADIENT_TOLERANCE = 1e-3
-"""Of the largest entry: cases 7 and 42 of the catalogue."""
+"""Tolerance of gradients relative to the largest entry: cases 7 and 42 of the catalogue."""
 
 Task = Literal["forward", "gradient"]
 TASKS: tuple[Task, ...] = get_args(Task)
@@ -31,14 +31,14 @@ Tolerance = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Stand:
-    """Where a case is placed: the scene's camera and sky; ``seed`` draws what is random in it."""
+    """The camera and sky that a case is placed in; ``seed`` is for its random numbers."""
 
     camera: Camera
     sky: EnvironmentMap
     seed: int
 
     def generator(self) -> torch.Generator:
-        """The same draws for every condition of a curve, so that nothing but the condition changes along it."""
+        """Draws the same numbers for every condition, so that only the condition changes along a curve."""
         return torch.Generator().manual_seed(self.seed)
 
 
@@ -46,9 +46,9 @@ class Stand:
 class Probe:
     """A computation under one condition.
 
-    ``inputs`` are what it is given, as float32 has them; ``run`` turns them, in either precision, into outputs that
-    are compared one by one. ``units`` are the outputs' own sizes, such as 1 of coverage: a pixel that hardly shows
-    anything need not be exact to a share of nothing. ``fixed`` names the inputs that take no gradient.
+    ``inputs`` are float32; ``run`` computes, in either precision, outputs that are compared one by one. ``units`` are
+    the natural magnitudes of the outputs, such as 1 for coverage, below which errors are not relative: a nearly empty
+    pixel need not be exact to a share of its value. ``fixed`` names inputs without gradient.
     """
 
     inputs: Values
@@ -59,7 +59,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Kernel:
-    """One of the method's computations along an axis, with the tolerance that is documented for each condition."""
+    """A computation along an axis, with its documented tolerance for each condition."""
 
     probe: Callable[[float, Stand], Probe]
     forward: Tolerance
@@ -72,9 +72,9 @@ class Kernel:
 
 @dataclass(frozen=True)
 class Axis:
-    """A condition that grows worse from ``easy`` to ``hard``; ``hard`` has two ends where either way is worse.
+    """A condition that gets harder from ``easy`` to ``hard``; ``hard`` has two ends if it does so in both directions.
 
-    ``label`` says what it is, with its unit; ``whole`` conditions are counted.
+    ``label`` names the condition with its unit; ``whole`` conditions are integers.
     """
 
     key: str
@@ -85,7 +85,7 @@ class Axis:
     whole: bool = False
 
     def conditions(self, points: int) -> list[float]:
-        """So many of them between the ends, evenly spaced in their logarithm."""
+        """``count`` conditions between the ends, evenly spaced in their logarithm."""
         first, last = self.hard if len(self.hard) == 2 else (self.easy, self.hard[0])
         ends = torch.tensor([first, last], dtype=torch.float64).log10()
         spaced = torch.logspace(float(ends[0]), float(ends[1]), points, dtype=torch.float64).tolist()
@@ -95,7 +95,7 @@ class Axis:
 
 @dataclass(frozen=True)
 class Errors:
-    """One kernel under one condition.
+    """Errors of one kernel under one condition.
 
     forward: the worst error of an output, relative to its unit or its largest entry, whichever is larger. gradient: the
     worst error of an input's gradient, relative to its largest entry. guards: those that acted in float32.
@@ -106,12 +106,12 @@ class Errors:
     guards: Counter[str]
 
     def of(self, task: Task) -> float:
-        """The one error or the other."""
+        """The error of outputs or of gradients."""
         return self.forward if task == "forward" else self.gradient
 
 
 def measure(probe: Probe, seed: int, device: torch.device) -> Errors:
-    """Run in float32, and in float64 on the same numbers; gradients are those of a random sum of the outputs."""
+    """Run in float32, and in float64 on the same inputs; gradients are of a randomly weighted sum of the outputs."""
     inputs = {name: value.to(device) for name, value in probe.inputs.items()}
     with recording() as instruments:
         outputs, gradients = _both(probe, inputs, seed)
@@ -138,7 +138,7 @@ def _both(probe: Probe, inputs: Values, seed: int) -> tuple[tuple[Tensor, ...], 
 def relative_error(found: Tensor, exact: Tensor, unit: float) -> float:
     """Largest difference over the largest exact entry, or over ``unit`` where that is larger.
 
-    Infinite for a value that is no number, and for a difference from nothing.
+    Infinite for NaN, and for a difference from zero where there is no unit.
     """
     if not bool(torch.isfinite(found).all()):
         return float("inf")

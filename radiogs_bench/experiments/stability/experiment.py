@@ -1,4 +1,4 @@
-"""A cell of suite ``stability``: the curves of one axis."""
+"""Runs a cell of suite ``stability``: the curves of one axis."""
 
 import math
 import time
@@ -20,14 +20,14 @@ from .axes import axis_and_points
 from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
 
 Curves = dict[str, list[Errors]]
-"""By kernel: its errors under each condition."""
+"""Errors under each condition, by kernel."""
 
 STAGE = "evaluate"
-"""Nothing is trained."""
+"""Name of the single stage; nothing is trained."""
 
 
 def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
-    """Measure the curves of the cell's axis, and store them with what they come to."""
+    """Measure the curves of the cell's axis, and store them with their scores."""
     axis, points = axis_and_points(cell.settings)
     stand = stand_of(scene, cell.seed)
     conditions = axis.conditions(points)
@@ -74,7 +74,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
 
 
 def stand_of(scene: Scene, seed: int) -> Stand:
-    """The scene's first camera and its sky. Raises DataError for a scene whose light is not known."""
+    """The scene's first camera and its sky. Raises DataError if the light is not known."""
     if scene.training_light is None:
         raise DataError(
             f"the light of scene '{scene.name}' is not known", "Hard cases are placed under a scene's own light.",
@@ -84,7 +84,7 @@ def stand_of(scene: Scene, seed: int) -> Stand:
 
 
 def scores(axis: Axis, conditions: list[float], curves: Curves, task: Task) -> dict[str, Value]:
-    """The worst error in the safe range and at the hard end, in eps; the largest share of the documented tolerance."""
+    """The largest error in the safe range and at the hard end, in eps; the largest ratio of error to tolerance."""
     safe, hard, shares = [], [], []
     for name, kernel in axis.kernels.items():
         for condition, errors in zip(conditions, curves[name], strict=True):
@@ -102,14 +102,14 @@ def scores(axis: Axis, conditions: list[float], curves: Curves, task: Task) -> d
 
 
 def worst(values: list[float]) -> Value:
-    """The largest, or why there is none that can be written down."""
+    """The largest value, or the reason why it is not finite."""
     if not values:
         return Value(None, "the safe range holds none of the points")
     return Value(max(values)) if math.isfinite(max(values)) else Value(None, "float32 is infinite or no number")
 
 
 def arrays_of(axis: Axis, conditions: list[float], curves: Curves) -> dict[str, np.ndarray]:
-    """Everything that the figure shows, as ``curve/<kernel>/<what>``, ``guards/<name>`` and the conditions."""
+    """The data of the figure: ``curve/<kernel>/<what>``, ``guards/<name>`` and ``conditions``."""
     arrays = {"conditions": conditions}
     for name, kernel in axis.kernels.items():
         for task in TASKS:

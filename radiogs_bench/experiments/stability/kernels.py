@@ -1,4 +1,4 @@
-"""The method's kernels as probes: from named inputs of either precision to what they return."""
+"""The kernels as probes: functions from named inputs of either precision to named outputs."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ GEOMETRY = ("centre", "axis_u", "axis_v", "normal", "opacity")
 RAYS = frozenset({"direction", "t_min"})
 CHANNELS = 4
 DEPTH = 4.0
-"""How far from the camera most of the cases are, in the scene's unit of length."""
+"""Distance of most cases from the camera, in the scene's unit of length."""
 
 
 def geometry_of(inputs: Values) -> SplatGeometry:
@@ -38,7 +38,7 @@ def drawn(camera: Camera, inputs: Values) -> Probe:
 
 
 def units_of_images(length: float) -> tuple[float, ...]:
-    """Of features, coverage, depth in a scene of that unit of length, and the distortion: depths' squares over it."""
+    """Units of features, coverage, depth (``length``) and distortion (square of the depth over ``length``)."""
     return (1.0, 1.0, length, DEPTH**2)
 
 
@@ -81,7 +81,7 @@ def traced(inputs: Values, length: float = 1.0, stop: float = TRACE_TRANSMITTANC
 
 
 def shaded(inputs: Values, weight: Callable[[Values], Tensor] | None = None) -> Probe:
-    """K3: the four parts of the reflected light. ``weight`` makes solid angles that are not among the inputs."""
+    """K3: the four parts of the reflected light. ``weight`` makes solid angles that are not inputs."""
 
     def run(given: Values) -> tuple[Tensor, ...]:
         angles = given["weight"] if weight is None else weight(given)
@@ -95,7 +95,7 @@ def shaded(inputs: Values, weight: Callable[[Values], Tensor] | None = None) -> 
 
 
 def looks(count: int, generator: torch.Generator) -> dict[str, Tensor]:
-    """Random features, and harmonics whose radiance stays clear of the clamp at zero."""
+    """Random features, and harmonics whose radiance stays well above zero, where it is clamped."""
     return {
         "features": torch.rand(count, CHANNELS, generator=generator),
         "sh": 0.1 * torch.rand(count, COEFFICIENTS, 3, generator=generator),
@@ -103,5 +103,5 @@ def looks(count: int, generator: torch.Generator) -> dict[str, Tensor]:
 
 
 def rays(origin: Tensor, direction: Tensor) -> dict[str, Tensor]:
-    """Rays from their origins on."""
+    """Origins and directions of rays, as the tracer takes them."""
     return {"origin": origin, "direction": direction, "t_min": torch.zeros(len(origin))}

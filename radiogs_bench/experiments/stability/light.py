@@ -1,4 +1,4 @@
-"""Axes of shading: how narrow the highlight is, and how bright the sun."""
+"""Axes of shading: width of the highlight, and radiance of the sun."""
 
 import torch
 from torch import Tensor
@@ -13,7 +13,7 @@ from .kernels import shaded
 
 COUNT = 64
 SPREAD, DRAWN = 16, 16
-"""Directions of a surfel: over its hemisphere, and drawn from the light."""
+"""Directions per surfel: over its hemisphere, and drawn from the light."""
 
 
 def highlight(roughness: float, stand: Stand) -> dict[str, Tensor]:
@@ -39,7 +39,7 @@ def highlight(roughness: float, stand: Stand) -> dict[str, Tensor]:
 
 
 def lobe(roughness: float, stand: Stand) -> Probe:
-    """GGX's D alone, of half-vectors that are given."""
+    """GGX's D alone, for given half-vectors."""
     given = highlight(roughness, stand)
     half = normalize((given["outgoing"] + given["direction"])[:, 0].double(), dim=-1).float()
 

@@ -1,4 +1,4 @@
-"""Axes of where and how large a scene is: its scale, and its distance from the origin."""
+"""Axes of placement: scale of the scene, and distance from the origin."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def scattered(count: int, generator: torch.Generator, spread: float = 1.0) -> Su
 
 
 def moved(surfels: Surfels, camera: Camera, factor: float, shift: float) -> tuple[Surfels, Camera]:
-    """World and camera times ``factor``, then ``shift`` along each axis, rounded to float32."""
+    """World and camera scaled by ``factor`` and then moved by ``shift`` along each axis, rounded to float32."""
     parameters = surfels.parameters()
     parameters["centre"] = (surfels.centre.double() * factor + shift).float()
     parameters["log_scale"] = (surfels.log_scale.double() + torch.tensor(factor, dtype=torch.float64).log()).float()
@@ -47,14 +47,14 @@ def moved(surfels: Surfels, camera: Camera, factor: float, shift: float) -> tupl
 
 
 def drawn_at(factor: float, shift: float, stand: Stand) -> Probe:
-    """The scattered surfels, drawn."""
+    """Rasterize the scattered surfels."""
     generator = stand.generator()
     surfels, camera = moved(scattered(COUNT, generator), stand.camera, factor, shift)
     return drawn_surfels(camera, surfels, looks(COUNT, generator)["features"], depth_unit=factor)
 
 
 def traced_at(factor: float, shift: float, stand: Stand) -> Probe:
-    """The scattered surfels, met by rays from the camera's centre."""
+    """Trace rays from the camera's centre to the scattered surfels."""
     generator = stand.generator()
     surfels, camera = moved(scattered(COUNT, generator), stand.camera, factor, shift)
     geometry = surfels.geometry()
@@ -66,7 +66,7 @@ def traced_at(factor: float, shift: float, stand: Stand) -> Probe:
 
 
 def steady(condition: float) -> float:
-    """Cases 18 and 19: neither scale nor place is felt, quantisation apart."""
+    """Tolerance of cases 18 and 19: neither scale nor position matters, apart from quantisation."""
     return 1e-4
 
 

@@ -1,4 +1,4 @@
-"""Axes of one surfel or of a stack: grazing angle, aspect ratio, gap of depth, number of layers."""
+"""Axes of a surfel or a stack of surfels: grazing angle, aspect ratio, depth gap, number of layers."""
 
 import math
 from dataclasses import replace
@@ -16,7 +16,7 @@ from .placement import scattered
 
 RAYS = 8
 NARROW = 64.0
-"""Focal length over the scene's: a view of 0.9 degrees, in which a stack is met close to its axis."""
+"""Focal length relative to the scene's: a view of 0.9 degrees, which hits a stack close to its axis."""
 
 FOOTPRINT_CONDITION = NARROW * FOCAL * math.sqrt(12)
 """Depth over the standard deviation of a pixel's footprint, under the long lens."""
@@ -27,9 +27,9 @@ STEEPEST_BELL = math.exp(-0.5)
 
 
 def grazing_surfel(cosine: float, stand: Stand) -> Probe:
-    """Parallel rays meet a surfel at distance 1.3, at that cosine with its normal; turned at random.
+    """Parallel rays hit a surfel at distance 1.3, at the given cosine with its normal; randomly rotated.
 
-    Along the world's axes the products would be exact, and nothing would be cancelled.
+    Along the world's axes the products would be exact, without cancellation.
     """
     generator, sine = stand.generator(), math.sqrt(1 - cosine**2)
     turn = torch.linalg.qr(torch.randn(3, 3, generator=generator).double()).Q
@@ -51,7 +51,7 @@ def grazing_surfel(cosine: float, stand: Stand) -> Probe:
 
 
 def grazing_view(cosine: float, stand: Stand) -> Probe:
-    """Surfels shaded towards a view at that cosine with their normal, from light that grazes them as much."""
+    """Shade surfels towards a view at the given cosine with their normal, under light at the same cosine."""
     count, generator = 16, stand.generator()
     normal = normalize(torch.randn(count, 3, generator=generator, dtype=torch.float64), dim=-1)
     aside = normalize(torch.linalg.cross(normal, torch.randn(count, 3, generator=generator).double()), dim=-1)
@@ -73,7 +73,7 @@ def grazing_view(cosine: float, stand: Stand) -> Probe:
 
 
 def drawn_needles(aspect: float, stand: Stand) -> Probe:
-    """Needles of length 1 that wide, seen through a long lens."""
+    """Rasterize needles of length 1 and the given width, seen through a long lens."""
     generator = stand.generator()
     surfels = scattered(12, generator, spread=0.004)
     surfels.log_scale = torch.tensor([1 / aspect, 1.0]).log().repeat(12, 1)
@@ -85,7 +85,7 @@ DISTANCE = 3.0
 
 
 def traced_needle(aspect: float, stand: Stand) -> Probe:
-    """Rays from the origin through the bell of a needle of length 1."""
+    """Trace rays from the origin through the Gaussian of a needle of length 1."""
     scale, generator, count = 1 / aspect, stand.generator(), 64
     turn = torch.tensor(0.7, dtype=torch.float64)
     along = torch.stack([turn.sin(), -turn.cos(), torch.zeros_like(turn)])
@@ -104,17 +104,17 @@ def traced_needle(aspect: float, stand: Stand) -> Probe:
 
 
 def needle_tolerance(aspect: float) -> float:
-    """u = (x - p) / s is off by 8 eps |p - o| / s, alpha by the bell's slope times that (case 4)."""
+    """Tolerance of outputs: u = (x - p) / s is off by 8 eps |p - o| / s, alpha by the bell's slope times that (case 4)."""
     return OPACITY * STEEPEST_BELL * 8 * EPS * (DISTANCE + 1) * aspect
 
 
 def needle_gradient_tolerance(aspect: float) -> float:
-    """Four times that, as for grazing rays: a derivative has more factors of the same condition number."""
+    """Four times the tolerance of values, as for grazing rays: a derivative has more such factors."""
     return max(GRADIENT_TOLERANCE, 4 * needle_tolerance(aspect))
 
 
 def stack(depth: Tensor, opacity: Tensor, generator: torch.Generator) -> dict[str, Tensor]:
-    """Surfels at those depths that face the origin, and rays that meet them close to the axis."""
+    """Surfels at the given depths that face the origin, and rays that hit them close to the axis."""
     count, nothing = len(depth), torch.zeros_like(depth)
     start = torch.cat([0.1 * torch.rand(RAYS, 2, generator=generator) - 0.05, torch.zeros(RAYS, 1)], -1)
     return {
@@ -129,20 +129,20 @@ def stack(depth: Tensor, opacity: Tensor, generator: torch.Generator) -> dict[st
 
 
 def gap(ulps: float, stand: Stand) -> dict[str, Tensor]:
-    """Two surfels that many steps of float32 apart at depth 3, the farther one first in number."""
+    """Two surfels the given number of float32 steps apart at depth 3; the farther one has the lower index."""
     step = 2.0**-22  # of numbers from 2 to 4
     return stack(torch.tensor([3.0 + ulps * step, 3.0]), torch.tensor([0.7, 0.7]), stand.generator())
 
 
 def layers(count: float, stand: Stand) -> dict[str, Tensor]:
-    """That many surfels of opacity 0.005 to 0.01 between depths 1 and 3: near the axis all above the threshold."""
+    """``count`` surfels of opacity 0.005 to 0.01 between depths 1 and 3, above the threshold near the axis."""
     generator, number = stand.generator(), int(count)
     opacity = 0.005 * (1 + torch.rand(number, generator=generator))
     return stack(torch.linspace(1, 3, number), opacity, generator)
 
 
 def long_lens(camera: Camera) -> Camera:
-    """The same camera, seeing only what is close to its axis."""
+    """The camera with a narrow field of view about its axis."""
     return replace(camera, fx=NARROW * camera.fx, fy=NARROW * camera.fy)
 
 
