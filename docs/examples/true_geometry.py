@@ -34,7 +34,7 @@ SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness
 
 
 def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
-    """A state of stage 1 with true geometry and the mean radiance that stage 1 has found nearby."""
+    """A state of stage 1 with true geometry and the mean radiance that stage 1 found nearby."""
     surfels = surfels_on(scene.true_surfaces(SPACING))
     learnt = state["optimiser"]["tensors"]
     nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
@@ -45,7 +45,7 @@ def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
 
 @torch.no_grad()
 def blocked(model: Model) -> tuple[float, float, float]:
-    """Share of the hemisphere, mean L_ind over all of it, and what L_ind would be were all surfels consistent."""
+    """The blocked share of the hemisphere, the mean L_ind over all of it, and L_ind if all surfels were consistent."""
     surfels = model.surfels
     normal = surfels.frame[..., 2]
 
@@ -63,7 +63,7 @@ def blocked(model: Model) -> tuple[float, float, float]:
 
 
 def product_of(place: int, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
-    """What a stage of RadioGS hands on when it has taken all its steps."""
+    """The product of a stage of RadioGS after all its steps."""
     stage = RADIOGS.stages(run.variant, run.budget)[place].begin(run, before)
     while stage.iteration < stage.iterations:
         stage.step()
@@ -71,7 +71,7 @@ def product_of(place: int, run: Run, before: Mapping[str, Any]) -> dict[str, Any
 
 
 def main(name: str = "convex", seed: str = "0", samples: str = "32", preset: str = "tiny") -> None:
-    """Train, and print a line a model."""
+    """Train, and print one line per model."""
     use_threads(1)
     cost = replace(RADIOGS.presets[preset], incident_samples=int(samples))
     run = Run(load_scene(name), Variant(), cost, int(seed), CPU)

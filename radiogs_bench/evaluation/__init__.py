@@ -1,1 +1,1 @@
-"""Scoring what a model, or somebody else's code, has made."""
+"""Renders and scores trained models, and scores the output of other codes."""

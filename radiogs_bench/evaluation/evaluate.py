@@ -1,4 +1,4 @@
-"""Scoring a trained model: its maps of the test views, the views under other lights, and the light it found."""
+"""Scores a trained model: its maps of the test views, the relit views, and the recovered light."""
 
 import math
 import time
@@ -16,10 +16,10 @@ from radiogs_core.scene.scene import Scene, View
 
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
-from .figures import Figures
-from .frame_cost import Costs
+from .frame_cost import FrameCosts
 from .light_maps import light_maps
 from .maps import Maps, on_black
+from .metrics_by_view import MetricsByView
 from .scoring import (
     compared_indirect,
     coverage,
@@ -32,10 +32,10 @@ from .scoring import (
 )  # fmt: skip
 
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
-"""Maps of the shown view that are kept beside the result."""
+"""Maps of the shown view that are stored with the result."""
 
-STRIP = 4
-"""Relit maps of the shown view are kept under this many lights, the first ones."""
+LIGHTS_SHOWN = 4
+"""Relit maps of the shown view are stored for this many lights, the first ones."""
 
 Advance = Callable[[int, int], None]
 
@@ -44,10 +44,10 @@ Advance = Callable[[int, int], None]
 class Evaluation:
     """A trained model's metrics, and the maps of one view.
 
-    ``metrics`` by ``task/measure``; ``timings`` likewise (milliseconds a frame, which no two runs share); ``views`` are
-    the test views' names in the order of every metric's values; ``albedo_scale`` aligns the recovered albedo with the
-    true one, None where that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view``
-    (relit: under ``shown_light``); ``protocol`` are the conventions in words; ``maps`` names what the method has given.
+    ``metrics`` and ``timings`` (milliseconds per frame, megabytes) are by ``task/measure``; ``views`` are the names of
+    the views in the order of each metric's values; ``albedo_scale`` aligns the recovered albedo with the true one, None
+    if that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view`` (relit: under
+    ``shown_light``); ``protocol`` describes the conventions; ``maps`` names the maps that the method rendered.
     """
 
     metrics: dict[str, MetricValue]
@@ -64,26 +64,26 @@ class Evaluation:
 def evaluate(
     trained: Trained, scene: Scene, rules: Protocol, device: torch.device, advance: Advance, timed: bool = True
 ) -> Evaluation:
-    """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
+    """Score a model on every test view, and on every relit ground-truth image of the scene.
 
-    ``advance`` is told (done, total) images, after every one and between the steps of a long preparation; it may raise
-    to stop. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black,
-    [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), and relit
-    (under the first light, and ``relit/<light>`` under the first few); those that the scene has no truth for are left
-    out under ``truth/``. ``render/incident`` is the indirect light that arrives, where the method knows it. Beside them
-    lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known. ``timed`` is
-    whether frames are timed. Raises DataError for a damaged map.
+    ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
+    raise to stop. ``timed``: also measure milliseconds and memory per frame.
+
+    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
+    float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
+    ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
+    incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
+    ``light_maps``) if both lights are known. Raises DataError for a damaged map.
     """
     course = _Course(scene, rules, device, advance, timed)
     course.show_own(trained.prepare(after_step=course.still_there))
     course.compare_light(trained)
     scale = course.compare_whole()
     course.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
-    figures = course.figures
     return Evaluation(
-        metrics=figures.metrics(),
+        metrics=course.scores.metrics(),
         timings=course.costs.timings(),
-        views=list(figures.views),
+        views=list(course.scores.views),
         shown_view=course.shown.name,
         shown_light=course.shown_light if "render/relit" in course.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
@@ -95,7 +95,7 @@ def evaluate(
 
 @dataclass
 class _Course:
-    """One evaluation on its way: what has been scored and kept so far."""
+    """An evaluation in progress: what has been scored and kept so far."""
 
     scene: Scene
     rules: Protocol
@@ -108,8 +108,8 @@ class _Course:
 
     def __post_init__(self) -> None:
         scene, rules = self.scene, self.rules
-        self.figures = Figures(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
-        self.costs = Costs(Figures(rules, *self.figures.groups), self.device)
+        self.scores = MetricsByView(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
+        self.costs = FrameCosts(MetricsByView(rules, *self.scores.groups), self.device)
         self.shown = scene.test[len(scene.test) // 2]
         self.lit = lit_views(scene, (*scene.test, *scene.relight))
         self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
@@ -117,27 +117,27 @@ class _Course:
         self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}
 
     def still_there(self) -> None:
-        """Where a preparation may be stopped."""
+        """Report progress during a long preparation, which may be stopped here."""
         self.advance(self.done, self.total)
 
     def count(self) -> None:
-        """One image more is scored."""
+        """Count one more scored image."""
         self.done += 1
         self.advance(self.done, self.total)
 
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
-        """A view's maps in main memory, on black."""
+        """The maps of a view, on black, on the CPU."""
         return on_black(prepared, view.camera.to(self.device, torch.float32), *further)
 
     def show_own(self, prepared: Prepared) -> None:
-        """Score every test view under the model's own light, and keep what is compared over all views."""
+        """Score every test view under the recovered light, and keep the maps that are compared over all views."""
         whole = ("albedo", "alpha") if self.rules.depth is None else ("albedo", "alpha", "depth")
         for view in self.scene.test:
             wanted = view is self.shown or compared_indirect(self.rules) == "incident"
             further = ("incident",) if wanted and "incident" in prepared.offers else ()
             maps = self.rendered(prepared, view, *further)
             self.given |= maps.keys()
-            score_view(self.figures, view, maps)
+            score_view(self.scores, view, maps)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
@@ -146,25 +146,25 @@ class _Course:
             self.costs.measure("nvs", prepared.render, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
-        """Score the recovered light where there is one and the true one is known."""
+        """Score the recovered light, if there is one and the true light is known."""
         if trained.light is None:
             return
         self.given.add("environment")
-        score_light(self.figures, self.scene, trained.light)
+        score_light(self.scores, self.scene, trained.light)
         if self.scene.training_light is not None:
             self.arrays |= light_maps(trained.light, self.scene.training_light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
-        """Score depth and albedo, which are compared over all views; returns the factor that aligned the albedo."""
-        score_depth(self.figures, self.scene, self.kept)
-        scale = score_albedo(self.figures, self.scene, self.kept)
+        """Score depth and albedo, which are aligned over all views; returns the albedo's factor per channel."""
+        score_depth(self.scores, self.scene, self.kept)
+        scale = score_albedo(self.scores, self.scene, self.kept)
         if "albedo" in self.kept[self.shown.name]:
             factor = torch.ones(3) if scale is None else scale
             self.arrays["render/albedo"] = self.kept[self.shown.name]["albedo"] * factor
         return scale
 
     def relight(self, trained: Trained, albedo_scale: Float[Tensor, "3"]) -> None:
-        """Score the views under each light, with the albedo multiplied by ``albedo_scale``."""
+        """Score the relit views of each light, with the albedo multiplied by ``albedo_scale``."""
         prepared_in: list[float] = []
         for light, views in self.lit.items():
             started = time.perf_counter()
@@ -183,24 +183,22 @@ class _Course:
                 self._score_relit(light, view, self.rendered(relit, view))
                 self.count()
         if self.timed and prepared_in:
-            self.costs.figures.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
+            self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
     def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
         for view in views:
-            self.figures.add("relight", view.name, self.rules.no_comparison(reason))
+            self.scores.add("relight", view.name, self.rules.no_comparison(reason))
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
-        self.figures.add(
-            "relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight")
-        )
+        self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))
         if view is self.shown and light == self.shown_light:
             self.arrays |= {"render/relit": image, "truth/relit": target}
-        if view is self.shown and list(self.lit).index(light) < STRIP:
+        if view is self.shown and list(self.lit).index(light) < LIGHTS_SHOWN:
             self.arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
 
 
 def few_views(scene: Scene, count: int) -> Sequence[View]:
-    """Test views, evenly spread over their list."""
+    """At most ``count`` test views, evenly spread over their list."""
     return scene.test[:: -(-len(scene.test) // count)]

@@ -1,4 +1,4 @@
-"""What a model takes to be seen once more: milliseconds a frame, and memory."""
+"""The cost of rendering a frame of a trained model: milliseconds and memory."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -11,16 +11,16 @@ from radiogs_core.scene.scene import View
 from ..metrics import Value
 from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
-from .figures import Figures
+from .metrics_by_view import MetricsByView
 
 WARM_UP = 3
-"""Frames that are not counted: the first ones allocate memory and, on a GPU, choose kernels."""
+"""Frames that are not timed: the first ones allocate memory and, on a GPU, select kernels."""
 
 
 def frame_milliseconds(
     render: Callable[[Camera], object], cameras: Sequence[Camera], device: torch.device
 ) -> list[float]:
-    """Wall-clock time of one rendering from each camera, the device idle before and after (paper, Table of costs)."""
+    """Wall-clock milliseconds of one rendering per camera; the device is idle before and after."""
 
     def finish() -> None:
         if device.type == "cuda":
@@ -38,28 +38,28 @@ def frame_milliseconds(
     return times
 
 
-class Costs:
-    """Gathers what frames cost by task: ``task/ms`` of each view, and ``task/megabytes``, the most that any held.
+class FrameCosts:
+    """Collects the cost of frames by task: ``task/ms`` of each view, and ``task/megabytes``, the peak over all views.
 
-    Memory (10^6 bytes) is the CUDA allocator's on a GPU, with all that the model keeps ready for its frames; on a CPU
-    it is the resident set of the whole process, libraries and the scene's images included.
+    Memory (10^6 bytes) is that of the CUDA allocator on a GPU, including what the model keeps between frames; on a CPU
+    it is the resident set of the whole process, including libraries and the scene's images.
     """
 
-    def __init__(self, figures: Figures, device: torch.device) -> None:
-        self.figures, self.device = figures, device
+    def __init__(self, values: MetricsByView, device: torch.device) -> None:
+        self.values, self.device = values, device
         self.most: dict[str, int] = {}
 
     def measure(self, task: str, render: Callable[[Camera], object], views: Sequence[View]) -> None:
-        """Render every view, once more than has been scored."""
+        """Render every view again, and record time and memory."""
         cameras = [view.camera.to(self.device, torch.float32) for view in views]
         with peaks_within(self.device) as peaks:
             times = frame_milliseconds(render, cameras, self.device)
         for view, milliseconds in zip(views, times, strict=True):
-            self.figures.add(task, view.name, {"ms": Value(milliseconds)})
+            self.values.add(task, view.name, {"ms": Value(milliseconds)})
         self.most[task] = max(self.most.get(task, 0), peaks.get("device", peaks["host"]))
 
     def timings(self) -> dict[str, MetricValue]:
-        """Means over views, as results store them."""
+        """Means over views, as stored in results."""
         for task, amount in self.most.items():
-            self.figures.add_whole(task, {"megabytes": Value(amount / 1e6)})
-        return self.figures.metrics()
+            self.values.add_whole(task, {"megabytes": Value(amount / 1e6)})
+        return self.values.metrics()

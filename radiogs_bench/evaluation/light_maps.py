@@ -1,4 +1,4 @@
-"""The light that a model found and the true one, as pictures that are small enough to keep with every result."""
+"""The recovered light and the true one, as maps small enough to store with every result."""
 
 import torch
 from jaxtyping import Float
@@ -7,13 +7,14 @@ from torch import Tensor
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 
 LARGEST_HEIGHT = 64
-"""Rows that are kept: as many as the finest learnt map has (preset ``paper``); measured maps have up to 1024."""
+"""Most rows that are stored: those of the finest learnt map (preset ``paper``); measured maps have up to 1024."""
 
 
 def light_maps(found: EnvironmentMap, true: EnvironmentMap) -> dict[str, Float[Tensor, "height width 3"]]:
-    """``render/environment`` and ``truth/environment``, linear, at one size: latitude-longitude, Z up.
+    """``render/environment`` and ``truth/environment``, linear, of the same size: latitude-longitude, Z up.
 
-    The true map is averaged over blocks of texels, so that a small sun loses no energy; the found one is looked up.
+    The true map is averaged over blocks of texels, so that a small sun loses no energy; the recovered one is
+    interpolated.
     """
     radiance = true.radiance.cpu()
     height = min(radiance.shape[0], LARGEST_HEIGHT)

@@ -1,4 +1,4 @@
-"""What a method renders, as scoring wants it: on black, in main memory, of the shape and kind that was declared."""
+"""Rendered maps as scoring takes them: on black, on the CPU, with the declared shape and colour space."""
 
 from collections.abc import Mapping
 
@@ -16,14 +16,14 @@ CHANNELS = {"alpha": 1, "roughness": 1, "depth": 1}
 """Channels of the maps that do not have three."""
 
 GEOMETRY = ("alpha", "normal", "depth")
-"""Maps that coverage does not multiply: normals are unit, depths are where a surface is."""
+"""Maps that are not multiplied by coverage: normals stay unit, depths are those of the surface."""
 
 
 def on_black(prepared: Prepared, camera: Camera, *further: str) -> dict[str, Tensor]:
-    """The maps of a camera, on the CPU, composited on black; images in display sRGB and clipped, others as declared.
+    """The maps of a camera, on the CPU, on black; the image in display sRGB, clipped, other maps as declared.
 
-    Without ``alpha`` nothing is known of coverage, and maps are taken as they are. Raises DataError for a map that the
-    method did not declare or that has not the camera's size, with its name.
+    Without an ``alpha`` map the coverage is unknown, and maps stay as they are. Raises DataError for a map that the
+    method did not declare or whose size is not the camera's, with its name.
     """
     maps = prepared.render(camera, *further)
     for name, image in maps.items():
@@ -33,7 +33,7 @@ def on_black(prepared: Prepared, camera: Camera, *further: str) -> dict[str, Ten
 
 
 def require_declared(prepared: Prepared, camera: Camera, name: str, shape: tuple[int, ...]) -> None:
-    """Raise DataError for a map that the method did not declare, or of a wrong shape."""
+    """Raise DataError for a map that the method did not declare or that has the wrong shape."""
     wanted = (camera.height, camera.width, CHANNELS.get(name, 3))
     if name in prepared.offers and shape == wanted:
         return

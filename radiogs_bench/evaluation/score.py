@@ -8,7 +8,7 @@ from radiogs_core.scene.scene import Scene, View
 
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
-from .figures import Figures
+from .metrics_by_view import MetricsByView
 from .scoring import Maps, coverage, lit_views, score_albedo, score_depth, score_light, score_view, truth
 
 Advance = Callable[[int, int], None]
@@ -16,7 +16,7 @@ Advance = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Score:
-    """The figures of one protocol; ``albedo_scale`` is the factor a channel that aligned the albedo, if it was."""
+    """Metrics under one protocol; ``albedo_scale`` is the factor per channel that aligned the albedo, if it was."""
 
     protocol: Protocol
     metrics: dict[str, MetricValue]
@@ -26,33 +26,33 @@ class Score:
 def score_predictions(
     predictions: Predictions, scene: Scene, protocols: Sequence[Protocol], advance: Advance = lambda done, total: None
 ) -> list[Score]:
-    """Compare all that a folder predicts with the scene's ground truth; every file is read once.
+    """Compare everything that a folder predicts with the scene's ground truth; every file is read once.
 
-    Under several lights there are figures of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
-    which do not exist unless every light does. ``advance`` is told (done, total) views. Raises DataError for a damaged
-    file or one of the wrong size.
+    With several lights there are metrics of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
+    which exist only if every light was rendered. ``advance`` is called with (done, total) views. Raises DataError for a
+    damaged file or one of the wrong size.
     """
-    figures = [Figures(rules, [view.name for view in scene.test]) for rules in protocols]
+    by_protocol = [MetricsByView(rules, [view.name for view in scene.test]) for rules in protocols]
     lit = lit_views(scene, scene.test) if predictions.relit else {}
     total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
         maps = predictions.read(view, coverage(view))
-        for each in figures:
+        for each in by_protocol:
             score_view(each, view, maps)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
     measures: dict[str, tuple[str, ...]] = {}
     for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
         if view.name in predictions.relit.get(light, {}):
-            measures |= _score_relit(figures, predictions, light, view, several=len(lit) > 1)
+            measures |= _score_relit(by_protocol, predictions, light, view, several=len(lit) > 1)
         advance(done, total)
     for light, view in _lit_pairs(lit):
         if view.name not in predictions.relit.get(light, {}):
-            _withhold_relit(figures, measures, light, view)
+            _withhold_relit(by_protocol, measures, light, view)
     found = predictions.read_light()
     scores = []
-    for each in figures:
+    for each in by_protocol:
         score_depth(each, scene, kept)
         if found is not None:
             score_light(each, scene, found)
@@ -66,13 +66,13 @@ def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
 
 
 def _score_relit(
-    figures: Sequence[Figures], predictions: Predictions, light: str, view: View, *, several: bool
+    by_protocol: Sequence[MetricsByView], predictions: Predictions, light: str, view: View, *, several: bool
 ) -> dict[str, tuple[str, ...]]:
-    """Score one relit image; returns what each protocol measures of it."""
+    """Score one relit image; returns the names of each protocol's measures."""
     mask = coverage(view)
     image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
     measures = {}
-    for each in figures:
+    for each in by_protocol:
         scores = each.rules.score_image(image, target, mask, task="relight")
         each.add("relight", view.name, scores)
         if several:
@@ -81,8 +81,10 @@ def _score_relit(
     return measures
 
 
-def _withhold_relit(figures: Sequence[Figures], measures: Mapping[str, Sequence[str]], light: str, view: View) -> None:
-    """A view that is not there under one light has no figure over all lights: fewer lights are another figure."""
+def _withhold_relit(
+    by_protocol: Sequence[MetricsByView], measures: Mapping[str, Sequence[str]], light: str, view: View
+) -> None:
+    """Record that a view was not rendered under a light: a mean over fewer lights would not be comparable."""
     reason = Value(None, f"not every view is there under '{light}'")
-    for each in figures:
+    for each in by_protocol:
         each.add("relight", view.name, dict.fromkeys(measures[each.rules.name], reason))

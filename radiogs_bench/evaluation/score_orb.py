@@ -1,4 +1,4 @@
-"""Scoring Stanford-ORB's pairs of files under a protocol; what lacks its target is named, not guessed."""
+"""Scores Stanford-ORB's pairs of output and target under a protocol."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -26,11 +26,11 @@ SOLID = 0.5
 
 
 def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue]:
-    """Figures by ``capture/task/measure``: the mean over the capture's pairs of that task, in their order.
+    """Metrics by ``capture/task/measure``: the mean over the capture's pairs of that task, and each pair's value.
 
-    Targets of another size are brought to the output's by area. Without a mask the whole image counts. Depth is not
-    scored here: its scale belongs to all views of a capture, and see ``score_depths``. Raises DataError for a damaged
-    file.
+    Targets of another size are resized to the output's by area averaging. Without a mask the whole image counts. Depth
+    is aligned over all views of a capture (``score_depths``). Pairs without a target are skipped. Raises DataError for
+    a damaged file.
     """
     found: dict[str, list[Value]] = defaultdict(list)
     for pair in pairs:
@@ -48,7 +48,7 @@ def score_pairs(pairs: Sequence[Pair], rules: Protocol) -> dict[str, MetricValue
 
 
 def files_of(pairs: Sequence[Pair]) -> dict[str, dict[str, str]]:
-    """Outputs by ``capture/task`` and the target that each is compared with, as far as both exist."""
+    """By ``capture/task``: each existing target and the output that is compared with it."""
     found: dict[str, dict[str, str]] = defaultdict(dict)
     for pair in pairs:
         if not pair.lacking:
@@ -58,7 +58,7 @@ def files_of(pairs: Sequence[Pair]) -> dict[str, dict[str, str]]:
 
 
 def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value]]:
-    """Scale-invariant depth errors, all views of a capture together."""
+    """Scale-invariant depth errors by ``capture/depth/simse``, aligned over all views of a capture."""
     captures: dict[str, list[tuple[Tensor, Tensor, Tensor]]] = defaultdict(list)
     for pair in pairs:
         if pair.task == "depth" and pair.output is not None and pair.target is not None:
@@ -93,7 +93,7 @@ def _scores(pair: Pair, output: Path, target: Path, rules: Protocol) -> dict[str
 
 
 def _displayed(path: Path, like: Float[Tensor, "height width 3"]) -> Float[Tensor, "height width 3"]:
-    """Display sRGB. A PNG keeps its levels: a way there and back through linear would put some below their own."""
+    """Display sRGB. A PNG of the right size keeps its 8-bit levels: converting to linear and back would change some."""
     stored = _numbers(path)[..., :3]
     if path.suffix == ".png" and stored.shape == like.shape:
         return stored

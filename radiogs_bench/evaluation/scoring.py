@@ -1,8 +1,8 @@
-"""Comparing maps with a scene's ground truth under a protocol, whoever made the maps.
+"""Compares maps with a scene's ground truth under a protocol, whichever program made the maps.
 
-Every map goes to the protocol as it appears on black, with both coverages: the ground truth's straight maps are
-multiplied by its coverage, predicted ones are multiplied by theirs. Linear radiance (``indirect``) goes as display
-sRGB, clipped; albedo as it is, linear. What a prediction lacks is not scored.
+The protocol receives every map on black, with the coverage of both sides: straight ground-truth maps are multiplied by
+the true coverage, predicted maps by their own. Linear radiance (``indirect``) is passed as display sRGB, clipped;
+albedo stays linear. Maps that a prediction lacks are not scored.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from ..metrics import Protocol
-from .figures import Figures
+from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]
 Maps = Mapping[str, Float[Tensor, "height width _"]]
@@ -25,70 +25,70 @@ MULTIPLIED = ("normal", "depth", "direct", "indirect")
 """Maps that a scene stores as they appear on black; the others are straight."""
 
 
-def score_view(figures: Figures, view: View, maps: Maps) -> None:
-    """Score what needs no other view, as far as maps and truth exist: new views, normals, roughness, indirect light."""
-    rules, mask, alpha = figures.rules, coverage(view), maps.get("alpha")
+def score_view(scores: MetricsByView, view: View, maps: Maps) -> None:
+    """Score one view's image, normals, roughness and indirect light, where both the map and its truth exist."""
+    rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
     indirect = compared_indirect(rules)
     if "image" in maps and view.has("image"):
-        figures.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
+        scores.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
     if "normal" in maps and view.has("normal"):
-        figures.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
+        scores.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
     if "roughness" in maps and view.has("roughness"):
-        figures.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
+        scores.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
     if indirect in maps and view.has("indirect"):
         ours, theirs = displayed(maps[indirect]), displayed(truth(view, "indirect"))
-        figures.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
+        scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
 
 
-def score_albedo(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
-    """Align the recovered albedo over all test views that have one and a true one, score it; returns the factor."""
+def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
+    """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
     views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]
     if not views:
         return None
-    rules = figures.rules
+    rules = scores.rules
     truths, masks = [truth(view, "albedo") for view in views], [coverage(view) for view in views]
     predictions = [rendered[view.name]["albedo"] for view in views]
     alphas = [rendered[view.name].get("alpha", mask) for view, mask in zip(views, masks, strict=True)]
     scale = rules.albedo_scale(predictions, truths, masks, alphas)
     for view, prediction, target, mask, alpha in zip(views, predictions, truths, masks, alphas, strict=True):
-        figures.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
+        scores.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
     return scale
 
 
-def score_light(figures: Figures, scene: Scene, found: EnvironmentMap) -> None:
-    """Score a recovered environment map where the true one is known, at the true one's resolution."""
+def score_light(scores: MetricsByView, scene: Scene, found: EnvironmentMap) -> None:
+    """Score a recovered environment map at the resolution of the true one, if that is known."""
     if scene.training_light is None:
         return
     true_light = scene.training_light.radiance.cpu()
     directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)
-    figures.add_whole("environment", figures.rules.score_environment(found.lookup(directions), true_light))
+    scores.add_whole("environment", scores.rules.score_environment(found.lookup(directions), true_light))
 
 
-def score_depth(figures: Figures, scene: Scene, rendered: Mapping[str, Maps]) -> None:
-    """Score the depth of all test views that have one and a true one, if the protocol compares depth."""
+def score_depth(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> None:
+    """Score depth over all test views with a true one, if the protocol compares depth."""
     views = [view for view in scene.test if view.has("depth") and "depth" in rendered[view.name]]
-    if figures.rules.depth is None or not views:
+    if scores.rules.depth is None or not views:
         return
     depths, targets = [rendered[view.name]["depth"] for view in views], [truth(view, "depth") for view in views]
-    errors = figures.rules.score_depth(depths, targets, [coverage(view) for view in views])
+    errors = scores.rules.score_depth(depths, targets, [coverage(view) for view in views])
     for view, error in zip(views, errors, strict=True):
-        figures.add("depth", view.name, error)
+        scores.add("depth", view.name, error)
 
 
 def lit_views(scene: Scene, views: Sequence[View]) -> dict[str, list[View]]:
-    """Those of the views that are given under each light of the scene."""
+    """By light of the scene: the views that have a relit ground-truth image under it."""
     lit = {light: [view for view in views if view.has(f"relit/{light}")] for light in scene.lights}
     return {light: views for light, views in lit.items() if views}
 
 
 def compared_indirect(rules: Protocol) -> str:
-    """The rendered map that a protocol compares with the scene's indirect light."""
+    """Name of the rendered map that a protocol compares with the scene's indirect light."""
     incident = rules.indirect is not None and rules.indirect.quantity == "incident"
     return "incident" if incident else "indirect"
 
 
 def coverage(view: View) -> Float[Tensor, "height width 1"]:
-    """The true coverage; one everywhere for a view without an alpha map."""
+    """The true coverage [height, width, 1]; 1 everywhere for a view without an alpha map."""
     if view.has("alpha"):
         return view.read("alpha")
     return torch.ones(view.camera.height, view.camera.width, 1)

@@ -39,7 +39,7 @@ from radiogs_core.transport.splatting import (
 )
 from radiogs_core.transport.tracer import incident_along
 
-from ..evaluation.figures import Figures
+from ..evaluation.metrics_by_view import MetricsByView
 from ..evaluation.scoring import Image, coverage, displayed, truth
 from ..metrics import Value, protocol
 from ..metrics.values import PSNR_CAP
@@ -124,17 +124,17 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
         solver, trail, losses = solved(bench, cell, scene, made)
     ended = time.perf_counter()
     with recording() as evaluating:
-        figures, arrays = compared_views(bench, cell, scene, made, solver)
+        values, arrays = compared_views(bench, cell, scene, made, solver)
     here = [session(bench.device)]
     result = Result(
         schema=RESULT_SCHEMA,
         key=cell.key,
         scene=cell.scene,
         cell=cell.content(),
-        protocol=figures.rules.describe(),
-        metrics=figures.metrics(),
+        protocol=values.rules.describe(),
+        metrics=values.metrics(),
         timings={},
-        views=list(figures.views),
+        views=list(values.views),
         shown_view=scene.test[0].name,
         shown_light=None,
         albedo_scale=None,
@@ -170,21 +170,21 @@ def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[Radianc
 
 def compared_views(
     bench: Bench, cell: Cell, scene: Scene, made: Setup, solver: RadianceSolver
-) -> tuple[Figures, dict[str, np.ndarray]]:
+) -> tuple[MetricsByView, dict[str, np.ndarray]]:
     """The metrics of every test view, and the maps of the first."""
-    figures = Figures(protocol(cell.protocol), [view.name for view in scene.test])
+    values = MetricsByView(protocol(cell.protocol), [view.name for view in scene.test])
     incident = shading_incident(solver)
     arrays: dict[str, np.ndarray] = {}
     for view in scene.test:
         ours = transported(solver.surfels, made.equation, incident, view.camera.to(bench.device, torch.float32))
         true = traced(view)
         for name, scores in compared(ours, true, clear_of_silhouettes(view)).items():
-            figures.add(name, view.name, scores)
+            values.add(name, view.name, scores)
         if view is scene.test[0]:
             for origin, maps in (("render", ours), ("truth", true)):
                 shown = {"image": displayed(maps["total"]), "indirect": maps["indirect"]}
                 arrays |= {f"{origin}/{name}": image.numpy() for name, image in shown.items()}
-    return figures, arrays
+    return values, arrays
 
 
 @torch.no_grad()

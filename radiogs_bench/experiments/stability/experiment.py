@@ -10,7 +10,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
-from ...evaluation.figures import Figures
+from ...evaluation.metrics_by_view import MetricsByView
 from ...metrics import Value, protocol
 from ...store.provenance import forget_peaks, session
 from ...store.schema import RESULT_SCHEMA, Result
@@ -40,19 +40,19 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
                 curves[name].append(measure(kernel.probe(condition, stand), cell.seed, bench.device))
             bench.progress.advance(f"{axis.label}, {len(conditions)} points", done, len(conditions))
             bench.interruption.check()
-    figures = Figures(protocol(cell.protocol), [])
+    values = MetricsByView(protocol(cell.protocol), [])
     for task in TASKS:
-        figures.add_whole(task, scores(axis, conditions, curves, task))
+        values.add_whole(task, scores(axis, conditions, curves, task))
     guards = sum((errors.guards for curve in curves.values() for errors in curve), Counter[str]())
-    figures.add_whole("guards", {"fired": Value(float(guards.total()))})
+    values.add_whole("guards", {"fired": Value(float(guards.total()))})
     bench.store.put_result(
         Result(
             schema=RESULT_SCHEMA,
             key=cell.key,
             scene=cell.scene,
             cell=cell.content(),
-            protocol=figures.rules.describe(),
-            metrics=figures.metrics(),
+            protocol=values.rules.describe(),
+            metrics=values.metrics(),
             timings={},
             views=[],
             shown_view=None,
