@@ -63,9 +63,9 @@ class Variant:
                 f"Deviations: {', '.join(RELEASED)}.",
             )
         if self.radiometric_weight < 0:
-            raise UsageError(f"radiometric_weight {self.radiometric_weight:g} is not zero or above")
+            raise UsageError(f"radiometric_weight: {self.radiometric_weight} is not zero or above")
         if not 0 < self.view_share <= 1:
-            raise UsageError(f"view_share {self.view_share:g} is not above 0 and at most 1")
+            raise UsageError(f"view_share: {self.view_share} is not above 0 and at most 1")
         object.__setattr__(self, "effects", checked_effects(self.effects))
         if self.effects != "all" and self.shading == "split-sum":
             raise UsageError(

@@ -91,7 +91,7 @@ class Result(TypedDict):
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
-    """How the losses fell, by stage, at geometrically spaced steps (see ``experiments.trail``)."""
+    """How the losses fell, by stage, at geometrically spaced steps (see ``training.trail``)."""
     seconds: dict[str, float]
     """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
     share counts in every one of them."""

@@ -76,7 +76,10 @@ def _check(suite: Suite, reader: PlainReader) -> None:
 
 def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     """That the row's method is there, and has the fields of variant and budget that it turns."""
-    used = method(row.method)
+    try:
+        used = method(row.method)
+    except UsageError as absent:
+        reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
     reader.build(used.variant, row.variant, f"{where}.variant")
     scaled = whole_numbers(next(iter(used.presets.values())))
     for name, factor in row.budget.items():

@@ -19,12 +19,12 @@ CHANGES = {
         'Budget("smoke", 60, 400, 600, 20, 4.0, 20, 64, 4,',
     ),
     "V is one where the light is hidden": (
-        "radiogs/incident.py",
+        "radiogs_core/transport/tracer.py",
         "visibility = torch.where(solid, 0.0, hits.transmittance)",
         "visibility = torch.where(solid, 1.0, 1 - hits.transmittance)",
     ),
     "L_rad towards the camera alone": (
-        "radiogs/radiometric.py",
+        "radiogs/consistency.py",
         "outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)",
         "outgoing = to_camera[:, None]",
     ),

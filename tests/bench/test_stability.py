@@ -11,13 +11,13 @@ from torch import Tensor
 
 from bench.fake_method import CPU, FakeSweep, fake_cell
 from hard_cases import released
-from radiogs.budget import budget
+from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
 from radiogs_bench.experiments.stability import run_stability
 from radiogs_bench.experiments.stability.axes import AXES, axis_and_points
 from radiogs_bench.experiments.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
 from radiogs_bench.experiments.stability.experiment import stand_of
-from radiogs_bench.sources import evaluation_code
+from radiogs_bench.suites.experiment import EXPERIMENTS
 from radiogs_bench.suites.paper import STABILITY_SUITE as STABILITY
 from radiogs_bench.suites.sweep import Request
 from radiogs_core.errors import DataError, UsageError
@@ -128,7 +128,7 @@ def test_conditions_go_from_easy_to_hard_and_counts_are_whole() -> None:
 
 def test_a_cell_stores_its_curves_and_how_often_each_guard_acted(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
-    cell = fake_cell(scene="hard-cases", checksum=SCENE.checksum, experiment="stability", settings={"aspect": 4.0})
+    cell = fake_cell(scene=SCENE, experiment="stability", settings={"aspect": 4.0})
     run_stability(sweep.bench, cell, SCENE)
     result = sweep.store.result(cell.key)
     assert result is not None
@@ -156,9 +156,10 @@ def test_a_cell_stores_its_curves_and_how_often_each_guard_acted(tmp_path: Path)
 def test_rows_are_all_the_axes_and_the_code_of_the_curves_is_part_of_a_cells_name() -> None:
     assert [row.key for row in STABILITY.rows] == list(AXES)
     assert [axis_and_points(row.settings)[0].key for row in STABILITY.rows] == list(AXES)
-    request = Request(STABILITY, {SCENE.name: SCENE}, 1, budget("tiny"), "default", "cpu")
+    request = Request(STABILITY, {SCENE.name: SCENE}, 1, "tiny", "default", "cpu")
     assert len({cell.key for _, cell in request.cells()}) == len(AXES)
-    assert evaluation_code("stability") != evaluation_code("training")
+    codes = {EXPERIMENTS[name].evaluation_code(RADIOGS) for name in ("stability", "training")}
+    assert len(codes) == 2
 
 
 @pytest.mark.parametrize(

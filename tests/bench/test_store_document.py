@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 from bench.fake_method import FakeSweep, fake_cell
-from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session
+from radiogs_bench.store.schema import RESULT_SCHEMA, Failure, MetricValue, Result, Session, StageName
 
 DOCUMENT = (Path(__file__).parents[2] / "docs" / "store.md").read_text()
 
@@ -24,7 +24,7 @@ def test_every_key_of_a_result_has_a_line_and_no_line_is_of_none() -> None:
     assert sorted(lines) == sorted(Result.__annotations__)
     lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
     assert sorted(lines) == sorted(Session.__annotations__)
-    for key in MetricValue.__annotations__:
+    for key in (*MetricValue.__annotations__, *StageName.__annotations__):
         assert f"`{key}`" in section("## A cell")
     for key in Failure.__annotations__:
         assert f"`{key}`" in section("## A failure")

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
+from bench.chain_method import Chain, Turned
+from bench.fake_method import asked
 from radiogs.budget import PRESETS
 from radiogs_bench.cli import main
+from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.effects import EFFECTS_SUITE
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_bench.suites.toml_file import read_suite
@@ -105,6 +108,44 @@ def test_what_is_wrong_is_answered_with_its_place_and_the_nearest_name(
     assert old in WHOLE
     with pytest.raises(UsageError, match=f"(?s){says}"):
         read(WHOLE.replace(old, new))
+
+
+STRANGERS = """
+name = "mine"
+title = "Two methods"
+reference = "ours"
+columns = ["nvs/psnr"]
+
+[[rows]]
+key = "ours"
+text = "Ours"
+
+[[rows]]
+key = "chain"
+text = "Chain, twice the weight"
+method = "chain"
+variant = { weight = 2 }
+budget = { each = 2 }
+"""
+
+
+def test_rows_of_another_method_have_its_own_fields(
+    read: Callable[[str], Suite], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(substitutes, "chain", Chain(("fit",)))
+    suite = read(STRANGERS)
+    assert [row.method for row in suite.rows] == ["radiogs", "chain"]
+    _, cell = asked(1, suite).cells()[1]
+    assert (cell.variant, cell.budget.each) == (Turned(weight=2.0), 6)
+    for old, new, says in (
+        ("weight = 2", "wieght = 2", r"suite.rows\[1\].variant: there is no field 'wieght'\nDid you mean 'weight'"),
+        ("weight = 2", "detach = 'pbr'", r"suite.rows\[1\].variant: there is no field 'detach'"),
+        ("each = 2", "incident_samples = 2", r"suite.rows\[1\].budget: there is no field 'incident_samples'"),
+        ('"chain"\nvar', '"chian"\nvar', r"suite.rows\[1\].method: there is no method 'chian'\nDid you mean 'chain'"),
+    ):
+        assert old in STRANGERS
+        with pytest.raises(UsageError, match=says):
+            read(STRANGERS.replace(old, new))
 
 
 def test_a_wrong_file_ends_with_exit_code_2_and_a_missing_one_with_3(
