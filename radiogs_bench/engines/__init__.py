@@ -1,1 +1,1 @@
-"""What brings the cells of a sweep to their end: this process, a pool, a cluster."""
+"""Engines run the cells of a sweep: in this process, in a pool, on a cluster."""

@@ -1,4 +1,4 @@
-"""What brings the cells of a run to their end: this process, a pool of processes, or a Ray cluster."""
+"""Chooses the engine that runs the cells: this process, a pool of processes, or a Ray cluster."""
 
 from dataclasses import dataclass
 from typing import Literal, cast
@@ -7,17 +7,17 @@ from radiogs_core.errors import UsageError
 
 Name = Literal["inprocess", "pool", "ray"]
 ONE_THREAD = 1
-"""Threads of a cell on a cluster, unless more are asked for: one gets the most out of a cluster's cores."""
+"""Default threads per cell on a cluster: with one, a cluster's cores are used best."""
 
 ENGINES: tuple[Name, ...] = ("inprocess", "pool", "ray")
 
 
 @dataclass(frozen=True)
 class Engine:
-    """What runs the cells, and with how much.
+    """The kind of engine and its resources.
 
-    ``workers`` of the pool, None for one a thread; ``address`` of the cluster, None for one of this machine;
-    ``threads`` of each process, None for all cores of this machine (on a cluster: ONE_THREAD for each cell).
+    ``workers``: processes of the pool; None: one per thread. ``address``: of the cluster; None: one on this machine.
+    ``threads``: of each process; None: all cores of this machine (on a cluster: ONE_THREAD per cell).
     """
 
     name: Name
@@ -26,13 +26,13 @@ class Engine:
     threads: int | None = None
 
     def cells_and_threads(self, cores: int) -> tuple[int, int]:
-        """How many cells are run at a time on this machine, and on how many of its threads each."""
+        """How many cells run at a time on this machine, and on how many threads each."""
         together = (self.workers or cores) if self.name == "pool" else 1
         return together, max(1, cores // together)
 
 
 def choose(name: str | None, workers: int | None, address: str | None, threads: int | None = None) -> Engine:
-    """The engine that the options ask for: several workers are a pool, an address is a cluster, else this process.
+    """The engine for the given options: several workers mean a pool, an address a cluster, otherwise this process.
 
     Raises UsageError for options that do not go together.
     """

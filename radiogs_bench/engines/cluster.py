@@ -1,8 +1,8 @@
-"""A sweep on a Ray cluster: stages as tasks, with resources and retries; this process alone writes to the store.
+"""Runs a sweep on a Ray cluster: stages as tasks, with resources and retries; only this process writes to the store.
 
-The stages that cells share are a task of their own whose delivery goes to the tasks of all cells that start from
-them. A machine that is lost takes with it what it was working on; Ray runs that again elsewhere. Claims are held for
-all cells that are on the cluster, so other processes leave them alone.
+The stages that several cells share are one task, whose delivery is passed to the tasks of those cells. Ray runs the
+tasks of a lost machine again elsewhere. Claims are held for all cells that are on the cluster, so other processes
+leave them alone.
 """
 
 import logging
@@ -31,7 +31,7 @@ from .in_process import STOPPING, Task, record_failure
 logger = logging.getLogger(__name__)
 
 RETRIES = 5
-"""Machines that a task may lose before it counts as failed."""
+"""How often a task is run again after its machine is lost, before it counts as failed."""
 
 POLL_SECONDS = 0.5
 KNOCK_SECONDS = 5.0
@@ -46,9 +46,9 @@ SETTINGS = {
 
 @contextmanager
 def connected(address: str | None) -> Iterator[Any]:
-    """The module ``ray``, connected to the cluster at ``address``, or to one of this machine alone.
+    """The module ``ray``, connected to the cluster at ``address``, or to one on this machine.
 
-    Raises UsageError where Ray is not installed or nobody answers.
+    Raises UsageError if Ray is not installed or no cluster answers.
     """
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
@@ -84,7 +84,7 @@ def connected(address: str | None) -> Iterator[Any]:
 
 
 def _knock(address: str | None) -> None:
-    """Raise OSError if nobody listens at HOST:PORT; Ray itself would go on trying for minutes."""
+    """Raise OSError if nothing listens at HOST:PORT; Ray itself would retry for minutes."""
     host, separator, port = (address or "").removeprefix("ray://").rpartition(":")
     if separator and port.isdecimal():
         socket.create_connection((host.strip("[]"), int(port)), KNOCK_SECONDS).close()
@@ -92,16 +92,16 @@ def _knock(address: str | None) -> None:
 
 @dataclass(frozen=True)
 class Flight:
-    """What is on the cluster: a cell, or the stages that cells share (``task`` is None); and the claims held for it."""
+    """Work on the cluster: a cell, or stages that cells share (``task`` is None), and the claims held for it."""
 
     task: Task | None
     held: ExitStack
     checkpoints: tuple[str, ...]
-    """Names of the checkpoints that are of no use once it has landed."""
+    """Names of the checkpoints that are obsolete once the work is done."""
 
 
 class Cluster:
-    """Sends cells to a cluster and takes in what comes back; ``places`` are names or paths of the scenes."""
+    """Sends cells to a cluster and stores their results; ``places`` are names or paths of the scenes."""
 
     def __init__(
         self, ray: Any, recipe: Recipe, places: Mapping[str, str], threads: int, device: str, store: Store
@@ -113,10 +113,10 @@ class Cluster:
         self.ray, self.recipe, self.places, self.threads, self.store = ray, recipe, places, threads, store
         self.flights: dict[Any, Flight] = {}
         self.firsts: dict[str, Any] = {}
-        """Deliveries of shared stages by the key of the last of them: on their way, or put there from the store."""
+        """Deliveries of shared stages by the key of the last stage: pending, or uploaded from the store."""
 
     def send(self, task: Task) -> None:
-        """Put a cell on its way, unless it is finished, and before it the stages that it shares. Raises Claimed."""
+        """Submit a cell, unless it is finished, and first the stages that it shares. Raises Claimed."""
         cell = task.cell
         with ExitStack() as held:
             held.enter_context(self.store.claim(cell.key))
@@ -129,19 +129,19 @@ class Cluster:
             self.flights[flight] = Flight(task, held.pop_all(), tuple(names[1::2]))
 
     def landed(self) -> list[tuple[Flight, Delivery]]:
-        """What has come back since; waits a moment if nothing has. Its files are kept, its claims held until now."""
+        """Work that has finished, after a short wait if there is none; its files are stored, its claims released."""
         ready, _ = self.ray.wait(list(self.flights), num_returns=len(self.flights), timeout=POLL_SECONDS)
         return [self._land(each) for each in ready]
 
     def abandon(self) -> None:
-        """Stop what is still on its way, and let its claims go."""
+        """Cancel pending work and release its claims."""
         for each, flight in self.flights.items():
             self.ray.cancel(each, force=True)
             flight.held.close()
         self.flights.clear()
 
     def can_run(self) -> bool:
-        """Whether some machine is large enough for a cell, now."""
+        """Whether some machine of the cluster is large enough for a cell now."""
         alive = [node["Resources"] for node in self.ray.nodes() if node["Alive"]]
         return any(all(has.get(what, 0) >= much for what, much in self._needs.items()) for has in alive)
 
@@ -167,7 +167,7 @@ class Cluster:
         return Order(self.recipe, cell, self.places[cell.scene], self.threads)
 
     def _given(self, names: Sequence[str]) -> dict[str, bytes]:
-        """What the store has under the names; damaged files are moved aside and not sent."""
+        """Files of the store under the given names; damaged ones are moved aside and not sent."""
         sound = [name for name in names if self.store.tensors(name, CPU) is not None]
         return self.store.files(map(file_of, sound))
 
@@ -191,7 +191,7 @@ class Cluster:
 
 
 def lost(error: Exception) -> CellFailed:
-    """A task that the cluster gave up."""
+    """The failure of a task that the cluster gave up."""
     return CellFailed(
         "the cluster lost it",
         f"{error}".strip().splitlines()[0],
@@ -203,10 +203,10 @@ def lost(error: Exception) -> CellFailed:
 def run_on_cluster(
     tasks: Sequence[Task], cluster: Cluster, store: Store, progress: Progress, interruption: Interruption
 ) -> list[ExplainedError]:
-    """Bring every cell to its end; returns the errors of those that failed.
+    """Run every cell; returns the errors of those that failed.
 
-    As ``in_process.run_cells``: finished cells are skipped, those of other processes left to them and waited for, and a
-    failure that all would share is raised. A stop that is asked for costs what is on the cluster.
+    As ``in_process.run_cells``: finished cells are skipped, cells of other processes are waited for, and a failure that
+    every cell would have is raised. A requested stop loses the work that is on the cluster.
     """
     failures: list[ExplainedError] = []
     waiting = [task for task in tasks if store.result(task.cell.key) is None]
@@ -231,7 +231,7 @@ def run_on_cluster(
 
 
 def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
-    """Send what can be sent; returns the cells that another process works on."""
+    """Submit the cells; returns those that another process works on."""
     held = []
     for task in tasks:
         try:
@@ -245,7 +245,7 @@ def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
 def report(
     flight: Flight, delivery: Delivery, failures: list[ExplainedError], store: Store, progress: Progress
 ) -> None:
-    """Say how a cell ended and remember a failure; raises one that all cells would share."""
+    """Report how a cell ended and store a failure; raises one that every cell would have."""
     if flight.task is None:
         return  # shared stages that failed fail the cells that wait for them
     if delivery.failure is None:
@@ -259,7 +259,7 @@ def report(
 
 
 def stop_if_asked(interruption: Interruption) -> None:
-    """Raise Interrupted if a stop was asked for."""
+    """Raise Interrupted if a stop was requested."""
     if interruption.requested:
         raise Interrupted(
             "stopped as asked",

@@ -1,7 +1,7 @@
-"""What another machine does with a cell: run it in a store of its own for the moment, and hand back what it wrote.
+"""Runs a cell on another machine: in a temporary store, whose files are returned.
 
-Knows nothing of how orders travel. Everything here can be pickled: functions go by name, and every machine must have
-the same sources, the same weights and the same scenes.
+Independent of how orders are transported. Everything here can be pickled: functions are pickled by name, so every
+machine must have the same sources, LPIPS weights and scenes.
 """
 
 import math
@@ -27,14 +27,14 @@ from ..training.stages import Bench, all_but_last
 from ..training.warm_up import compile_kernels
 
 Files = Mapping[str, bytes]
-"""Contents by path within a store."""
+"""Contents of files by path within a store."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How any cell is run: how methods are found, what is done for a cell, how a scene is found by its name or path.
+    """How cells are run: how methods are found, the experiment, and how scenes are loaded by name or path.
 
-    ``compiled_on`` is the scene that the kernels are compiled on beforehand.
+    ``compiled_on`` is the scene on which kernels are compiled first.
     """
 
     method: Callable[[str], Method]
@@ -55,7 +55,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Delivery:
-    """What came of an order: files to be kept, or why there are none; ``node`` is the machine that did it."""
+    """The outcome of an order: files to store, or the failure; ``node`` is the machine that ran it."""
 
     files: Files
     failure: ExplainedError | None
@@ -63,28 +63,28 @@ class Delivery:
 
 
 def names_of(stage: StageKey) -> tuple[str, str]:
-    """What a stage is called in a store: its outcome, and where it stands."""
+    """Names in a store of a stage's outcome and of its checkpoint."""
     return product_name(stage.key), checkpoint_name(stage.key)
 
 
 def shared_stages(cell: Cell) -> tuple[StageKey, ...]:
-    """The stages of a cell that others may share: all but the last."""
+    """The stages of a cell that other cells may share: all but the last."""
     return cell.stages[:-1]
 
 
 def file_of(name: str) -> str:
-    """The file of what a store keeps as tensors under a name."""
+    """The file in which a store keeps tensors under a name."""
     return f"{name}.pt"
 
 
 def deliver_shared(order: Order, given: Files) -> Delivery:
-    """Bring the stages that several cells share to their end, from checkpoints if any are given."""
+    """Run the stages that several cells share, from checkpoints if any are given."""
     wanted = [file_of(product_name(stage.key)) for stage in shared_stages(order.cell)]
     return _deliver(order, given, wanted, lambda bench, scene: all_but_last(bench, order.cell, scene))
 
 
 def deliver_cell(order: Order, given: Files, first: Delivery) -> Delivery:
-    """Do the experiment; ``first`` holds the stages that several cells share, if any. Its failure is the cell's."""
+    """Run the cell's experiment; ``first`` holds the shared stages, if any, whose failure is the cell's."""
     if first.failure is not None:
         return first
     cell = order.cell
@@ -117,7 +117,7 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
 
 
 _compiled: list[tuple[str, object]] = []
-"""Methods and variants whose kernels this process has had compiled: no cell is charged for that."""
+"""Methods and variants whose kernels this process has compiled, so that no cell is charged for it."""
 
 
 def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
@@ -132,7 +132,7 @@ def _scene(recipe: Recipe, place: str) -> Scene:
 
 
 def _check_sources(order: Order, scene: Scene, node: str) -> None:
-    """The sources are part of a cell's name: others would give a wrong value under it."""
+    """Raise if this machine's sources differ: they are part of the cell's key."""
     cell = order.cell
     work = Work(cell.variant, cell.budget, cell.seed, cell.device, cell.protocol, cell.experiment, cell.settings)
     if cell_of(order.recipe.method(cell.found_as), scene, work, cell.found_as).key != cell.key:

@@ -1,4 +1,4 @@
-"""What missing cells will take, judged by what the store has measured of their like."""
+"""Estimates the time and memory of missing cells from similar finished cells in the store."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from ..suites.cell import Cell
 
 @dataclass(frozen=True)
 class Expected:
-    """Seconds that a cell will still take, and the most memory (bytes) that one of its stages held; None if unknown."""
+    """Seconds that a cell will still take, and the peak memory (bytes) over its stages; None if unknown."""
 
     seconds: float | None
     host_bytes: int | None
@@ -22,7 +22,7 @@ class Expected:
 
 @dataclass
 class _Like:
-    """What was measured of one kind of cell, by stage."""
+    """Measurements of similar cells, by stage."""
 
     seconds: dict[str, list[float]] = field(default_factory=dict)
     bytes: dict[str, int] = field(default_factory=dict)
@@ -37,7 +37,7 @@ class _Like:
 
 
 class Forecast:
-    """Expects of a cell what its like took: the same work on the same scene, or on others, or another variant's."""
+    """Estimates from similar cells: the same work on the same scene, else on other scenes, else of other variants."""
 
     def __init__(self, results: Iterable[Result]) -> None:
         self.likes: dict[str, _Like] = {}
@@ -46,7 +46,7 @@ class Forecast:
                 self.likes.setdefault(kind, _Like()).add(result)
 
     def expected(self, cell: Cell, there: Sequence[str]) -> Expected:
-        """What the cell will take; the stages in ``there`` are in the store already."""
+        """Time and memory of the cell; the stages in ``there`` are already in the store."""
         like = next((self.likes[kind] for kind in _kinds(cell.content()) if kind in self.likes), None)
         if like is None:
             return Expected(None, None, None)
@@ -55,7 +55,7 @@ class Forecast:
 
 
 def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
-    """For each cell in turn: None if it is finished, else what it will take. A stage that cells share counts once."""
+    """For each cell: None if finished, else its estimate. A stage that cells share counts once."""
     judge = Forecast(store.results())
     to_come: set[str] = set()
     expected: list[Expected | None] = []
@@ -72,14 +72,14 @@ def forecast(store: Store, cells: Sequence[Cell]) -> list[Expected | None]:
 
 
 def total(expected: Sequence[Expected | None]) -> tuple[float, int]:
-    """Seconds of all cells whose time is known, one after the other, and of how many it is not."""
+    """Sum of the known seconds, and the number of cells whose seconds are unknown."""
     missing = [each for each in expected if each is not None]
     known = [each.seconds for each in missing if each.seconds is not None]
     return math.fsum(known), len(missing) - len(known)
 
 
 def _kinds(cell: Mapping[str, Any]) -> list[str]:
-    """What decides how much work a cell is, the nearest likeness first."""
+    """Descriptions under which cells count as similar, the most specific first."""
     named = ("method", "experiment", "settings", "budget", "device", "protocol")
     common = {name: cell[name] for name in named}
     variant, scene = {"variant": cell["variant"]}, {"checksum": cell["checksum"]}

@@ -1,4 +1,4 @@
-"""Runs cells one after the other in this process, beside other processes on the same store."""
+"""Runs cells one after another in this process; other processes may work on the same store."""
 
 import logging
 import time
@@ -21,12 +21,12 @@ logger = logging.getLogger(__name__)
 POLL_SECONDS = 1.0
 
 STOPPING = (Interrupted, DataError, StoreError)
-"""Failures that the next cell would meet as well."""
+"""Failures that the next cell would have as well."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A cell and how it is called in what the user reads, such as ``corner ours seed 0``."""
+    """A cell and its label in messages, such as ``corner ours seed 0``."""
 
     cell: Cell
     label: str
@@ -35,17 +35,17 @@ class Task:
 def run_cells(
     tasks: Sequence[Task], run: Callable[[Cell], None], store: Store, progress: Progress, interruption: Interruption
 ) -> list[ExplainedError]:
-    """Bring every cell to its end with ``run`` (which stores the result); returns the errors of those that failed.
+    """Run every cell with ``run``, which stores the result; returns the errors of those that failed.
 
-    Finished cells are skipped; cells that another process works on are left to it, and waited for when nothing else
-    is left to do. A cell that fails is recorded and the others go on, unless they would fail alike: that is raised.
+    Finished cells are skipped. Cells that another process works on are waited for once nothing else is left. A failure
+    is recorded and the other cells go on, unless they would fail in the same way: then it is raised.
     """
     failures: list[ExplainedError] = []
     waiting = [task for task in tasks if store.result(task.cell.key) is None]
     announced: set[str] = set()
 
     def attempt(task: Task) -> bool:
-        """Whether the cell has come to its end, good or bad; False if another process works on it."""
+        """Whether the cell has ended, well or not; False if another process works on it."""
         interruption.check()
         if store.result(task.cell.key) is not None:
             return True
@@ -83,7 +83,7 @@ def run_cells(
 
 
 def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedError | None:
-    """Run a cell; a failure that is its own is recorded and returned."""
+    """Run a cell; a failure of this cell alone is recorded and returned."""
     try:
         run(task.cell)
     except STOPPING:
@@ -96,7 +96,7 @@ def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedErro
 
 
 def record_failure(store: Store, task: Task, error: ExplainedError) -> None:
-    """Keep why a cell failed."""
+    """Store why a cell failed."""
     store.put_failure(
         {
             "schema": RESULT_SCHEMA,

@@ -1,7 +1,7 @@
 """A pool of processes on this machine: each runs the same sweep on the same store, and claims keep them apart.
 
-A worker is the command itself with one more option, so what a worker does is what a run does. One that dies costs the
-work since its last checkpoint: its claim goes with it, and another worker takes the cell up.
+A worker is the command itself with one more option, so it does exactly what a run does. If a worker dies, the work since
+its last checkpoint is lost: its claim is released, and another worker continues the cell.
 """
 
 import signal
@@ -24,8 +24,8 @@ def run_pool(
 ) -> list[int]:
     """Run the commands side by side until all have ended; returns their exit codes.
 
-    What they write to stderr goes to ``say`` line by line; ``look`` is called now and then. If a stop is asked for, it
-    is passed on once, and waited for: workers write their state before they go.
+    Their stderr goes to ``say`` line by line; ``look`` is called at intervals. A requested stop is passed on once and
+    waited for, because workers write their state before they end.
     """
     lines: SimpleQueue[str] = SimpleQueue()
     workers = [
@@ -68,7 +68,7 @@ def _relay(worker: "subprocess.Popen[str]", lines: "SimpleQueue[str]") -> None:
 
 
 def worker_commands(arguments: Sequence[str], workers: int, threads: int) -> list[list[str]]:
-    """The command line of each worker: the user's own, its number, and its share of the threads."""
+    """The command line of each worker: the user's, with the worker's number and its share of the threads."""
     share = max(1, threads // workers)
     own = [sys.executable, "-m", "radiogs_bench", *arguments, "--threads", str(share)]
     return [[*own, "--worker", f"{number}/{workers}"] for number in range(workers)]

@@ -1,4 +1,4 @@
-"""Bringing a request to its end, by whichever engine: what is there already is left, the rest is run."""
+"""Runs the missing cells of a request with the chosen engine."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from .pool import run_pool, worker_commands
 CPU = torch.device("cpu")
 
 COMPILED_ON = "convex"
-"""The scene that kernels are compiled on: one that holds images, because some experiments are run on scenes without."""
+"""The scene on which kernels are compiled: one with images, because some experiments have scenes without."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Ended:
 
 
 def bring_to_end(request: Request, bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
-    """Run what is missing. ``arguments`` are those of the command line, which the workers of a pool are given too.
+    """Run the missing cells. ``arguments`` are those of the command line, which the workers of a pool receive too.
 
     Raises what ends a whole run: Interrupted, DataError, StoreError.
     """
@@ -56,9 +56,9 @@ def bring_to_end(request: Request, bench: Bench, engine: Engine, arguments: Sequ
 
 
 def work_along(request: Request, bench: Bench, number: int, count: int) -> Ended:
-    """What one of several workers does: the same cells, beginning elsewhere.
+    """Run the cells as one of several workers, each starting at another place in the list.
 
-    Cells that share their first stage stay together, so that workers meet in the middle and not at once.
+    Cells that share their first stage stay together, so that workers rarely wait for each other.
     """
     groups: dict[str, list[Task]] = {}
     for place, cell in request.own_cells():
@@ -82,7 +82,7 @@ def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[Exp
 
 
 def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
-    """Find damaged files and compile the kernels now, not after an hour's training or within somebody's seconds."""
+    """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
     scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     progress = bench.progress
     for scene in scenes:
@@ -99,7 +99,7 @@ def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> No
 
 def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
     def look() -> None:
-        """How far the workers have come, as the store shows it."""
+        """Show how many cells are finished in the store."""
         bench.progress.advance("cells", sum(bench.store.has_result(cell.key) for _, cell in cells), len(cells))
 
     threads = workers(CPU)
@@ -127,6 +127,6 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
 
 
 def worst_of(codes: Sequence[int]) -> int:
-    """The exit code of a run with unfinished cells whose workers ended with these."""
+    """The exit code of a run with unfinished cells, from those of its workers."""
     known = [code for _, code in EXIT_CODES]
     return min((code for code in codes if code in known), key=known.index, default=1)

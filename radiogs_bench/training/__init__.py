@@ -1,1 +1,1 @@
-"""Running the stages of a method to their end: checkpoints, ledgers, progress, interruption."""
+"""Runs the stages of a method: checkpoints, ledgers, progress, interruption."""

@@ -9,7 +9,7 @@ STOPPING_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interruption:
-    """Context in which the first Ctrl-C (or SIGTERM) only asks to stop; a second one acts at once."""
+    """Context in which the first Ctrl-C (or SIGTERM) requests a stop; a second one stops at once."""
 
     def __init__(self) -> None:
         self.requested = False
@@ -30,7 +30,7 @@ class Interruption:
         self.requested = True
 
     def check(self) -> None:
-        """Raise Interrupted if a stop was asked for. To be called where everything is in a consistent state."""
+        """Raise Interrupted if a stop was requested. To be called where all state is consistent."""
         if self.requested:
             raise Interrupted(
                 "stopped as asked",

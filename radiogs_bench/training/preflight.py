@@ -1,4 +1,4 @@
-"""Reading a scene before it is worked on."""
+"""Reads a scene before anything is trained on it."""
 
 from collections.abc import Callable
 
@@ -7,10 +7,9 @@ from radiogs_core.scene.scene import Scene
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
-    """Read every map of every view and forget it; ``advance`` is told (done, total) maps.
+    """Read every map of every view once, and discard it; ``advance`` is called with (done, total) maps.
 
-    Maps are read when asked for, those of views that are scored only after training: this finds a damaged file first.
-    Raises DataError.
+    Maps are read on demand, those of test views only after training; this finds a damaged file first. Raises DataError.
     """
     if not scene.test:
         raise DataError(f"scene '{scene.name}' has no test views", "Nothing could be scored after training.")

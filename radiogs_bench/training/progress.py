@@ -1,4 +1,4 @@
-"""What a run shows of itself: bars with time left on a terminal, one line a cell in a log."""
+"""Progress of a run: bars with time left on a terminal, one line per cell in a log."""
 
 import sys
 from collections.abc import Collection
@@ -10,33 +10,33 @@ from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, Tim
 from rich.progress import Progress as Bars
 
 SHOWN_AFTER_SECONDS = 2.0
-"""What takes less is over before it can be read."""
+"""Tasks shorter than this show no bar."""
 
 SPEED_WINDOW_SECONDS = 3600.0
-"""Steps that time left is judged by; rich's half a minute is less than one cell takes."""
+"""Period over which speed is averaged for the time left; rich's default of 30 s is less than one cell takes."""
 
 
 @runtime_checkable
 class Progress(Protocol):
-    """Receives what happens during a run."""
+    """Receives the events of a run."""
 
     def __enter__(self) -> "Progress":
-        """Begin to show."""
+        """Start showing."""
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End showing."""
+        """Stop showing."""
 
     def say(self, line: str) -> None:
-        """One event worth a line: a cell started, finished, failed."""
+        """Show one line: a cell started, finished, failed."""
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """``task`` stands at ``done`` of ``total`` steps; it is over when they are equal."""
+        """Report that ``task`` is at ``done`` of ``total`` steps; it ends when they are equal."""
 
 
 class TerminalProgress:
-    """A bar with time left for each task in progress, below the lines that were said."""
+    """A bar with time left for each running task, below the printed lines."""
 
     def __init__(self) -> None:
         self.bars = Bars(
@@ -62,11 +62,11 @@ class TerminalProgress:
         self.bars.stop()
 
     def say(self, line: str) -> None:
-        """Print above the bars."""
+        """Print a line above the bars."""
         self.bars.console.print(line, markup=False, highlight=False)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Move a bar; it appears once it has run for a while, and goes when it is over."""
+        """Move a bar; it appears after SHOWN_AFTER_SECONDS and disappears when its task ends."""
         if task not in self.tasks:
             # Begun at the first report: a resumed task's time left must not count steps of another process.
             self.tasks[task] = self.bars.add_task(task, total=total, completed=done, visible=False)
@@ -78,7 +78,7 @@ class TerminalProgress:
 
 
 class LogProgress:
-    """Lines to stderr; no bars, nothing that moves."""
+    """Lines to stderr, without bars."""
 
     def __enter__(self) -> "LogProgress":
         return self
@@ -89,17 +89,17 @@ class LogProgress:
         sys.stderr.flush()
 
     def say(self, line: str) -> None:
-        """One line."""
+        """Print a line."""
         sys.stderr.write(line + "\n")
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Steps are too many for a log."""
+        """Show nothing: a log has no room for steps."""
 
 
 class SweepProgress:
-    """Passes everything on, and shows one more task: the steps of every stage that the sweep has still to take.
+    """Passes everything on, and adds one task: the remaining steps of all stages of the sweep.
 
-    Cells are too few and too unlike (four share a stage) to tell from them how much time is left.
+    Cells are too few and too different (four may share a stage) for an estimate of the time left.
     """
 
     def __init__(self, progress: Progress, stages: Collection[str], steps: int) -> None:
@@ -117,11 +117,11 @@ class SweepProgress:
         self.progress.__exit__(kind, error, trace)
 
     def say(self, line: str) -> None:
-        """Pass on."""
+        """Pass the line on."""
         self.progress.say(line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Pass on, and count if it is a step of a stage."""
+        """Pass on, and count the step if it belongs to a stage."""
         if task in self.stages:
             before = self.stands.get(task)
             if before is None:  # what a checkpoint brought was not taken here, and says nothing about the speed

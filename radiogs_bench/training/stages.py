@@ -1,4 +1,4 @@
-"""Bringing the stages of a cell to their end: continued where they stood, shared where they are the same."""
+"""Runs the stages of a cell: continued from their checkpoints, shared between cells with the same key."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -21,10 +21,10 @@ from .progress import Progress
 from .trail import Sums, Trail
 
 CHECKPOINT_SECONDS = 20.0
-"""A crash costs at most about this much work."""
+"""Seconds between checkpoints: about the most work that a crash loses."""
 
 CHECKPOINT_SHARE = 0.02
-"""And checkpoints cost at most this share of the time: large states are written less often."""
+"""Largest share of the time spent on checkpoints: large states are written less often."""
 
 
 @dataclass(frozen=True)
@@ -41,37 +41,37 @@ class Bench:
 
 
 class Ledger(TypedDict):
-    """What a stage cost and how it ended; kept beside its product, and in every checkpoint so far."""
+    """Cost and last losses of a stage so far; stored with its product and in every checkpoint."""
 
     seconds: float
     parts: dict[str, float]
-    """Those of the seconds that named parts of the stage took (see ``radiogs_core.instruments.part``)."""
+    """Seconds that named parts of the stage took (see ``radiogs_core.instruments.part``)."""
     work: dict[str, int]
     guards: dict[str, int]
     losses: dict[str, float]
     trail: list[TrailPoint]
     since: Sums
-    """What the trail has gathered since its last point."""
+    """Sums of the losses since the trail's last point."""
     sessions: list[Session]
 
 
 class Outcome(TypedDict):
-    """A stage that has ended: what the next one begins from, or the model is restored from, and what it cost."""
+    """A finished stage: its product, from which the next stage begins or the model is restored, and its cost."""
 
     product: dict[str, Any]
     ledger: Ledger
 
 
 Score = Callable[[Trained], dict[str, float]]
-"""Scores a model along the way: values by ``task/measure``."""
+"""Scores a model during training: values by ``task/measure``."""
 
 StageScore = Callable[[Stage], dict[str, float]]
 
 
 def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Trained, dict[str, Ledger]]:
-    """The cell's model, trained now or before, and the ledgers of its stages by name, in order.
+    """The cell's model, trained now or read from the store, and the ledgers of its stages by name, in order.
 
-    ``score`` is asked at geometric shares of the last stage, while its clock and its counters stand still.
+    ``score`` is called at some steps of the last stage (``trail.SCORED_AT``), while clock and counters are paused.
     Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and whatever
     the method raises; the last checkpoint is kept in every case.
     """
@@ -91,7 +91,7 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
 
 
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
-    """Bring the stages that other cells may share to their end, and keep them. Raises as ``trained`` does."""
+    """Run the stages that other cells may share, all but the last, and store them. Raises as ``trained`` does."""
     product: Mapping[str, Any] = {}
     for place in range(len(cell.stages) - 1):
         product = stage_outcome(bench, cell, scene, place, product)["product"]
@@ -100,7 +100,7 @@ def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
 def stage_outcome(
     bench: Bench, cell: Cell, scene: Scene, place: int, before: Mapping[str, Any], score: StageScore | None = None
 ) -> Outcome:
-    """The outcome of one of a cell's stages, run now or before; ``before`` is the product of the stage before it."""
+    """The outcome of one of a cell's stages, run now or stored; ``before`` is the product of the previous stage."""
     stage = cell.stages[place]
     spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
     run = run_of(bench, cell, scene)
@@ -108,15 +108,15 @@ def stage_outcome(
 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
-    """What a method is given to train a cell; its workspace is that of the trained model."""
+    """The ``Run`` of a cell; its workspace is named by the key of the last stage."""
     workspace = bench.store.folder / "work" / str(cell.training_key)
     return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 
 def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: StageScore | None = None) -> Outcome:
-    """The stored outcome of a stage; where there is none yet, the stage is run and its outcome stored.
+    """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
 
-    ``score`` is as in ``trained``, asked of the stage itself.
+    ``score`` is as in ``trained``, but takes the stage.
     """
     stored = _stored_outcome(bench, key.key)
     if stored is not None:
@@ -142,7 +142,7 @@ def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: St
 
 
 def close_stage(stage: Stage) -> None:
-    """Let a stage that holds more than memory (a process, a file) let it go, if it says how: by a method ``close``."""
+    """Call the stage's method ``close``, if it has one: it then holds more than memory, such as a process."""
     close = getattr(stage, "close", None)
     if close is not None:
         close()
@@ -158,7 +158,7 @@ def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
 
 @dataclass
 class _Course:
-    """One stage on its way: from its checkpoint where there is one, leaving checkpoints and a trail."""
+    """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
 
     bench: Bench
     key: StageKey
@@ -170,7 +170,7 @@ class _Course:
     earlier: list[Session] = field(default_factory=list)
 
     def to_the_end(self) -> Ledger:
-        """Step until the stage is over; returns what it cost. Raises Interrupted after saving a checkpoint."""
+        """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
         bench, stage = self.bench, self.stage
         self.trail = Trail(stage.iterations, [], {}, scored=self.score is not None)
         self._resume()
@@ -201,7 +201,7 @@ class _Course:
         self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
 
     def _step(self) -> None:
-        """One step; where a point of the trail is due, it is closed, and the model scored if that is asked for."""
+        """Take one step; add a point to the trail if one is due, and score the model if asked for."""
         stage, trail, before = self.stage, self.trail, self.stage.iteration
         try:
             losses = dict(stage.step())
@@ -221,7 +221,7 @@ class _Course:
             self.started += time.perf_counter() - reached
 
     def _broken(self, failure: NumericalFailure) -> NumericalFailure:
-        """The failure of a step, told again after the state that leads to it was kept."""
+        """The failure of a step, with the file in which the state before that step is kept."""
         kept = f"{product_name(self.key.key)}.broken"
         self._keep(kept)
         return NumericalFailure(

@@ -1,4 +1,4 @@
-"""How the losses and the quality of a model developed: points at geometrically spaced steps of a stage."""
+"""Losses and metrics during a stage, at geometrically spaced steps."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,16 +8,16 @@ POINTS_A_DOUBLING = 4
 """Eighteen points to 20 steps, 60 to 20,000: enough to draw a curve over the logarithm of the step."""
 
 SCORED_AT = (1 / 8, 1 / 4, 1 / 2, 1.0)
-"""Shares of a stage after which its model is scored, where that is asked for."""
+"""Shares of a stage's steps after which its model is scored, if that is asked for."""
 
 Sums = dict[str, tuple[float, int]]
-"""Of each loss: the sum over steps, and over how many."""
+"""For each loss: its sum over steps, and the number of steps."""
 
 
 class Trail:
-    """Gathers the losses of every step, and closes a point at some.
+    """Sums the losses of every step, and closes a point at some steps.
 
-    ``points`` and ``since`` (what was gathered after the last point) are plain values: with them it is continued.
+    ``points`` and ``since`` (sums after the last point) are plain values from which a trail can be continued.
     """
 
     def __init__(self, iterations: int, points: Sequence[TrailPoint], since: Mapping[str, tuple[float, int]],
@@ -27,28 +27,28 @@ class Trail:
         self._due = milestones(iterations) | self._scored
 
     def add(self, losses: Mapping[str, float]) -> None:
-        """Gather one step's losses; a loss may begin late."""
+        """Add one step's losses; a loss may appear later than others."""
         for name, value in losses.items():
             total, count = self.since.get(name, (0.0, 0))
             self.since[name] = (total + value, count + 1)
 
     def due(self, iteration: int) -> bool:
-        """Whether a point is to be closed after that many steps."""
+        """Whether a point is closed after this many steps."""
         return iteration in self._due
 
     def to_be_scored(self, iteration: int) -> bool:
-        """Whether the model is to be scored after that many steps."""
+        """Whether the model is scored after this many steps."""
         return iteration in self._scored
 
     def close(self, iteration: int, seconds: float, metrics: Mapping[str, float]) -> None:
-        """Put a point of the gathered losses' means, and gather anew."""
+        """Add a point with the mean losses since the previous one, and start new sums."""
         losses = {name: total / count for name, (total, count) in self.since.items()}
         self.points.append(TrailPoint(iteration=iteration, seconds=seconds, losses=losses, metrics=dict(metrics)))
         self.since = {}
 
 
 def milestones(iterations: int) -> set[int]:
-    """Steps, each about a fifth more than the one before; the first and the last are among them."""
+    """Steps from the first to the last, each about 1.2 times the previous one."""
     found, place = {iterations}, 0
     while (step := round(2 ** (place / POINTS_A_DOUBLING))) < iterations:
         found.add(step)

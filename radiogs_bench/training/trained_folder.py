@@ -1,7 +1,7 @@
-"""The folder that ``train`` makes: the store of a single cell, what it was trained on, and the model as files.
+"""The folder that ``train`` makes: a store of a single cell, and the model as files.
 
-``trained.json`` (schema below) names the method, the scene, the budget and the key of the model in the store. What else
-lies there is for other programs: what the method exports (RadioGS: ``surfels.ply``, see ``radiogs_core.surfels.ply``)
+``trained.json`` (schema below) names the method, scene, budget and the key of the model in the store. Further files
+are for other programs: what the method exports (RadioGS: ``surfels.ply``, see ``radiogs_core.surfels.ply``)
 and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
 """
 
@@ -28,25 +28,25 @@ TRAINED_SCHEMA = "radiogs-bench/trained/2"
 
 
 class About(TypedDict):
-    """What ``trained.json`` says."""
+    """Contents of ``trained.json``."""
 
     schema: str
     method: str
-    """What the method is found by: its name, or the path of its file."""
+    """The method's name, or the path of its TOML file."""
     scene: str
-    """As it was given: a name, or a path from where ``train`` was called."""
+    """As given to ``train``: a name, or a path relative to its working folder."""
     checksum: str
-    """Of the scene's files when it was trained on."""
+    """Checksum of the scene's files at training."""
     preset: str
     seed: int
     variant: dict[str, Any]
     training_key: str
     facts: dict[str, Any]
-    """What the method says of its model."""
+    """The method's facts about its model."""
 
 
 def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[Path]:
-    """Write what the model is and the model itself; returns the files written."""
+    """Write ``trained.json`` and the model's files; returns their paths."""
     folder = store.folder
     assert cell.training_key is not None
     about = About(
@@ -69,7 +69,7 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[
 
 
 def read_about(folder: Path) -> About:
-    """What was trained in a folder. Raises DataError where nothing was, or the file is damaged."""
+    """Read ``trained.json``. Raises DataError if it is missing or damaged."""
     path = folder / "trained.json"
     try:
         about = cast(About, json.loads(path.read_bytes()))
@@ -91,10 +91,10 @@ def read_about(folder: Path) -> About:
 
 
 def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
-    """What was trained in a folder: what it was run on, and the model.
+    """The run and the model that were trained in a folder.
 
-    ``turned`` are fields of the variant that are read by showing alone, such as RadioGS's ``relighting``, and are to
-    differ from what was trained. Raises DataError where there is none, or the scene is another one now.
+    ``turned`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    DataError if there is no model or its scene has changed.
     """
     about = read_about(folder)
     used = method(about["method"])
@@ -106,7 +106,7 @@ def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] |
 
 
 def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
-    """The product of a stage in a folder. Raises DataError where its file is gone."""
+    """The stored product of a stage. Raises DataError if its file is missing."""
     stored = Store(folder).tensors(product_name(key), device)
     if stored is None:
         raise DataError(f"the model of '{folder}' is gone", "Its file in stages/ is missing.", "Train it again.")
@@ -114,7 +114,7 @@ def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
 
 
 def scene_of(about: About) -> Scene:
-    """The scene that a model was trained on. Raises DataError if it is gone or another one now."""
+    """The scene that a model was trained on. Raises DataError if it is missing or has changed."""
     scene = load_scene(about["scene"])
     if scene.checksum != about["checksum"]:
         raise DataError(

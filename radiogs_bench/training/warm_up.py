@@ -1,4 +1,4 @@
-"""Compiling the kernels before anything is timed."""
+"""Compiles the kernels before anything is timed."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -12,16 +12,16 @@ from radiogs_core.scene.scene import Scene
 from .stages import close_stage
 
 VIEWS = 2
-"""As few as span a scene."""
+"""Views of the warm-up scene: the fewest from which a scene's extent is known."""
 
 PRESET = "smoke"
 
 
 def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
-    """Take one step of each stage that compiles, of some methods and variants on a few views.
+    """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
 
-    So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
-    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them.
+    Compilation takes half a minute, once per machine because kernels are cached; otherwise the first cell would be
+    charged for it. Stages that compile nothing (``StageSpec.compiles``) are begun only if a later stage needs them.
     """
     little = replace(scene, train=scene.train[:VIEWS])
     done: list[tuple[str, Any]] = []

@@ -104,7 +104,7 @@ def traced_needle(aspect: float, stand: Stand) -> Probe:
 
 
 def needle_tolerance(aspect: float) -> float:
-    """Tolerance of outputs: u = (x - p) / s is off by 8 eps |p - o| / s, alpha by the bell's slope times that (case 4)."""
+    """Tolerance of outputs: u = (x - p)/s is off by 8 eps |p - o|/s, alpha by the bell's slope times that (case 4)."""
     return OPACITY * STEEPEST_BELL * 8 * EPS * (DISTANCE + 1) * aspect
 
 
