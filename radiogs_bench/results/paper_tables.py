@@ -5,7 +5,6 @@ seed of one of the folder's last run. So a store of the ablations also fills row
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.contract import scaled
@@ -86,7 +85,7 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
         except UsageError:
             continue
         made_from = {
-            "method": used.name, "variant": to_plain(variant_of(used, row.variant)), "budget": asdict(share),
+            "method": used.name, "variant": to_plain(variant_of(used, row.variant)), "budget": to_plain(share),
             "experiment": TRAINING, "settings": {},
         }  # fmt: skip
         found[row.key] = [

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -103,7 +103,7 @@ class Cell:
             "loader": self.loader,
             "method": self.method,
             "variant": to_plain(self.variant),
-            "budget": asdict(self.budget),
+            "budget": to_plain(self.budget),
             "seed": self.seed,
             "device": self.device,
             "protocol": self.protocol,

@@ -132,9 +132,9 @@ def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: St
             stage = begin()
             try:
                 ledger = _Course(bench, key, stage, instruments, started, score).to_the_end()
+                outcome = Outcome(product=stage.product(), ledger=ledger)
             finally:
                 close_stage(stage)
-            outcome = Outcome(product=stage.product(), ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(checkpoint_name(key.key))
     bench.interruption.check()

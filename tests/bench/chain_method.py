@@ -32,6 +32,7 @@ class Steps:
 
     name: str
     each: int
+    sizes: tuple[int, ...] = (8, 4)
 
 
 class ChainStage:
@@ -42,6 +43,7 @@ class ChainStage:
         self.iteration, self.iterations = 0, run.budget.each
         self.generator = torch.Generator().manual_seed(run.seed + number)
         self.value = before["value"].clone() if before else torch.zeros(1)
+        self.open = True
 
     def step(self) -> Mapping[str, float]:
         name = self.chain.names[self.number]
@@ -61,9 +63,11 @@ class ChainStage:
         self.generator.set_state(state["generator"])
 
     def product(self) -> dict[str, Any]:
+        assert self.open, "what a stage holds may be where its product lies"
         return {"value": self.value}
 
     def close(self) -> None:
+        self.open = False
         self.chain.closed.append(self.chain.names[self.number])
 
 

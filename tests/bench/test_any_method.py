@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bench.chain_method import Chain, Turned
@@ -25,6 +26,7 @@ from radiogs_bench.suites.sweep import read_sweep, state_of
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
+from radiogs_datasets.image_files import write_hdr
 from scenes import sphere_scene
 
 NAMES = [("fit",), ("coarse", "fine", "polish")]
@@ -197,9 +199,10 @@ def test_a_stranger_s_model_is_trained_rendered_and_exported(
     assert not (tmp_path / "environment.exr").exists()
     assert main(["render", str(tmp_path)]) == 0
     assert list((tmp_path / "render").glob("*.png"))
-    light = tmp_path / "light.exr"
-    light.write_bytes(b"")
     assert "ms a frame" not in capsys.readouterr().out  # its seconds mean nothing
+    write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    assert main(["relight", str(tmp_path), "--envmap", str(tmp_path / "dim.hdr")]) == 1
+    assert "error: Chain keeps light and surface in one" in capsys.readouterr().err
 
 
 def test_options_that_a_stranger_has_no_field_for_are_refused(

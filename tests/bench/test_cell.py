@@ -215,6 +215,12 @@ def test_the_content_is_what_a_stored_result_gives_back(variant: Variant) -> Non
     assert json.loads(json.dumps(content)) == content
 
 
+def test_tuples_of_a_strangers_budget_are_lists_in_the_content() -> None:
+    content = cell_of(Chain(("fit",)), SCENE, Work(Turned(), Chain.presets["smoke"])).content()
+    assert content["budget"] == {"name": "smoke", "each": 3, "sizes": [8, 4]}
+    assert json.loads(json.dumps(content)) == content
+
+
 def test_keys_are_the_same_in_every_process_and_forever() -> None:
     """A literal: if this fails, every store in the world is out of date, and the schema's version must rise."""
     content = {"b": [1, 2.5, None, True], "a": {"text": "Ä"}}
