@@ -1,7 +1,7 @@
 """A pool of processes on this machine: each runs the same sweep on the same store, and claims keep them apart.
 
-A worker is the command itself with one more option, so it does exactly what a run does. If a worker dies, the work since
-its last checkpoint is lost: its claim is released, and another worker continues the cell.
+A worker is the command itself with one more option, so it does exactly what a run does. If a worker dies, the work
+since its last checkpoint is lost: its claim is released, and another worker continues the cell.
 """
 
 import signal

@@ -43,7 +43,7 @@ from ..evaluation.metrics_by_view import MetricsByView
 from ..evaluation.scoring import Image, coverage, displayed, truth
 from ..metrics import Value, protocol
 from ..metrics.values import PSNR_CAP
-from ..store.provenance import forget_peaks, session
+from ..store.provenance import reset_peaks, session
 from ..store.schema import RESULT_SCHEMA, Result
 from ..suites.cell import Cell
 from ..training.stages import Bench
@@ -118,7 +118,7 @@ def effort_of(budget: Any) -> SolverBudget:
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Solve for the radiance, compare it on every test view, store the result."""
     made = setup(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
-    forget_peaks(bench.device)
+    reset_peaks(bench.device)
     started = time.perf_counter()
     with recording() as solving:
         solver, trail, losses = solved(bench, cell, scene, made)

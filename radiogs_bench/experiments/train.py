@@ -10,7 +10,7 @@ from radiogs_core.scene.scene import Scene
 
 from ..evaluation.evaluate import Evaluation, evaluate
 from ..metrics import protocol
-from ..store.provenance import forget_peaks, session
+from ..store.provenance import reset_peaks, session
 from ..store.schema import RESULT_SCHEMA, MetricValue, Result
 from ..suites.cell import Cell
 from ..training.stages import Bench, Ledger, Score, trained
@@ -47,7 +47,7 @@ def train_and_score(
     ``along_the_way`` scores it during training (see ``trained``); ``accounts`` adds metrics of the training itself.
     """
     model, ledgers = trained(bench, cell, scene, along_the_way)
-    forget_peaks(bench.device)
+    reset_peaks(bench.device)
     with recording() as instruments:
         started = time.perf_counter()
         evaluation = score(bench, cell, scene, model)

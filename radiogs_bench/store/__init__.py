@@ -1,1 +1,1 @@
-"""The store: a folder of results in which every file is complete or not there."""
+"""The store: a folder of results in which every file is complete or absent."""

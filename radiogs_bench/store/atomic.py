@@ -1,4 +1,4 @@
-"""Files that are there completely or not at all, whatever happens while they are written."""
+"""Writes files so that they are complete or absent, whatever happens meanwhile."""
 
 import errno
 import os
@@ -35,7 +35,7 @@ def write_atomically(path: Path, content: bytes | memoryview) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the rename itself durable: a folder is a file of names, with a cache of its own."""
+    """Make the rename itself durable: a folder has a cache of its own."""
     descriptor = os.open(folder, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""Claims: of several processes on one store, only one works at a thing at a time."""
+"""Claims: only one process at a time works on a key of a store."""
 
 import fcntl
 import os
@@ -23,10 +23,10 @@ class Claimed(Exception):
 
 @contextmanager
 def claim(path: Path) -> Iterator[None]:
-    """Hold an exclusive claim on the lock file ``path``; raises Claimed at once if somebody else has it.
+    """Hold an exclusive claim on the lock file ``path``; raises Claimed at once if another process has it.
 
-    The claim is a kernel lock on a file created for it, not the mere existence of the file: the kernel lets go when
-    its holder dies, by whatever signal, so a claim never goes stale and no process id has to be judged dead.
+    The claim is a kernel lock on the file, not the existence of the file. The kernel releases it when the process dies,
+    by whatever signal, so a claim never goes stale and no process id has to be checked.
     """
     with explained(path):
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,7 +44,7 @@ def claim(path: Path) -> Iterator[None]:
 
 @contextmanager
 def patient_claim(path: Path) -> Iterator[None]:
-    """The same for work that takes a moment: waits until nobody else has the claim."""
+    """Hold an exclusive claim, waiting until it is free; for short work."""
     with ExitStack() as held:
         while True:
             try:
@@ -56,7 +56,7 @@ def patient_claim(path: Path) -> Iterator[None]:
 
 
 def _open_current(path: Path) -> int:
-    """A locked descriptor of the file that bears the name ``path`` now."""
+    """A locked descriptor of the file that currently has the name ``path``."""
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         try:

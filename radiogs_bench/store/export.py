@@ -1,4 +1,4 @@
-"""All results of a store as one table: a line a cell and metric."""
+"""All results of a store as one table, with one line per cell and metric."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -18,7 +18,7 @@ FORMATS = ("csv", "json", "parquet")
 
 
 def rows(store: Store) -> Iterator[dict[str, Any]]:
-    """Every metric of every finished cell, with what the cell was and what it cost.
+    """Every metric of every finished cell, with the cell's settings and costs.
 
     Columns: scene, method, variant fields, budget, seed, device, protocol, metric, value, reason; seconds by stage;
     counters of work and of guards, summed over stages; surfels; key.

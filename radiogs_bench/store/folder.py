@@ -1,8 +1,8 @@
-"""The store: a folder in which every file is complete, named by its content's key, and never overwritten by less.
+"""The store: a folder in which every file is complete and named by a key over what decides its content.
 
     OUT/stages/<key>.pt             product of a stage of training, shared by all cells that begin alike
     OUT/stages/<key>.checkpoint.pt  where an unfinished stage stands
-    OUT/work/<key>/                 files of a stage that keeps some (methods that are run as commands)
+    OUT/work/<key>/                 files that a method keeps while it trains (methods as commands)
     OUT/cells/<key>.json            scored result (``schema.Result``): if it exists, the cell is done
     OUT/cells/<key>.npz             maps of one view, written before the JSON
     OUT/cells/<key>.failed.json     why a cell failed (``schema.Failure``), until it succeeds
@@ -49,7 +49,7 @@ class Store:
         return claim(self.folder / "locks" / name)
 
     def patient_claim(self, name: str) -> AbstractContextManager[None]:
-        """The same, waiting for whoever has it; for work that takes a moment."""
+        """Exclusive right to work on a key, waiting until it is free; for short work."""
         return patient_claim(self.folder / "locks" / name)
 
     def result(self, key: str) -> Result | None:
@@ -79,7 +79,7 @@ class Store:
         return cast(Result, stored)
 
     def has_result(self, key: str) -> bool:
-        """Whether there is a file for the cell's result, without a look into it."""
+        """Whether a file for the cell's result exists; it is not read."""
         return self._cell_path(key).exists()
 
     def results(self) -> Iterator[Result]:
@@ -96,7 +96,7 @@ class Store:
                 yield stored
 
     def put_result(self, result: Result, arrays: Mapping[str, np.ndarray]) -> None:
-        """Keep a finished cell: first its arrays, then the JSON that says it is complete."""
+        """Store a finished cell: first its arrays, then the JSON, which marks it complete."""
         packed = io.BytesIO()
         np.savez_compressed(packed, allow_pickle=False, **arrays)
         write_atomically(self.arrays_path(result["key"]), packed.getvalue())
@@ -118,13 +118,13 @@ class Store:
             return None
 
     def put_failure(self, failure: Failure) -> None:
-        """Remember why a cell failed."""
+        """Store why a cell failed."""
         write_atomically(self._failure_path(failure["key"]), strict_json(failure))
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
-        """What ``put_tensors`` kept under ``name``, or None; a damaged file is moved aside and counts as absent.
+        """What ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as absent.
 
-        What was saved from a GPU comes back on ``device``; what was on the CPU (random states) stays there.
+        Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """
         path = self.folder / f"{name}.pt"
         try:
@@ -141,31 +141,31 @@ class Store:
         return None
 
     def put_tensors(self, name: str, content: Mapping[str, Any]) -> None:
-        """Keep tensors and plain values under a name such as ``stages/<key>``."""
+        """Store tensors and plain values under a name such as ``stages/<key>``."""
         packed = io.BytesIO()
         torch.save(dict(content), packed)
         write_atomically(self.folder / f"{name}.pt", packed.getbuffer())
 
     def has_tensors(self, name: str) -> bool:
-        """Whether something is kept under the name; whether it is sound shows when it is read."""
+        """Whether a file exists under the name; it is not read."""
         return (self.folder / f"{name}.pt").exists()
 
     def drop_tensors(self, name: str) -> None:
-        """Remove what is kept under a name, if anything is (a checkpoint whose stage has ended)."""
+        """Remove what is stored under a name, if anything is (a checkpoint whose stage has ended)."""
         (self.folder / f"{name}.pt").unlink(missing_ok=True)
 
     def files(self, names: Iterable[str]) -> dict[str, bytes]:
-        """Contents of those of the named files (paths within the store) that are there."""
+        """Contents of the named files (paths within the store) that exist."""
         there = [name for name in names if (self.folder / name).exists()]
         return {name: (self.folder / name).read_bytes() for name in there}
 
     def take_over(self, files: Mapping[str, bytes]) -> None:
-        """Keep files of another store, in their order: a result must come after its arrays."""
+        """Write files of another store, in their order: a result must come after its arrays."""
         for name, content in files.items():
             write_atomically(self.folder / name, content)
 
     def drop_failure(self, key: str) -> None:
-        """Forget that a cell failed: it has succeeded."""
+        """Remove the failure of a cell that has succeeded."""
         self._failure_path(key).unlink(missing_ok=True)
 
     def _cell_path(self, key: str) -> Path:
@@ -184,12 +184,12 @@ class Store:
 
 
 def product_name(key: str) -> str:
-    """What the product of a stage is called in a store."""
+    """Name of a stage's product in a store."""
     return f"stages/{key}"
 
 
 def checkpoint_name(key: str) -> str:
-    """What the checkpoint of an unfinished stage is called in a store."""
+    """Name of an unfinished stage's checkpoint in a store."""
     return f"{product_name(key)}.checkpoint"
 
 
@@ -201,5 +201,5 @@ def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:
 
 
 def strict_json(content: Mapping[str, Any]) -> bytes:
-    """JSON without NaN and infinity (which are no JSON), readable by line, the same bytes for the same content."""
+    """JSON without NaN and infinity, one value per line, with the same bytes for the same content."""
     return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()

@@ -24,19 +24,19 @@ PROCESS_STATUS = Path("/proc/self/status")
 PEAK_RESET = Path("/proc/self/clear_refs")
 
 _before: dict[str, int] = {}
-"""What the stage held at most before its peaks were last begun anew within it, in bytes."""
+"""Peaks of the stage before the last reset within it, bytes."""
 
 
 def now() -> str:
-    """The present date and time, UTC, ISO 8601 to the second."""
+    """The current date and time, UTC, ISO 8601 to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 @cache
 def git_state(folder: Path = Path(__file__).parent) -> dict[str, Any] | None:
-    """Commit and dirtiness of the repository that tracks this very package; None if none does, or without git.
+    """Commit and dirtiness of the repository that tracks this package; None if there is none, or without git.
 
-    A package installed below somebody else's repository is not tracked by it, so that one's commit says nothing.
+    A package installed inside another repository is not tracked by it; that commit would be meaningless.
     """
 
     def git(*arguments: str) -> str | None:
@@ -81,23 +81,23 @@ def machine(device: torch.device) -> dict[str, Any]:
     }
 
 
-def forget_peaks(device: torch.device) -> None:
-    """Let the peaks of memory begin anew, at what is held now: a stage is not to answer for the one before."""
+def reset_peaks(device: torch.device) -> None:
+    """Reset peak memory, so that each stage reports its own."""
     _before.clear()
-    _begin_anew(device)
+    _reset(device)
 
 
 @contextmanager
 def peaks_within(device: torch.device) -> Iterator[dict[str, int]]:
-    """Peaks of a part of a stage, in bytes, there when the part is over; the stage's own peaks count on."""
+    """Peak memory of a part of a stage, bytes, filled in when the part ends; the stage's own peaks are kept."""
     _before.update(peak_memory(device))
-    _begin_anew(device)
+    _reset(device)
     peaks: dict[str, int] = {}
     yield peaks
     peaks.update(_peaks(device))
 
 
-def _begin_anew(device: torch.device) -> None:
+def _reset(device: torch.device) -> None:
     with suppress(OSError):  # a kernel may forbid it; then the host's peak is that of the process
         PEAK_RESET.write_text("5")  # proc(5): resets the peak resident set size
     if device.type == "cuda":
@@ -105,7 +105,7 @@ def _begin_anew(device: torch.device) -> None:
 
 
 def peak_memory(device: torch.device) -> dict[str, int]:
-    """Peaks since they were last forgotten, in bytes: resident set of this process, and CUDA allocator."""
+    """Peaks since ``reset_peaks``, bytes: resident set of this process, and CUDA allocator."""
     return {where: max(amount, _before.get(where, 0)) for where, amount in _peaks(device).items()}
 
 
@@ -117,7 +117,7 @@ def _peaks(device: torch.device) -> dict[str, int]:
 
 
 def resident_peak() -> int:
-    """Bytes. VmHWM, because getrusage also counts what the process held before its peaks were forgotten."""
+    """Peak resident set, bytes. VmHWM, because getrusage cannot be reset."""
     if PROCESS_STATUS.exists():
         for line in PROCESS_STATUS.read_text().splitlines():
             if line.startswith("VmHWM:"):
@@ -126,7 +126,7 @@ def resident_peak() -> int:
 
 
 def session(device: torch.device) -> Session:
-    """This process's share in a result, as of now."""
+    """The record of this process for a result: date, code, versions, machine, peaks."""
     return {
         "date": now(),
         "git": git_state(),

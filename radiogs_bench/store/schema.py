@@ -1,7 +1,7 @@
-"""What a stored result says, key by key. Written as strict JSON; a number that does not exist is null with a reason.
+"""The schema of a stored result, key by key. Strict JSON; a number that does not exist is null and has a reason.
 
-The version rises when a key changes its meaning or goes away, or when a reader needs a new one. docs/store.md describes
-every key, and what each version changed.
+The version rises when a key changes its meaning or is removed, or when a reader needs a new key. docs/store.md
+describes every key, and what each version changed.
 """
 
 import math
@@ -11,30 +11,30 @@ RESULT_SCHEMA = "radiogs-bench/result/4"
 
 
 class MetricValue(TypedDict):
-    """One figure of a cell: the mean over its test views (for relighting: over lights, then views)."""
+    """One metric of a cell: the mean over its test views (for relighting: over lights, then views)."""
 
     value: float | None
-    """None where there is no finite figure."""
+    """None if there is no finite value."""
     reason: str | None
     """Why the value is None."""
     views: list[float | None]
-    """The figure of each test view, in the order of the result's ``views``; None where there is none."""
+    """The value of each test view, in the order of the result's ``views``; None where there is none."""
 
 
 class TrailPoint(TypedDict):
-    """How far a stage had come: after ``iteration`` steps, of which the first is 1."""
+    """Losses and metrics of a stage after ``iteration`` steps."""
 
     iteration: int
     seconds: float
-    """Of the stage so far; the clock stands still while the model is scored along the way."""
+    """Seconds of the stage so far; the clock is paused while the model is scored."""
     losses: dict[str, float]
-    """The weighted losses by name, each the mean over the steps since the point before."""
+    """Weighted losses by name, each the mean over the steps since the previous point."""
     metrics: dict[str, float]
     """By ``task/measure`` over a few test views; empty where the model was not scored."""
 
 
 class Session(TypedDict):
-    """One process's share in a result; more than one where a run was interrupted and continued."""
+    """A process that contributed to a result; there are several if a run was interrupted and continued."""
 
     date: str
     """UTC, ISO 8601."""
@@ -45,7 +45,7 @@ class Session(TypedDict):
     machine: dict[str, Any]
     """``system``, ``cpu``, ``cores``, ``memory_bytes``, ``gpu``, ``threads`` (of the kernels)."""
     peak_memory_bytes: dict[str, int]
-    """The stage's peaks in this process: ``host``, its resident set; ``device``, the CUDA allocator (with a GPU)."""
+    """Peaks of this process during the stage: ``host``, resident set; ``device``, CUDA allocator (with a GPU)."""
 
 
 class StageName(TypedDict):
@@ -67,10 +67,10 @@ class Result(TypedDict):
     protocol: dict[str, Any]
     """The conventions of the metric protocol, spelled out."""
     metrics: dict[str, MetricValue]
-    """By ``task/measure``."""
+    """Metrics by ``task/measure``."""
     timings: dict[str, MetricValue]
-    """By ``task/ms`` (milliseconds a frame) and ``task/megabytes`` (the most that a frame held); apart from the
-    metrics, because no two runs share them."""
+    """By ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); apart from the
+    metrics, because no two runs agree in them."""
     views: list[str]
     """Names of the test views, then of views elsewhere that were scored."""
     shown_view: str | None
@@ -81,8 +81,8 @@ class Result(TypedDict):
     """Per channel factor that aligns the recovered albedo with the true one; relighting uses it too. None where
     the scene has no true albedo (relighting then uses 1)."""
     facts: dict[str, Any]
-    """What the method says of its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, how
-    many it has; RadioGS adds ``effects``: the plan, and the evidence for it."""
+    """The method's facts about its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, their
+    number; RadioGS adds ``effects``: the plan, and the evidence for it."""
     maps: list[str]
     """Maps that the method gave of the test views, and ``environment`` where it recovered a light; empty where no
     method was scored."""
@@ -96,13 +96,13 @@ class Result(TypedDict):
     """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
     share counts in every one of them."""
     parts: dict[str, dict[str, float]]
-    """Those of a stage's seconds that named parts of it took, by stage (``radiogs_core.instruments.part``)."""
+    """Seconds that named parts of a stage took, by stage (``radiogs_core.instruments.part``)."""
     work: dict[str, dict[str, int]]
     """Deterministic work counters by stage: rays, node visits, hits, blended pairs, shaded samples."""
     guards: dict[str, dict[str, int]]
     """How often each guard of ``radiogs_core.guards`` acted, by stage."""
     sessions: dict[str, list[Session]]
-    """By stage, oldest first."""
+    """Contributing processes by stage, oldest first."""
 
 
 class Failure(TypedDict):

@@ -1,1 +1,1 @@
-"""Suites as data: which variants of the method are run, what is measured, what stands beside it."""
+"""Suites as data: which methods and variants are run, what is measured, which published table is shown beside it."""

@@ -1,4 +1,4 @@
-"""The unit of running, storing and resuming, named by the content of everything that decides its result."""
+"""Cells: the unit of running, storing and resuming, with keys over everything that decides a result."""
 
 import hashlib
 import json
@@ -36,7 +36,7 @@ class StageKey:
 
 @dataclass(frozen=True)
 class Work:
-    """What is to be done with a method on a scene; the fields are those of ``Cell``."""
+    """The settings of a cell that do not depend on its scene or method; the fields are those of ``Cell``."""
 
     variant: Any
     budget: Any
@@ -54,12 +54,11 @@ class Cell:
     ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
     and ``evaluation_code`` those that score it (see ``sources``). ``device`` is the kind of machine ("cpu" or "cuda"),
     because their seconds and last digits differ. The suite is not part of a cell: two suites that share a row share
-    its result. ``experiment`` is what is done with all this (see ``experiment``), ``settings`` what only that
-    experiment knows.
+    its result. ``experiment`` is the kind of work (see ``experiment``), ``settings`` are that experiment's own.
 
-    Each of ``stages`` has a key of what its product depends on and nothing else, so that cells share what they can;
-    ``key`` names the scored result. ``found_as`` is what the method is found by (``methods.method``): its
-    name, or the path of its file, which is no part of the key. Make cells with ``cell_of``.
+    Each stage's key is over what its product depends on and nothing else, so that cells share stages; ``key`` names the
+    scored result. ``found_as`` is the argument of ``methods.method``: the method's name, or the path of its TOML file,
+    which is not part of the key. Make cells with ``cell_of``.
     """
 
     scene: str
@@ -80,17 +79,17 @@ class Cell:
 
     @property
     def training_key(self) -> str | None:
-        """Names the trained model; None for an experiment that trains nothing."""
+        """Key of the trained model: that of the last stage; None for an experiment that trains nothing."""
         return self.stages[-1].key if self.stages else None
 
     @property
     def first_key(self) -> str:
-        """What cells have in common that begin alike: the key of the first stage, or of the cell if it has none."""
+        """Key of the first stage, which cells may share; the key of the cell if it has no stages."""
         return self.stages[0].key if self.stages else self.key
 
     @cached_property
     def key(self) -> str:
-        """Names the scored result."""
+        """Key of the scored result."""
         return content_key(self.content())
 
     def content(self) -> dict[str, Any]:
@@ -116,9 +115,9 @@ class Cell:
 
 
 def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cell:
-    """The cell of some work, with the keys of its stages chained: each over its own dependencies and the one before.
+    """The cell of a method, a scene and settings. Each stage's key is over its own dependencies and the key before it.
 
-    ``found_as`` is what the method is found by where that is not its name: the path of its file.
+    ``found_as``: the path of the method's TOML file, if it has one.
     """
     kind = EXPERIMENTS[work.experiment]
     loader = code_digest(*scene.loaders, *(scene.surfaces_by if kind.on_surfaces else ()))

@@ -1,4 +1,4 @@
-"""Suites that the paper has no table for: what training costs for what it gives, and fine-tuning likewise."""
+"""Suites without a table in the paper: quality against the cost of training and of fine-tuning."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from .suite import Metric, Row, Suite
 
 
 def _parts(factor: float) -> str:
-    """A factor as a part of a key: ``1/8`` is ``eighth``."""
+    """A factor in words, for keys: ``1/8`` is ``eighth``."""
     return {0.125: "eighth", 0.25: "quarter", 0.5: "half", 1.0: "whole", 2.0: "double", 4.0: "fourfold"}[factor]
 
 
@@ -37,7 +37,7 @@ FINETUNE = Suite(
 
 
 def _knob(key: str, latex: str, text: str, field: str, factors: Sequence[float]) -> tuple[Row, ...]:
-    """A row for every factor of one knob of the budget."""
+    """One row for each factor of a field of the budget."""
     return tuple(
         Row(
             f"{key}-{_parts(factor)}",

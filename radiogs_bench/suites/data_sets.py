@@ -1,6 +1,6 @@
-"""Suites on the public data sets, whose scenes are downloaded: the paper's main tables, and its cost on whole rooms.
+"""Suites on public data sets, which users download: the paper's main tables, and the cost of frames of whole rooms.
 
-The protocol of a suite that stands beside a table of the paper is that of RadioGS's own evaluation, which printed it.
+For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
 from .suite import Metric, Row, Suite, knob_rows
@@ -49,7 +49,7 @@ CAPTURES = {
     "chips": (2, 3, 4), "cup": (3, 6, 7), "curry": (1, 5, 7), "gnome": (3, 5, 7), "grogu": (1, 2, 3),
     "pepsi": (2, 3, 4), "pitcher": (1, 5, 7), "salt": (4, 5, 7), "teapot": (1, 2, 6),
 }  # fmt: skip
-"""Stanford-ORB: the objects, and in which places each was captured."""
+"""Stanford-ORB's objects, with the environments in which each was captured."""
 
 STANFORD_ORB = Suite(
     name="stanford-orb",

@@ -1,4 +1,4 @@
-"""The audit of plans: training by what a scene calls for, beside training with everything on, same seeds."""
+"""The audit of effect plans: training with only the effects that a scene needs, against training with all."""
 
 from radiogs_core.transport.plan import EFFECTS
 
@@ -30,4 +30,4 @@ EFFECTS_SUITE = Suite(
     scenes=("convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror"),
     experiment=AUDIT,
 )  # fmt: skip
-"""The rows below auto switch effects off by hand: what a plan must not do where they matter."""
+"""The rows after ``auto`` switch effects off by hand, to show what that costs where they matter."""

@@ -1,4 +1,4 @@
-"""What can be done for a cell, as data: whether it trains, and which sources decide what it measures."""
+"""Experiments as data: whether a cell is trained, and which sources decide what is measured."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ EVALUATION = "radiogs_bench.evaluation.evaluate"
 class Experiment:
     """A kind of work on a cell; ``experiments.registry`` has the function that does it.
 
-    trains: whether the method is trained. scores_on_the_way: whether the model is also scored while the last stage is
-    trained. on_surfaces: whether the scene's true surfaces are used, so that what computes them counts as a loader.
-    sources: modules that measure; they and what they import decide its metrics.
+    trains: whether the method is trained. scores_on_the_way: whether the model is also scored during the last stage.
+    on_surfaces: whether the scene's true surfaces are used; the sources that compute them then count as loaders.
+    sources: modules that measure; they and their imports decide the metrics.
     """
 
     name: str
@@ -29,7 +29,7 @@ class Experiment:
     def evaluation_code(self, method: Method) -> str:
         """Digest of what turns a trained model into metrics.
 
-        It also says which LPIPS cannot be computed for want of weights: once they are there, results are scored anew.
+        It also names the LPIPS networks without weights: once these are installed, results are scored again.
         """
         shown_by = method.sources if self.trains else ()
         digest = code_digest(*self.sources, *shown_by)
@@ -41,10 +41,10 @@ TRAINING = "training"
 """Train a model and score it."""
 
 COST = "cost"
-"""Likewise, and the model is scored along the way too."""
+"""Train a model and score it, also during training."""
 
 AUDIT = "audit"
-"""Train a model, score it, and count what training cost and what the method predicts among the metrics."""
+"""Train a model and score it; the cost of training and the method's predictions are metrics too."""
 
 FORWARD_PARITY = "forward-parity"
 """Light transport through surfels against a path tracer's."""

@@ -1,4 +1,4 @@
-"""The suites of the paper's ablations and costs, and those that hold the method to account, on generated scenes."""
+"""Suites on generated scenes: the paper's ablations and costs, and checks of the method."""
 
 from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
@@ -122,7 +122,7 @@ STRATEGIES = Suite(
 DEVIATIONS = (
     "hemisphere-floor", "fixed-offset", "light-detached", "image-weight", "display-radiance", "start-light",
 )  # fmt: skip
-"""RadioGS's variant field ``deviations``: what of the released code can be reproduced (docs/paper_and_code.md)."""
+"""Values of RadioGS's variant field ``deviations``: deviations of the released code (docs/paper_and_code.md)."""
 
 PROFILES_SUITE = Suite(
     name="profiles",
@@ -152,7 +152,7 @@ RELIGHT_COST = Suite(
 )
 
 RELIGHT_RAYS = 384
-"""Rays a surfel of preset paper when a model is relit, 256 over the hemisphere and 128 from the light."""
+"""Rays per surfel in preset ``paper`` when a model is relit: 256 over the hemisphere and 128 from the light."""
 
 EFFICIENCY = Suite(
     name="efficiency",

@@ -12,7 +12,7 @@ from .suite import Suite
 
 
 def own_scenes(suite: Suite) -> Sequence[str]:
-    """The scenes of a suite. Raises DataError where they have to be downloaded first, or lie elsewhere."""
+    """The scenes of a suite. Raises DataError if they are not here and have to be downloaded."""
     absent = [name for name in suite.scenes if not Path(name).is_dir()] if suite.download else []
     if absent:
         raise DataError(
@@ -25,7 +25,7 @@ def own_scenes(suite: Suite) -> Sequence[str]:
 
 
 def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
-    """Scenes by their own names. Raises DataError for what is missing, UsageError where two bear one name."""
+    """Scenes by their own names. Raises DataError for a missing scene, UsageError if two have the same name."""
     scenes: dict[str, Scene] = {}
     for each in wanted:
         scene = load_scene(each)
@@ -40,5 +40,5 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
 
 
 def place_of(name_or_path: str) -> str:
-    """A scene's name or path as it is understood in another folder and on another machine."""
+    """A scene's name or absolute path, valid in another working folder."""
     return name_or_path if name_or_path in scene_names() else str(Path(name_or_path).resolve())

@@ -1,4 +1,4 @@
-"""What a suite is: the types of its rows and columns, and the measures and tasks that columns are made of."""
+"""Suites: the types of rows and columns, and the tasks and measures that columns are made of."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,7 +13,7 @@ from .experiment import TRAINING
 
 @dataclass(frozen=True)
 class Measure:
-    """How a kind of figure is called and printed, and which way is better."""
+    """How a kind of metric is labelled and printed, and which direction is better."""
 
     label: str
     unit: str
@@ -88,7 +88,7 @@ class Metric:
 
     @property
     def key(self) -> str:
-        """The name under which results store it, such as ``nvs/psnr``."""
+        """Its name in results, such as ``nvs/psnr``."""
         return f"{self.task}/{self.measure}"
 
     @property
@@ -108,9 +108,9 @@ class Row:
     """A row of a table: a key, its label in LaTeX and in plain text, and the method and variant that it runs.
 
     ``latex`` may be empty: reports then escape ``text``.
-    ``variant`` holds the fields in which the method's variant differs from the full method, as plain values.
-    ``budget`` multiplies fields of the preset, so that a row means the same share of the work under every preset.
-    ``settings`` are for experiments that have some of their own.
+    ``variant`` holds the fields that differ from the full method, as plain values.
+    ``budget`` holds factors for fields of the preset, so that a row is the same share of the work in each preset.
+    ``settings`` are those of the experiment, if it has any.
     """
 
     key: str
@@ -126,11 +126,10 @@ class Row:
 class Suite:
     """A table: rows by columns over scenes and seeds.
 
-    ``published`` names the published table that stands beside it, if there is one; differences and their intervals are
-    paired against the row called ``reference`` (None where rows are no variants of one thing); ``scenes`` are what runs
-    unless others are asked for; ``experiment`` is what is done for every cell (see ``experiment``).
-    ``protocol`` is the metric protocol unless another is asked for; ``download`` says where scenes are that do not come
-    with the package.
+    ``published`` names the published table that is shown beside it, if any. Differences and their intervals are paired
+    against the row ``reference`` (None if rows are not variants of one method). ``scenes`` and ``protocol`` are the
+    defaults of ``run``. ``experiment`` is what is done for every cell (see ``experiment``). ``download`` says where to
+    find scenes that do not come with the package.
     """
 
     name: str
@@ -156,10 +155,10 @@ class Suite:
 
 
 def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:
-    """The suite with a field of the variant turned in every row, whose label says so by ``mark``.
+    """The suite with a field of the variant set in every row, and ``mark`` added to the row's label.
 
-    A row that has made its own choice keeps it, and so does one whose method has no such field or refuses the value
-    in its variant.
+    Rows that set the field themselves keep their value; rows whose method lacks the field or rejects the value are
+    unchanged.
     """
 
     def changed(row: Row) -> Row:
@@ -181,9 +180,9 @@ def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
 
 
 def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
-    """The suite's columns and scenes for these methods: its rows of them, and one row for each that it has none of.
+    """The suite for these methods: their rows in the suite, and one row for each method that has none.
 
-    Differences are taken against the suite's reference row if it is still there, else against the first row.
+    Differences are taken against the suite's reference row if it remains, else against the first row.
     """
     rows: list[Row] = []
     for name in names:
@@ -197,7 +196,7 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
 
 
 def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:
-    """Rows that turn one knob: a budget's field ``name``, by the paper's value and its share of the preset's.
+    """Rows that change one field ``name`` of the budget; ``values`` maps the paper's value to a factor of the preset's.
 
     >>> [row.key for row in knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 64: 1.0})]
     ['ns-16', 'ns-64']

@@ -1,4 +1,4 @@
-"""A sweep: the cells of a suite over scenes and seeds, and its manifest in the store."""
+"""Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -21,7 +21,7 @@ SWEEP_SCHEMA = "radiogs-bench/sweep/2"
 
 
 class Place(TypedDict):
-    """One cell's place in the table, and the keys of its products (see ``cell``)."""
+    """A cell's row, scene and seed, its key, and the keys of its stages (see ``cell``)."""
 
     row: str
     scene: str
@@ -32,7 +32,7 @@ class Place(TypedDict):
 
 
 class Sweep(TypedDict):
-    """What the last ``run`` into a folder was asked for: enough to rebuild its table without the code that ran it."""
+    """The manifest of a folder's last ``run``: enough to rebuild its table without the code that ran it."""
 
     schema: str
     suite: str
@@ -53,9 +53,9 @@ class Sweep(TypedDict):
 
 @dataclass(frozen=True)
 class Request:
-    """How a suite is to be run; ``shard`` (i, n) is which part of it, of how many, is run here.
+    """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
 
-    ``places`` says where another process finds each scene: the name or path it was loaded from. ``method`` finds a
+    ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
     method by its name.
     """
 
@@ -70,12 +70,12 @@ class Request:
     method: Callable[[str], Method] = find_method
 
     def cells(self) -> list[tuple[Place, Cell]]:
-        """Every cell with its place: scene by scene and seed by seed, so that whole comparisons finish early."""
+        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early."""
         seeds = range(self.seeds)
         return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in self.suite.rows]
 
     def own_cells(self) -> list[tuple[Place, Cell]]:
-        """The cells of this shard. Cells that share stage 1 are in one shard, so that it is computed once."""
+        """The cells of this shard. Cells that share their first stage are in the same shard."""
         cells = self.cells()
         groups = {key: place for place, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
         number, count = self.shard
@@ -97,7 +97,7 @@ class Request:
         return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
     def manifest(self, places: Sequence[Place]) -> Sweep:
-        """The request as the store keeps it."""
+        """The request as stored in the folder."""
         suite = self.suite
         return {
             "schema": SWEEP_SCHEMA,
@@ -117,12 +117,12 @@ class Request:
 
 
 def label(place: Place) -> str:
-    """How a cell is called in what people read."""
+    """The label of a cell in messages, such as ``corner ours seed 0``."""
     return f"{place['scene']} {place['row']} seed {place['seed']}"
 
 
 def state_of(store: Store, place: Place) -> str:
-    """finished, failed, trained but not scored, begun, or to do."""
+    """State of a cell: finished, failed, trained but not scored, begun, or to do."""
     if store.result(place["key"]) is not None:
         return "finished"
     failure = store.failure(place["key"])
@@ -138,19 +138,19 @@ def state_of(store: Store, place: Place) -> str:
 
 
 def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
-    """Optimisation steps of all stages that are not in the store; a stage that several cells share counts once."""
+    """Steps of all stages that are not in the store; a stage that several cells share counts once."""
     steps = {stage.key: stage.steps for cell in cells for stage in cell.stages}
     return sum(count for key, count in steps.items() if not store.has_tensors(product_name(key)))
 
 
 def write_sweep(store: Store, sweep: Sweep) -> None:
-    """Keep what was asked for beside the results."""
+    """Write the manifest beside the results."""
     with store.patient_claim("sweep"):
         write_atomically(_path(store.folder), strict_json({**sweep}))
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """What was last asked for in a folder. Raises DataError where nothing was."""
+    """The manifest of a folder's last run. Raises DataError if there is none."""
     try:
         content = json.loads(_path(folder).read_bytes())
     except FileNotFoundError:

@@ -1,6 +1,6 @@
-"""Suites of one's own, from a TOML file with the same fields as ``suite.Suite`` (docs/suites.md).
+"""Reads suites from TOML files with the fields of ``suite.Suite`` (docs/suites.md).
 
-The dataclasses are the schema: a field that they get can be written in a file at once.
+The dataclasses are the schema: a new field can be used in files at once.
 """
 
 import re
@@ -24,7 +24,7 @@ NAME = re.compile(r"[\w.-]+")
 
 
 def read_suite(path: Path) -> Suite:
-    """The suite of a file. Raises DataError where there is none, UsageError for what is wrong in it.
+    """The suite of a file. Raises DataError for a missing file, UsageError for an error in it.
 
     ``published`` and a row's ``latex`` and ``variant`` may be left out. Scenes are names, or paths from the file's
     folder.
@@ -46,7 +46,7 @@ def read_suite(path: Path) -> Suite:
 
 
 def _complete(row: object) -> None:
-    """Fill in what a row may leave out: its label in LaTeX, which reports then make from its text."""
+    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text."""
     if isinstance(row, dict):
         row.setdefault("latex", "")
 
@@ -61,7 +61,7 @@ def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
 
 
 def _check(suite: Suite, reader: PlainReader) -> None:
-    """What types do not say."""
+    """Check what types do not express."""
     reader.expect(NAME.fullmatch(suite.name) is not None, "suite.name", suite.name, "a name of letters, digits and .-_")
     if suite.name in SUITES:
         reader.fail("suite.name", f"'{suite.name}' is a suite that comes with the package", "", "Choose another name.")
@@ -75,7 +75,7 @@ def _check(suite: Suite, reader: PlainReader) -> None:
 
 
 def _check_row(row: Row, reader: PlainReader, where: str) -> None:
-    """That the row's method is there, and has the fields of variant and budget that it turns."""
+    """Check that the row's method exists and has the fields of variant and budget that the row sets."""
     try:
         used = method(row.method)
     except UsageError as absent:

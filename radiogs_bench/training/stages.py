@@ -13,7 +13,7 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..store.folder import Store, checkpoint_name, product_name
-from ..store.provenance import forget_peaks, session
+from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
 from ..suites.cell import Cell, StageKey
 from .interruption import Interruption
@@ -126,7 +126,7 @@ def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: St
         stored = _stored_outcome(bench, key.key)  # somebody else may have finished it meanwhile
         if stored is not None:
             return stored
-        forget_peaks(bench.device)
+        reset_peaks(bench.device)
         with recording() as instruments:
             started = time.perf_counter()
             stage = begin()

@@ -10,7 +10,7 @@ import torch
 
 from bench.fake_method import CPU
 from radiogs_bench.store import provenance
-from radiogs_bench.store.provenance import forget_peaks, git_state, peak_memory, peaks_within, session
+from radiogs_bench.store.provenance import git_state, peak_memory, peaks_within, reset_peaks, session
 from radiogs_core.kernels.runtime import workers
 
 
@@ -64,19 +64,19 @@ def test_a_stage_does_not_answer_for_what_was_held_before_it() -> None:
     held = torch.ones(2**26)  # 256 MiB
     before = peak_memory(CPU)["host"]
     del held
-    forget_peaks(CPU)
+    reset_peaks(CPU)
     assert peak_memory(CPU)["host"] < before - 2**27
 
 
 def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> None:
-    forget_peaks(CPU)
+    reset_peaks(CPU)
     held = torch.ones(2**26)  # 256 MiB
     del held
     with peaks_within(CPU) as peaks:
         small = torch.ones(2**24)  # 64 MiB
         del small
     assert peaks["host"] < peak_memory(CPU)["host"] - 2**27
-    forget_peaks(CPU)
+    reset_peaks(CPU)
     before = peak_memory(CPU)["host"]
     with peaks_within(CPU) as peaks:
         held = torch.ones(2**26)
@@ -88,7 +88,7 @@ def test_a_part_of_a_stage_has_peaks_of_its_own_and_the_stage_keeps_all() -> Non
 def test_where_the_kernel_forbids_it_the_peak_is_the_process_s(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(provenance, "PEAK_RESET", tmp_path / "nowhere" / "clear_refs")
     monkeypatch.setattr(provenance, "PROCESS_STATUS", tmp_path / "nowhere")
-    forget_peaks(CPU)
+    reset_peaks(CPU)
     assert peak_memory(CPU)["host"] == resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
 
 

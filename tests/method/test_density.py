@@ -76,7 +76,7 @@ def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, du
     assert (acted is not None) == due
 
 
-def test_statistics_begin_anew_after_a_round_and_resume_before_it() -> None:
+def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     first = control([1, 1, 1, 1e-9])
     resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, 4, CPU)
     resumed.restore(first.state())

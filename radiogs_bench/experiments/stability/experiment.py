@@ -12,7 +12,7 @@ from radiogs_core.scene.scene import Scene
 
 from ...evaluation.metrics_by_view import MetricsByView
 from ...metrics import Value, protocol
-from ...store.provenance import forget_peaks, session
+from ...store.provenance import reset_peaks, session
 from ...store.schema import RESULT_SCHEMA, Result
 from ...suites.cell import Cell
 from ...training.stages import Bench
@@ -31,7 +31,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
     axis, points = axis_and_points(cell.settings)
     stand = stand_of(scene, cell.seed)
     conditions = axis.conditions(points)
-    forget_peaks(bench.device)
+    reset_peaks(bench.device)
     started = time.perf_counter()
     curves: Curves = {name: [] for name in axis.kernels}
     with recording() as instruments:
