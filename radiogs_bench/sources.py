@@ -110,6 +110,8 @@ def _imported(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
 
 def _place(package: str) -> Path:
     spec = find_spec(package)
+    if spec is not None and spec.origin is None and spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))  # a package without __init__.py
     if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"no module '{package}'")
     origin = Path(spec.origin)

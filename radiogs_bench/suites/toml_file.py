@@ -14,7 +14,7 @@ from radiogs_baselines.published import published_tables
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import known_names
 
-from ..methods import method, whole_numbers
+from ..methods import SUFFIX, method, whole_numbers
 from ..plain_values import PlainReader
 from .experiment import EXPERIMENTS
 from .registry import SUITES
@@ -26,8 +26,8 @@ NAME = re.compile(r"[\w.-]+")
 def read_suite(path: Path) -> Suite:
     """The suite of a file. Raises DataError for a missing file, UsageError for an error in it.
 
-    ``published`` and a row's ``latex`` and ``variant`` may be left out. Scenes are names, or paths from the file's
-    folder.
+    ``published`` and a row's ``latex`` and ``variant`` may be left out. Scenes and methods are names, or paths from
+    the file's folder.
     """
     try:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -40,9 +40,9 @@ def read_suite(path: Path) -> Suite:
     content.setdefault("published", None)
     for row in content.get("rows", ()) if isinstance(content.get("rows"), list) else ():
         _complete(row)
-    suite: Suite = reader.build(Suite, content, "suite")
+    suite = _with_places(reader.build(Suite, content, "suite"), path.parent)
     _check(suite, reader)
-    return _with_places(suite, path.parent)
+    return suite
 
 
 def _complete(row: object) -> None:
@@ -89,4 +89,7 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
 
 def _with_places(suite: Suite, folder: Path) -> Suite:
     scenes = tuple(scene if scene in known_names() else str(folder / scene) for scene in suite.scenes)
-    return replace(suite, scenes=scenes)
+    rows = tuple(
+        replace(row, method=str(folder / row.method)) if row.method.endswith(SUFFIX) else row for row in suite.rows
+    )
+    return replace(suite, scenes=scenes, rows=rows)

@@ -160,3 +160,11 @@ def test_no_source_that_decides_values_imports_by_a_computed_name() -> None:
     by_name = [name for name, path in deciding.items() if "import_module(" in path.read_text()]
     assert by_name == []
     assert set(OURS) <= set(tree.roots)
+
+
+def test_a_package_without_an_init_file_is_followed_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "bare").mkdir()
+    (tmp_path / "bare" / "method.py").write_text("from . import inner\n")
+    (tmp_path / "bare" / "inner.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert set(installed("bare").closure("bare.method")) == {"bare.method", "bare.inner"}
