@@ -1,10 +1,6 @@
 """The knobs of cost, as presets from seconds on a laptop to the paper's hour on a GPU."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from difflib import get_close_matches
-
-from radiogs_core.errors import UsageError
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
@@ -59,27 +55,3 @@ PRESETS = {
         Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 4096, 64, 100, 64, 256, 128, 2000, 8192, 256),
     )
 }
-
-
-def scaled(budget: Budget, factors: Mapping[str, float]) -> Budget:
-    """The budget with some of its whole numbers multiplied; its name says which. Raises UsageError below one."""
-    if not factors:
-        return budget
-    changes = {name: round(getattr(budget, name) * factor) for name, factor in factors.items()}
-    for name, value in changes.items():
-        if value < 1:
-            raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
-    marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
-    return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)
-
-
-def budget(name: str) -> Budget:
-    """The preset of that name. Raises UsageError for an unknown one."""
-    if name not in PRESETS:
-        near = get_close_matches(name, PRESETS, 1)
-        raise UsageError(
-            f"unknown preset '{name}'",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Presets: {', '.join(PRESETS)}.",
-        )
-    return PRESETS[name]

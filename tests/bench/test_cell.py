@@ -29,10 +29,13 @@ OTHER_VALUES: Mapping[str, Any] = {
     "relighting": "surfels",
     "deviations": PROFILES["released"],
     "effects": "auto",
+    "geometry": replace(Variant().geometry, weights=replace(Variant().geometry.weights, normal=0.1)),
+    "split_sum": replace(Variant().split_sum, consistency=0.1),
+    "materials": replace(Variant().materials, weights=replace(Variant().materials.weights, mask=0.1)),
 }
 """Another value of every field of the variant than the full method has."""
 
-FROM_STAGE_1 = ("initialise", "view_share", "deviations")
+FROM_STAGE_1 = ("initialise", "view_share", "deviations", "geometry", "split_sum")
 SHOWING_ALONE = ("relighting",)
 
 

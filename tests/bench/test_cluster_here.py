@@ -14,7 +14,7 @@ from bench import fake_method
 from bench.chain_method import Chain, Steps, Turned
 from bench.fake_method import SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs_bench.engines.cluster import Cluster, run_on_cluster
+from radiogs_bench.engines.cluster import Cluster, run_on_cluster, unsent
 from radiogs_bench.engines.delegate import Recipe
 from radiogs_bench.engines.in_process import Task
 from radiogs_bench.evaluation.evaluate import Evaluation
@@ -126,6 +126,16 @@ def test_cells_of_two_suites_share_their_first_stage(tmp_path: Path) -> None:
     assert table(tmp_path / "there") == table(tmp_path / "whole")
     assert len(seconds_of_initialisation(tmp_path / "there", SHARING)) == 1
     assert list((tmp_path / "there" / "locks").iterdir()) == []
+
+
+def test_cells_that_share_stages_are_on_the_cluster_together(tmp_path: Path) -> None:
+    """None waits for the stage to land: it is under way for all of them."""
+    ray = HereInsteadOfRay()
+    cluster = cluster_of(ray, tmp_path)
+    assert unsent(cluster, [Task(cell, cell.key) for cell in SHARING]) == []
+    assert ray.called == ["deliver_shared", *["deliver_cell"] * 3]
+    cluster.abandon()
+    assert list((tmp_path / "locks").iterdir()) == []
 
 
 def test_a_first_stage_that_somebody_else_works_on_holds_its_cells_back(tmp_path: Path) -> None:

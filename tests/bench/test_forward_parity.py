@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.budget import budget
+from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
@@ -91,7 +91,7 @@ def test_a_scene_whose_surfaces_or_light_are_not_known_is_refused() -> None:
 
 def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     scene = load_scene("furnace-0.5")
-    cost = replace(budget("smoke"), finetune_iterations=80, finetune_surfels=400, finetune_samples=48)
+    cost = replace(PRESETS["smoke"], finetune_iterations=80, finetune_surfels=400, finetune_samples=48)
     settings = {"spacing": 0.3, "offset": 0.1}
     cell = cell_of(RADIOGS, scene, Work(Variant(), cost, experiment="forward-parity", settings=settings))
     store = Store(tmp_path)

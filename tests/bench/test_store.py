@@ -27,7 +27,7 @@ def result(key: str, value: float = 1.0) -> Result:
         schema=RESULT_SCHEMA, key=key, scene="s", cell={}, protocol={}, views=["v"], shown_view="v", shown_light=None,
         metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
         albedo_scale=None,
-        facts={"surfels": 1}, stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
+        facts={"surfels": 1}, maps=[], stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
         sessions={},
     )  # fmt: skip
 

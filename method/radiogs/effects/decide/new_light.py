@@ -140,7 +140,7 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
     """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
 
     Drawn from the map itself, directions in those would be rare and have large weights
-    (``tests/method/test_effect_probe.py``).
+    (``tests/method/radiogs/effects/test_effect_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")

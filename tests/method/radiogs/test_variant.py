@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 import torch
 
-from method.test_stages import BUDGET, CPU, SCENE
 from radiogs.learning import MaterialLearning
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
@@ -16,6 +15,7 @@ from radiogs_bench.plain_values import from_plain
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.surfels.starting_points import SurfelStart
+from short_training import BUDGET, CPU, SCENE
 
 OTHER = {
     "geometry.schedule.distortion_from": 0.5,

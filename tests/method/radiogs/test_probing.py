@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs.budget import budget
+from radiogs.budget import PRESETS
 from radiogs.effects.decide.evidence import Evidence
 from radiogs.effects.decide.new_light import reference_colour
 from radiogs.effects.decide.probe import Findings
@@ -38,7 +38,7 @@ from scenes import sun_and_sky, surfels_of_room
 
 
 def run(name: str, seed: int) -> Run:
-    return Run(load_scene(name), Variant(), budget("tiny"), seed, torch.device("cpu"))
+    return Run(load_scene(name), Variant(), PRESETS["tiny"], seed, torch.device("cpu"))
 
 
 @functools.cache

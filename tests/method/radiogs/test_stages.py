@@ -1,32 +1,19 @@
 """Both stages on a scene of a few pixels: they learn, resume bit for bit, and stop at the first NaN."""
 
 import dataclasses
-import io
 from typing import Any
 
 import pytest
 import torch
 
-from radiogs.budget import INVERSE_ONLY, Budget, budget
+from radiogs.budget import INVERSE_ONLY, Budget
 from radiogs.model import Model
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.contract import Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
-from scenes import sphere_scene
-
-CPU = torch.device("cpu")
-BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
-SCENE = sphere_scene(views=4, size=16)
-
-
-def through_a_file(state: dict[str, Any]) -> dict[str, Any]:
-    """A checkpoint as a later process reads it."""
-    file = io.BytesIO()
-    torch.save(state, file)
-    file.seek(0)
-    return torch.load(file, weights_only=True)
+from short_training import BUDGET, CPU, SCENE, through_a_file
 
 
 @pytest.fixture(scope="module")

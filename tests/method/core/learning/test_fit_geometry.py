@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 import torch
 
-from method.test_stages import BUDGET, CPU, SCENE, through_a_file
 from radiogs.stages import Initialisation
 from radiogs.variant import Variant
 from radiogs_core.contract import Run, Stage
 from radiogs_core.learning.fit_geometry import GEOMETRY_BUDGET, GeometryBudget, fit_geometry, surfels_of
 from radiogs_core.learning.geometry import GeometryLearning
+from short_training import BUDGET, CPU, SCENE, through_a_file
 
 
 def begun() -> Stage:

@@ -10,7 +10,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from radiogs.budget import budget
+from radiogs.budget import PRESETS
 from radiogs.effects.decide.assessment import Assessment
 from radiogs.effects.decide.new_light import concentration, model_error, plan_for_light, reference_colour, scene_under
 from radiogs.effects.decide.planner import Planner
@@ -258,7 +258,7 @@ def test_gradients_are_pulled_by_the_images_errors() -> None:
 
 
 CPU = torch.device("cpu")
-BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
+BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
 
 
 @pytest.fixture(scope="module")

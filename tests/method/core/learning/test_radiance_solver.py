@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from method.test_stages import through_a_file
-from radiogs.budget import budget
+from radiogs.budget import PRESETS
 from radiogs.model import Model
 from radiogs.relighting import relight
 from radiogs.variant import Variant
@@ -19,6 +18,7 @@ from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_s
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
 from scenes import surfels_of_room, surfels_over
+from short_training import through_a_file
 
 CAMERAS = [view.camera for view in furnace("furnace-0.5").train]
 DARK = EnvironmentMap(torch.zeros(4, 8, 3))
@@ -85,7 +85,7 @@ def test_only_radiance_learns() -> None:
 
 def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
     ball = white_ball()
-    cost = replace(budget("smoke"), finetune_iterations=5, finetune_surfels=500, finetune_samples=48)
+    cost = replace(PRESETS["smoke"], finetune_iterations=5, finetune_surfels=500, finetune_samples=48)
     model = Model(ball, torch.zeros(4, 8, 3))
     run = Run(furnace("furnace-0.5"), Variant(relighting="surfels"), cost, 0, torch.device("cpu"))
     done: list[None] = []

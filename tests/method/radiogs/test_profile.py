@@ -6,7 +6,6 @@ from typing import Any
 import pytest
 import torch
 
-from method.test_stages import BUDGET, CPU, SCENE, through_a_file
 from radiogs.model import Model
 from radiogs.profile import PROFILES, RELEASED
 from radiogs.stages import Initialisation, InverseRendering
@@ -16,6 +15,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import reconstruction
 from radiogs_core.learning.views import load
 from radiogs_core.transport.sampling import hemisphere_directions
+from short_training import BUDGET, CPU, SCENE, through_a_file
 
 
 @pytest.fixture(scope="module")

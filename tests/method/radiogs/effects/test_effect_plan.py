@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.budget import budget
+from radiogs.budget import PRESETS
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
@@ -18,7 +18,7 @@ from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-BUDGET = dataclasses.replace(budget("smoke"), initialise_iterations=24, densify_interval=8, initial_surfels=120)
+BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
 SCENE = sphere_scene(views=4, size=16)
 
 
