@@ -1,4 +1,4 @@
-"""How a run ends: exit codes, and the failures that only a harness has."""
+"""Exit codes, and errors that only the harness raises."""
 
 from collections.abc import Iterable
 
@@ -6,7 +6,7 @@ from radiogs_core.errors import DataError, ExplainedError, NumericalFailure, Usa
 
 
 class CellFailed(ExplainedError):
-    """A cell could not be brought to its end."""
+    """A cell failed."""
 
 
 class StoreError(ExplainedError):
@@ -14,7 +14,7 @@ class StoreError(ExplainedError):
 
 
 class Interrupted(ExplainedError):
-    """The user asked to stop; everything finished so far is on disk."""
+    """The user requested a stop; everything finished so far is on disk."""
 
 
 DONE = 0
@@ -26,7 +26,7 @@ EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (UsageError, 2),
     (ExplainedError, 1),
 )
-"""The first class that an error is an instance of decides; so the table is also the order of severity."""
+"""The first class that an error is an instance of decides, so the order is also that of severity."""
 
 
 def exit_code(error: ExplainedError) -> int:
@@ -35,13 +35,13 @@ def exit_code(error: ExplainedError) -> int:
 
 
 def worst_exit_code(errors: Iterable[ExplainedError]) -> int:
-    """The exit code of a run in which these errors happened: the most severe one's, 0 without any."""
+    """The exit code of a run with these errors: that of the most severe one; 0 without errors."""
     severity = [code for _, code in EXIT_CODES]
     return min((exit_code(error) for error in errors), key=severity.index, default=DONE)
 
 
 def explain(error: ExplainedError) -> str:
-    """The message in three parts, each on lines of its own: what happened, why, what to do next."""
+    """The error message: what happened, why, and what to do next, each on lines of its own."""
     what = error.what if isinstance(error, Interrupted) else f"error: {error.what}"
     parts = [part for part in (what, error.why, error.remedy) if part]
     return "\n".join([*parts, f"(exit code {exit_code(error)})"])

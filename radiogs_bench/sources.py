@@ -1,8 +1,7 @@
-"""Digests of the sources that decide a result, found by following imports: nobody keeps a list of them.
+"""Digests of the sources that decide a result, found by following imports, so that no list has to be kept.
 
-From a module's text every import is followed, also those inside functions, as long as it stays within the packages of
-this project or of the module itself (a stranger's method). A module that cannot be told from the text, because its name
-is computed when the code runs, is not seen: entry points are resolved by name and count through what they lead to.
+Every import in a module's text is followed, also inside functions, within the packages of this project and the
+module's own (another package's method). Modules whose name is computed at run time are not seen.
 """
 
 import ast
@@ -14,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 OURS = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_baselines", "radiogs_reports", "radiogs_bench")
-"""Packages that imports are followed into, beside the package of the module that is asked for."""
+"""Packages that imports are followed into, besides that of the requested module."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ class SourceTree:
         return {module: path for module, path in found.items() if path is not None}
 
     def imports(self, module: str) -> frozenset[str]:
-        """What a module imports, wherever in its text, as far as it lies in the tree."""
+        """Modules of the tree that a module imports, anywhere in its text."""
         if module not in self._imports:
             path = self.file(module)
             assert path is not None
@@ -98,7 +97,7 @@ class SourceTree:
 
 
 def _imported(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
-    """What a statement imports: modules, and the names that are taken from them, which may be modules too."""
+    """Imports of a statement: modules, and the names imported from them, which may be modules too."""
     if isinstance(node, ast.Import):
         yield from ((alias.name, "") for alias in node.names)
     elif isinstance(node, ast.ImportFrom):
@@ -126,5 +125,5 @@ def installed(*packages: str) -> SourceTree:
 
 @cache
 def code_digest(*modules: str) -> str:
-    """Digest of the sources that decide what the modules do, as they are installed; the same all through a process."""
+    """Digest of the modules' installed sources and their imports; cached for the life of the process."""
     return installed(*sorted({module.split(".")[0] for module in modules} - set(OURS))).digest(*modules)

@@ -32,23 +32,23 @@ class MaterialWeights:
     """Weights of the losses of stage 2, beside ``Variant.radiometric_weight``; 0 leaves one out."""
 
     absolute: float = ABSOLUTE_WEIGHT
-    """Of L1 between each blended image and the training image, in display sRGB (3DGS)."""
+    """L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
-    """Of 1 - SSIM between the same (3DGS)."""
+    """1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
-    """Of the distance between the surfels' normals and those of the depth map (2DGS)."""
+    """Distance between the surfels' normals and those of the depth map (2DGS)."""
     mask: float = 0.02
-    """Of the cross-entropy between coverage and the mask."""
+    """Cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
-    """Of the normals' slopes where the image has none."""
+    """Slopes of the normals where the image has no edges."""
     albedo_smoothness: float = 0.2
-    """Of the albedo's slopes where the image has none."""
+    """Slopes of the albedo where the image has no edges."""
     roughness_smoothness: float = 0.1
-    """Of the roughness' slopes where the image has none."""
+    """Slopes of the roughness where the image has no edges."""
     light_prior: float = 0.01
-    """Of the distance of the diffuse light's channels from their mean: light is near white."""
+    """Distance of the diffuse light's channels from their mean: light is nearly white."""
     light_smoothness: float = 0.005
-    """Of the squared differences of neighbouring texels' log-radiance."""
+    """Squared differences of neighbouring texels' log-radiance."""
 
 
 @dataclass(frozen=True)
@@ -61,15 +61,15 @@ class MaterialRates:
     """
 
     albedo: float = 0.03
-    """Of the albedo's logits."""
+    """Rate of the albedo's logits."""
     roughness: float = 0.01
-    """Of the roughness' logits."""
+    """Rate of the roughness' logits."""
     light: float = 0.005
-    """Of the light's log-radiance."""
+    """Rate of the light's log-radiance."""
     radiance: float = 0.005
-    """Of the surfels' harmonics of degree 0."""
+    """Rate of the surfels' harmonics of degree 0."""
     radiance_rest: float = 0.0025 / 20
-    """Of the harmonics of higher degrees, as in stage 1."""
+    """Rate of the harmonics of higher degrees, as in stage 1."""
     geometry: float = 0.01
     """Share of the rates of stage 1 (``SurfelRates``, positions at the beginning) at which geometry moves: it is
     refined, not learnt again."""

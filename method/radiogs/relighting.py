@@ -42,7 +42,7 @@ class Relit(Protocol):
     """A model under another light, ready to be seen from any camera."""
 
     evidence: tuple[Evidence, ...]
-    """Of the probe that has decided what was simulated; empty where none was made."""
+    """Evidence of the probe that decided what is simulated; empty without a probe."""
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """Maps of one view, [height, width, channels], on black; at least ``image`` (display sRGB) and ``alpha``."""
@@ -166,7 +166,7 @@ class RelitByRays:
         self.evidence: tuple[Evidence, ...] = ()
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
-        """The same maps as ``Renderer.render``, under the new light."""
+        """The maps of ``Renderer.render``, under the new light."""
         return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular)
 
 

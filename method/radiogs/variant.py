@@ -35,7 +35,7 @@ class Variant:
     relighting: see ``Relighting``.
     deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
     any other.
-    effects: what stage 2 and relighting simulate: "all", "auto" (what a scene calls for, by measured evidence; see
+    effects: what stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see
     ``effects``), or the names of the effects that are on. Raises UsageError for what is no effect.
     geometry, split_sum: weights, rates, schedule and starting values of stage 1, of the surfels and of their shading.
     materials: those of stage 2.

@@ -98,7 +98,7 @@ class StageSpec:
     reads: the fields of variant and budget that decide its outcome, with their values. sources: names of modules;
     their files, and those of all modules that they import, decide its outcome too.
     begin: makes the stage from a run and the product of the stage before it (empty for the first). compiles: whether
-    its first step compiles kernels, so that one is taken beforehand and charged to nobody. keeps_files: whether what
+    its first step compiles kernels, so that one is taken beforehand and no cell is charged. keeps_files: whether what
     it makes lies in ``Run.workspace``, so that the stages after it must run on the same machine.
     """
 
@@ -268,7 +268,7 @@ class EffectRecord:
 class Probe:
     """Which effects a scene or a trained model needs: decisions with their evidence, and images of what they change.
 
-    mse: the error beside which ``tolerance`` (dB of PSNR) is tolerated, squared, display sRGB. plan: what is to be
+    mse: mean squared error, display sRGB, to which ``tolerance`` (dB of PSNR) is relative. plan: what is to be
     simulated, plain values. bounces: surfaces that light has to be followed over; None where that is not known.
     reference: one view, display sRGB; a picture of it where there is one, else as it is relit (``pictured`` says
     which). differences: by effect, how much leaving it out changes each pixel of that view, mean over channels.
@@ -285,7 +285,7 @@ class Probe:
 
     @property
     def psnr(self) -> float:
-        """Of the error beside which the tolerance stands, dB."""
+        """PSNR of the error to which the tolerance is relative, dB."""
         return -10 * math.log10(self.mse) if self.mse > 0 else math.inf
 
     def plain(self) -> dict[str, Any]:

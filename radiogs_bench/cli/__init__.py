@@ -1,4 +1,4 @@
-"""The command line ``radiogs-bench``; the only part of the harness that talks to people and knows the reports."""
+"""The command line ``radiogs-bench``: parses options and prints."""
 
 from .main import main
 

@@ -1,4 +1,4 @@
-"""``radiogs-bench bench kernels|frames``: how fast the kernels and a relit frame are here, beside yardsticks."""
+"""``radiogs-bench bench kernels|frames``: speed of the kernels and of a relit frame, beside yardsticks."""
 
 import argparse
 from pathlib import Path

@@ -55,7 +55,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def list_scenes(options: argparse.Namespace) -> int:
-    """Print the names of the scenes that are at hand."""
+    """Print the names of the available scenes."""
     from radiogs_datasets import scene_names
 
     from .reporter import say
@@ -66,7 +66,7 @@ def list_scenes(options: argparse.Namespace) -> int:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Print all that is wrong with a scene and what it holds; the exit code is 3 if it cannot be used."""
+    """Print everything that is wrong with a scene, and its contents; the exit code is 3 if it cannot be used."""
     import json
 
     from radiogs_datasets.check import check_scene
@@ -137,7 +137,7 @@ def generate(options: argparse.Namespace) -> int:
 
 
 def weights(options: argparse.Namespace) -> int:
-    """Fetch the backbones and heads of LPIPS that are not there, and check them."""
+    """Download missing LPIPS backbones and heads, and check them."""
     from ..metrics.download import fetch, sources
     from ..metrics.weights import WEIGHTS_VARIABLE, weights_folder
     from ..training.progress import progress_for_stderr

@@ -1,4 +1,4 @@
-"""The device and threads that the options ask for."""
+"""Device and threads from the options."""
 
 import argparse
 import os
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def chosen_device(options: argparse.Namespace) -> "torch.device":
-    """The device, ready to be worked on with as many threads as asked for. Raises UsageError."""
+    """The device, after setting the number of threads. Raises UsageError."""
     import torch
 
     from radiogs_core.kernels.runtime import use_threads

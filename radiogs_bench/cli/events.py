@@ -1,4 +1,4 @@
-"""``run --json``: what happens during a run as events, one JSON object a line on stdout (docs/suites.md)."""
+"""``run --json``: events of a run, one JSON object per line on stdout (docs/suites.md)."""
 
 import json
 import sys
@@ -14,22 +14,22 @@ from ..store.folder import Store
 from ..suites.sweep import Place, label
 
 EVERY_SECONDS = 1.0
-"""At most so often does one task report steps; its first and its last are always reported."""
+"""Shortest interval between two reports of a task; its first and last steps are always reported."""
 
 
 def emit(event: str, **details: Any) -> None:
-    """One event; the reader sees it at once."""
+    """Write one event, and flush."""
     sys.stdout.write(json.dumps({"event": event, **details}, allow_nan=False) + "\n")
     sys.stdout.flush()
 
 
 def emit_error(error: ExplainedError) -> None:
-    """What ended the run; stderr says the same in words."""
+    """Write the error that ended the run; stderr explains it in words."""
     emit("error", what=error.what, why=error.why, remedy=error.remedy, exit_code=exit_code(error))
 
 
 class EventProgress:
-    """Tells of lines, steps, and every cell that comes to its end, whoever ran it: the store knows."""
+    """Writes lines, steps and ended cells as events; cells that other processes ran are found in the store."""
 
     def __init__(self, store: Store, places: Sequence[Place], clock: Callable[[], float] = time.monotonic) -> None:
         self.store, self.clock = store, clock
@@ -48,11 +48,11 @@ class EventProgress:
         self._look()
 
     def say(self, line: str) -> None:
-        """A line that people would read."""
+        """A line for people to read."""
         emit("message", text=line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Steps of a task; where cells are counted, those that have ended since."""
+        """Steps of a task; when cells are counted, also the cells that have ended since."""
         if task == "cells":
             self._look()
         now = self.clock()

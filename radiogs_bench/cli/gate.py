@@ -1,4 +1,4 @@
-"""``radiogs-bench gate``: whether a run is as good as the baseline says."""
+"""``radiogs-bench gate``: compare a run with a stored baseline."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""``radiogs-bench methods``: which methods are installed, with their presets and the fields of their variants."""
+"""``radiogs-bench methods``: installed methods, with their presets and the fields of their variants."""
 
 import argparse
 import json
@@ -21,7 +21,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def methods(options: argparse.Namespace) -> int:
-    """List all methods, or say everything about one."""
+    """List all methods, or describe one in full."""
     from ..methods import describe, method, method_names
     from .reporter import say
 

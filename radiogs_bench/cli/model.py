@@ -94,7 +94,7 @@ def train(options: argparse.Namespace) -> int:
 
 
 def variant_asked(options: argparse.Namespace) -> Any:
-    """The variant that ``train`` is asked for: the method's full form, with what the options turn."""
+    """The variant for ``train``: the full method with the fields that the options set."""
     from dataclasses import fields
 
     from ..methods import method, variant_of

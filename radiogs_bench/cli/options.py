@@ -1,4 +1,4 @@
-"""What the commands' options share: the parser that explains itself, and the types of values."""
+"""Shared by the commands' options: the parser, and the types of values."""
 
 import argparse
 from typing import TYPE_CHECKING, NoReturn
@@ -12,10 +12,10 @@ if TYPE_CHECKING:
 
 
 class ExplainingParser(argparse.ArgumentParser):
-    """Reports wrong usage as every other error of the program is reported."""
+    """Reports wrong usage like every other error."""
 
     def error(self, message: str) -> NoReturn:
-        """Raise UsageError instead of printing and leaving."""
+        """Raise UsageError instead of printing and exiting."""
         raise UsageError(message, self.format_usage().strip(), f"All options:  {self.prog} --help")
 
 
@@ -34,10 +34,10 @@ def effects(text: str) -> "Effects":
 
 
 def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") -> None:
-    """The option of the commands that simulate light."""
+    """Add ``--effects``, for commands that simulate light."""
     parser.add_argument(
         "--effects", type=effects, default=default, metavar="all|auto|LIST",
-        help="what is simulated: all, what the scene calls for, or the effects that are on (default: all)",
+        help="what is simulated: all, those that the scene needs, or the effects that are on (default: all)",
     )  # fmt: skip
 
 
@@ -49,7 +49,7 @@ def positive(text: str) -> int:
 
 
 def part_of(text: str) -> tuple[int, int]:
-    """Which part of how many, such as 0/2."""
+    """A part and the number of parts, such as 0/2."""
     number, _, count = text.partition("/")
     if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
         raise argparse.ArgumentTypeError(f"'{text}' is not a part such as 0/2")
@@ -57,5 +57,5 @@ def part_of(text: str) -> tuple[int, int]:
 
 
 def add_verbose(parser: argparse.ArgumentParser) -> None:
-    """The option that every command has."""
+    """Add ``--verbose``, which every command has."""
     parser.add_argument("--verbose", action="store_true", help="log what happens, and tracebacks of errors")

@@ -1,4 +1,4 @@
-"""The dry run and the list: what could be run, what is there already, and what the rest will take."""
+"""The dry run and the list of suites: cells, finished or not, and estimates of time and memory."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -16,9 +16,9 @@ UNKNOWN = "unknown"
 
 
 def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> None:
-    """Every cell, whether it is there, and what it will take, judged by what the store has measured.
+    """Print every cell, its state, and estimates from what the store has measured.
 
-    ``at_a_time`` cells are run side by side, each on ``threads`` threads.
+    ``at_a_time`` cells run at the same time, each on ``threads`` threads.
     """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
@@ -37,7 +37,7 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> N
 
 
 def emit_plan(request: Request, store: Store) -> None:
-    """The cells as events: one a cell, with nulls for what is unknown."""
+    """One event per cell, with null for unknown values."""
     cells = request.own_cells()
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)
@@ -45,7 +45,7 @@ def emit_plan(request: Request, store: Store) -> None:
 
 
 def emit_suite(suite: Suite) -> None:
-    """A suite as an event."""
+    """One event for a suite."""
     emit(
         "suite",
         name=suite.name,
@@ -59,7 +59,7 @@ def emit_suite(suite: Suite) -> None:
 
 
 def how_measured(store: Store, threads: int) -> str:
-    """On how many threads the store's cells were run, if not on ``threads``: their seconds are those of other work."""
+    """A remark if the store's cells ran on another number of threads: their seconds are then not comparable."""
     seen = {
         session["machine"]["threads"]
         for result in store.results()
@@ -72,7 +72,7 @@ def how_measured(store: Store, threads: int) -> str:
 
 
 def whole_time(expected: Sequence[Expected | None], at_a_time: int = 1) -> str:
-    """Of all missing cells; several at a time share the work evenly, or the longest cell decides."""
+    """Time of all missing cells; cells run at a time share the work evenly, or the longest one decides."""
     seconds, unknown = total(expected)
     longest = max((each.seconds or 0.0 for each in expected if each is not None), default=0.0)
     seconds = max(seconds / at_a_time, longest)
@@ -83,7 +83,7 @@ def whole_time(expected: Sequence[Expected | None], at_a_time: int = 1) -> str:
 
 
 def whole_memory(expected: Sequence[Expected | None]) -> str:
-    """The most that any missing cell will hold."""
+    """Largest memory estimate of any missing cell."""
     known = [each for each in expected if each is not None and each.host_bytes is not None]
     if not known:
         return UNKNOWN
@@ -92,7 +92,7 @@ def whole_memory(expected: Sequence[Expected | None]) -> str:
 
 
 def duration(seconds: float | None) -> str:
-    """In the unit that people would use."""
+    """Seconds in a readable unit."""
     if seconds is None:
         return UNKNOWN
     for unit, length in (("h", 3600.0), ("min", 60.0)):
@@ -102,7 +102,7 @@ def duration(seconds: float | None) -> str:
 
 
 def memory(expected: Expected) -> str:
-    """Of the host, and of the GPU if one was used."""
+    """Memory of the host, and of the GPU if one was used."""
     if expected.host_bytes is None:
         return UNKNOWN
     device = "" if expected.device_bytes is None else f", GPU {expected.device_bytes / 2**30:.2f} GiB"
@@ -110,7 +110,7 @@ def memory(expected: Expected) -> str:
 
 
 def describe(suite: Suite) -> list[str]:
-    """A suite in some lines: title, rows, columns, scenes and where they are, its protocol if it has one of its own."""
+    """A suite in a few lines: title, rows, columns, scenes and where to find them, and its protocol unless default."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",

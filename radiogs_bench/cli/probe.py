@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .options import Commands
 
 MATTERS = 0.1
-"""Change of a pixel's display colour that is shown as white."""
+"""Change of a pixel's display colour that is drawn white."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -42,7 +42,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def probe(options: argparse.Namespace) -> int:
-    """Measure, show the table, and draw where each effect matters."""
+    """Probe, print the table, and draw where each effect matters."""
     from ..api import read_light
     from .device import chosen_device
     from .reporter import say
@@ -64,7 +64,7 @@ def probe(options: argparse.Namespace) -> int:
 
 
 def _probed(options: argparse.Namespace, device: "torch.device", light: "EnvironmentMap | None") -> "tuple[str, Probe]":
-    """What it is called, and what a probe of it has found."""
+    """The name of the scene or model, and its probe."""
     from dataclasses import replace
 
     from radiogs_core.contract import Run
@@ -125,7 +125,7 @@ def _show(name: str, found: "Probe") -> None:
 
 
 def _draw(found: "Probe", path: Path) -> None:
-    """One view, and beside it the change that leaving out each effect makes, one panel each."""
+    """Draw one view, and beside it the change from leaving out each effect, one panel each."""
     import numpy as np
     from matplotlib import colormaps
     from matplotlib.figure import Figure

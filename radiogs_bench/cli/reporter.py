@@ -1,4 +1,4 @@
-"""All that the commands print: what was asked for to stdout, complaints to stderr."""
+"""Prints for all commands: results to stdout, errors to stderr."""
 
 import sys
 from typing import TYPE_CHECKING
@@ -7,21 +7,21 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 LOG_WIDTH = 160
-"""Columns where stdout is a file or a pipe: wide enough for a suite's table, so that nothing wraps."""
+"""Width in characters if stdout is a file or a pipe: a suite's table does not wrap."""
 
 
 def say(line: str) -> None:
-    """One line, as it is."""
+    """Print a line unchanged."""
     sys.stdout.write(line + "\n")
 
 
 def complain(message: str) -> None:
-    """An error message."""
+    """Print an error message."""
     sys.stderr.write(message + "\n")
 
 
 def show(table: "Table") -> None:
-    """A table; as wide as the terminal, where there is one."""
+    """Print a table, as wide as the terminal if there is one."""
     from rich.console import Console  # not before something is shown: help and errors must answer at once
 
     Console(width=None if sys.stdout.isatty() else LOG_WIDTH).print(table)

@@ -1,4 +1,4 @@
-"""``radiogs-bench run``: bring a suite's cells to their end, then write and show its table."""
+"""``radiogs-bench run``: run a suite's cells, then write and print its table."""
 
 import argparse
 from pathlib import Path
@@ -81,7 +81,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
-    """The suite with the methods and the fields of their variants that the options ask for."""
+    """The suite with the methods and variant fields that the options set."""
     from ..suites.suite import of_methods, with_field
 
     if options.method:
@@ -107,7 +107,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def suite_of(name_or_file: str) -> "Suite":
-    """A suite that comes with the package, or that of a file."""
+    """A suite from the package, or from a file."""
     if name_or_file.endswith(".toml"):
         from ..suites.toml_file import read_suite
 

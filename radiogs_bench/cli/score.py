@@ -1,4 +1,4 @@
-"""``radiogs-bench score``: any code's output folder under a named protocol."""
+"""``radiogs-bench score``: score another code's output folder under a named protocol."""
 
 import argparse
 import json
@@ -39,7 +39,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def score(options: argparse.Namespace) -> int:
-    """Score, show what was compared and what could not be, and write the record."""
+    """Score, print what was compared and what was missing, and write the record."""
     from ..metrics.weights import complaint
     from ..store.atomic import write_atomically
     from .reporter import complain, say, show
@@ -62,7 +62,7 @@ def score(options: argparse.Namespace) -> int:
 
 
 def _are_pairs(options: argparse.Namespace) -> bool:
-    """Whether outputs lie beside their targets: as said, or with no scene and no code named, as the folder shows."""
+    """Whether the folder holds pairs of output and target: if ``--from`` says so or, without options, by its files."""
     from radiogs_baselines.outputs import likely_codes
     from radiogs_baselines.outputs.stanford_orb import holds_pairs
 
@@ -151,7 +151,7 @@ def _head(options: argparse.Namespace, code: str) -> dict[str, Any]:
 
 
 def _table(record: dict[str, Any]) -> "Table":
-    """Metrics by protocol; under a single one, a figure that does not exist says why."""
+    """A table of metrics by protocol; with a single protocol, missing values give their reason."""
     from rich.table import Table
 
     table = Table("metric", title=f"{record['predictions']} ({record['from']})")

@@ -1,4 +1,4 @@
-"""``radiogs-bench status``, ``report`` and ``export``: what is in a folder, its tables, all figures as one table."""
+"""``radiogs-bench status``, ``report`` and ``export``: state of a folder, its reports, all metrics as one table."""
 
 import argparse
 from collections.abc import Callable
@@ -15,7 +15,7 @@ def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "status", "what a folder of results holds", status)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
-    exporting = _declare(commands, "export", "all figures of all finished cells as one table", export)
+    exporting = _declare(commands, "export", "all metrics of all finished cells as one table", export)
     exporting.add_argument("--to", choices=["csv", "json", "parquet"], default="csv", help="(default: csv)")
     exporting.add_argument("--file", type=Path, help="(default: OUT/export.csv and so on)")
 
@@ -31,7 +31,7 @@ def _declare(
 
 
 def status(options: argparse.Namespace) -> int:
-    """Show the state of every cell of the folder's last run."""
+    """Print the state of every cell of the folder's last run."""
     from rich.table import Table
 
     from ..store.folder import Store
@@ -62,7 +62,7 @@ def report(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every figure in the store."""
+    """Write one table of every metric in the store."""
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep
@@ -70,5 +70,5 @@ def export(options: argparse.Namespace) -> int:
 
     read_sweep(options.out)  # says what to do where there is no run
     path = options.file or options.out / f"export.{options.to}"
-    say(f"{path}: {write(Store(options.out), path, options.to)} figures")
+    say(f"{path}: {write(Store(options.out), path, options.to)} values")
     return 0

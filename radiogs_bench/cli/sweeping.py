@@ -1,4 +1,4 @@
-"""What ``radiogs-bench run`` does with its options: makes the request, shows progress, failures and reports."""
+"""Runs a suite from the command line: makes the request, shows progress, failures and reports."""
 
 import argparse
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from .reporter import complain
 
 
 def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.device]:
-    """What the options ask for. Raises UsageError or DataError before anything is run."""
+    """The request from the options. Raises UsageError or DataError before anything is run."""
     device = chosen_device(options)
     rules = protocol(options.protocol or suite.protocol).name
     given = options.scenes or own_scenes(suite)
@@ -41,7 +41,7 @@ def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.de
 
 
 def show_request(request: Request, store: Store, engine: Engine, as_json: bool) -> int:
-    """List the cells and what they will take."""
+    """Print the cells and estimates of their time and memory."""
     from .planning import emit_plan, show_plan
 
     if as_json:
@@ -54,7 +54,7 @@ def show_request(request: Request, store: Store, engine: Engine, as_json: bool) 
 def run_request(
     request: Request, store: Store, device: torch.device, engine: Engine, options: argparse.Namespace
 ) -> int:
-    """Run what is missing; write and show the reports. Returns the exit code."""
+    """Run the missing cells; write and print the reports. Returns the exit code."""
     write_sweep(store, request.manifest([place for place, _ in request.cells()]))
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
@@ -77,7 +77,7 @@ def run_request(
 
 
 def work_along_with(request: Request, store: Store, device: torch.device, number: int, count: int) -> int:
-    """Be worker ``number`` of ``count``; returns its exit code."""
+    """Run as worker ``number`` of ``count``; returns its exit code."""
     with progress_for_stderr() as progress, Interruption() as interruption:
         return report_failures(
             work_along(request, Bench(store, device, progress, interruption, request.method), number, count).failures

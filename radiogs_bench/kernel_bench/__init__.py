@@ -1,4 +1,4 @@
-"""How fast the kernels are on this machine, beside yardsticks that run in the same process (``bench kernels``)."""
+"""Measures the kernels on this machine beside yardsticks in the same process (``bench kernels``)."""
 
 from .bench import Row, bench_kernels, scaling
 from .record import as_json, as_table

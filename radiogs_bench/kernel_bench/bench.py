@@ -1,4 +1,4 @@
-"""Measures the cases: every repetition runs a kernel and its yardstick in turn, so that ratios are of one moment."""
+"""Measures the cases: every repetition runs a kernel and its yardstick in turn, so that both see the same load."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ class Row:
     """One pass of one kernel on one input.
 
     direction: forward (without gradient), backward, or both. seconds: median; of one core on the CPU, of the whole
-    device on CUDA. ratio: median of the yardstick's seconds over the kernel's, pass against pass; a yardstick without a
-    backward pass counts with its forward one. peak_bytes: of the backward pass together with its forward one. Counters
-    are an item.
+    device on CUDA. ratio: median of the yardstick's seconds over the kernel's, pass against pass; for a yardstick
+    without a backward pass its forward seconds are used. peak_bytes: of both passes together. Counters are per
+    item.
     """
 
     kernel: str
@@ -46,7 +46,7 @@ class Row:
 
     @property
     def millions_per_second(self) -> float:
-        """Items in a second, in millions."""
+        """Millions of items per second."""
         return self.items / self.seconds / 1e6
 
 
@@ -58,7 +58,7 @@ def bench_kernels(
     repetitions: int = REPETITIONS,
     announce: Announce = lambda line: None,
 ) -> Iterator[Row]:
-    """Rows as they are measured, on one CPU thread or on ``device``; ``points`` adds a scene of real geometry."""
+    """Measure all cases on one CPU thread or on ``device``, row by row; ``points`` adds a scene of real geometry."""
     use_threads(1)
     for case in _cases(device, points, kernels, scenes):
         announce(f"{case.kernel}, {case.scene}, {_name(case.dtype)}")
@@ -66,7 +66,7 @@ def bench_kernels(
 
 
 def measure(case: Case, device: torch.device, repetitions: int) -> tuple[Row, Row, Row]:
-    """The forward pass, the backward pass, and both."""
+    """Rows for the forward pass, the backward pass, and both."""
     yardstick = case.yardstick
     with recording() as instruments:
         case.forward()  # compiles, and counts
@@ -108,14 +108,14 @@ def _forward(passes: Case | Yardstick) -> Callable[[], object]:
 
 
 def _backward(passes: Case | Yardstick) -> Callable[[], object]:
-    """Both passes: what the backward one needs is made by the forward one."""
+    """Run both passes; the forward pass makes what the backward pass needs."""
     backward = passes.backward
     assert backward is not None
     return lambda: backward()()
 
 
 def scaling(team: int, repetitions: int = REPETITIONS) -> dict[str, float]:
-    """How many times as fast ``team`` threads trace scene M as one does, in wall time: forward and backward."""
+    """Speed-up of ``team`` threads over one when tracing scene M, in wall time: forward and backward."""
     case = trace_case(SCENES["M"](), torch.float32, torch.device("cpu"))
     single: dict[str, list[float]] = {"forward": [], "backward": []}
     several: dict[str, list[float]] = {"forward": [], "backward": []}

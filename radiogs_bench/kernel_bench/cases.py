@@ -1,4 +1,4 @@
-"""The measured pieces of work, each ready to run: forward, backward, and its yardstick."""
+"""The measured cases: forward pass, backward pass and yardstick, each ready to run."""
 
 import math
 from collections.abc import Callable
@@ -30,7 +30,7 @@ CHANNELS = 13
 
 @dataclass(frozen=True)
 class Yardstick:
-    """Other code for the same purpose; ``backward`` only where it has one."""
+    """Other code for the same purpose; ``backward`` if it has one."""
 
     name: str
     forward: Callable[[], object]
@@ -42,7 +42,7 @@ class Case:
     """One kernel on one input.
 
     forward: without gradient. backward: runs the forward pass and returns the backward pass, ready to run. items: what
-    the rate counts.
+    rates are per.
     """
 
     kernel: str

@@ -1,4 +1,4 @@
-"""What a piece of work costs: seconds, and memory at its peak."""
+"""Measures seconds and peak memory of a function."""
 
 import ctypes
 import time
@@ -12,7 +12,7 @@ CLEAR_PEAK = Path("/proc/self/clear_refs")
 
 
 def seconds(work: Callable[[], object], device: torch.device) -> float:
-    """On the CPU the processor time of this process (what other processes take does not count); on CUDA wall time."""
+    """Seconds of the function: on the CPU processor time of this process, unaffected by others; on CUDA wall time."""
     clock = time.perf_counter if device.type == "cuda" else time.process_time
     _wait(device)
     start = clock()
@@ -22,16 +22,16 @@ def seconds(work: Callable[[], object], device: torch.device) -> float:
 
 
 def wall_seconds(work: Callable[[], object]) -> float:
-    """Wall time, for work on several threads."""
+    """Wall-clock seconds, for functions on several threads."""
     start = time.perf_counter()
     work()
     return time.perf_counter() - start
 
 
 def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
-    """Memory that the work holds at its peak beyond what was there before it.
+    """Peak memory of the function beyond what was held before it, bytes.
 
-    On the CPU that is the resident set of the whole process, after the allocator gave back what it kept.
+    On the CPU this is the resident set of the whole process, after the allocator has released its cache.
     """
     if device.type == "cuda":
         torch.cuda.reset_peak_memory_stats(device)

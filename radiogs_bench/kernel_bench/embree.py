@@ -7,12 +7,12 @@ from .scenes import KernelScene, support_quads
 
 
 def missing_embree() -> str:
-    """Why there is no yardstick, or nothing."""
+    """Why Embree is not available; empty if it is."""
     return "" if find_spec("embreex") else "Embree is not installed (pip install embreex)"
 
 
 def closest_hits(scene: KernelScene) -> Callable[[], object]:
-    """A function that finds the closest hit of every ray; it does not blend, and meets back sides too."""
+    """A function that finds the closest hit of every ray; it does not blend, and hits back sides too."""
     from embreex.mesh_construction import TriangleMesh
     from embreex.rtcore_scene import EmbreeScene
 

@@ -1,4 +1,4 @@
-"""What a relit frame takes, shaded from its rays and splatted from the surfels' own radiance (``bench frames``)."""
+"""Cost of a relit frame: shaded from incident rays, or splatted from the surfels' own radiance (``bench frames``)."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from .clock import seconds
 
 HEMISPHERE_SAMPLES, LIGHT_SAMPLES = 256, 128
-"""Directions a surfel of preset paper when a model is relit."""
+"""Directions per surfel in preset ``paper`` when a model is relit."""
 
 FRAMES = 8
-"""Frames that are timed, from the scene's test views in turn."""
+"""Timed frames, over the scene's test views in turn."""
 
 WARM_UP = 2
-"""Frames before them that are not."""
+"""Frames before these that are not timed."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class FrameRow:
 
     @property
     def ratio(self) -> float:
-        """How many times as fast the surfels alone are."""
+        """Speed-up of the surfels alone."""
         return self.rays_milliseconds / self.surfels_milliseconds
 
 
@@ -51,9 +51,9 @@ def bench_frames(
 ) -> Iterator[FrameRow]:
     """Frames of a generated scene whose solids are covered by surfels ``spacing`` world units apart.
 
-    What a frame costs depends on how many surfels it shows and not on what they have learnt: their radiance is grey
-    here. Incident rays are traced once, before anything is timed, as for any model that is relit. The two ways take
-    turns, so that their ratio is of one moment. Raises DataError for a scene whose surfaces or light are not known.
+    The cost of a frame depends on the number of visible surfels, not on their values: their radiance is grey here.
+    Incident rays are traced once, before anything is timed, as for any relit model. The two ways are measured in turn,
+    so that both see the same load. Raises DataError for a scene whose surfaces or light are not known.
     """
     if scene.training_light is None:
         raise DataError(f"the light of scene '{scene.name}' is not known", "Frames are shaded under it.")
@@ -73,7 +73,7 @@ def bench_frames(
 
 @torch.no_grad()
 def by_rays(surfels: Surfels, light: EnvironmentMap) -> Callable[[Camera], object]:
-    """How the surfels are shown from any camera, shaded from incident light that is traced now."""
+    """A renderer of the surfels for any camera, shaded from incident light that is traced now."""
     generator = torch.Generator(surfels.centre.device).manual_seed(0)
     direction, weight = relighting_directions(
         surfels.frame[..., 2], LightSampler(light), HEMISPHERE_SAMPLES, LIGHT_SAMPLES, generator

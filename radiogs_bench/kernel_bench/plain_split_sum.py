@@ -1,4 +1,4 @@
-"""The yardstick of split-sum shading: the same as PyTorch expressions; tests judge the kernel by it, too."""
+"""The yardstick of split-sum shading as PyTorch expressions; tests compare the kernel with it too."""
 
 import torch
 from jaxtyping import Float
@@ -31,7 +31,7 @@ def split_sum_radiance(
 def glossy(
     light: PrefilteredLight, direction: Float[Tensor, "points 3"], roughness: Float[Tensor, " points"]
 ) -> Float[Tensor, "points 3"]:
-    """Light averaged over the lobe about a mirrored direction; every level is read, and two are blended."""
+    """Light averaged over the lobe about a mirror direction; all levels are read, and two are blended."""
     place = (roughness / LEVELS[0]).clamp(0, len(LEVELS))
     maps = torch.stack([EnvironmentMap(map_).lookup(direction) for map_ in (light.sharp, *light.glossy)])
     lower = place.detach().floor().clamp(max=len(LEVELS) - 1).long()

@@ -1,4 +1,4 @@
-"""The yardsticks of our own kernels: the same sums as straightforward PyTorch expressions, with autograd."""
+"""Yardsticks of the kernels: their sums as straightforward PyTorch expressions, with autograd."""
 
 import torch
 from jaxtyping import Float
@@ -11,13 +11,13 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 
 PIXELS_AT_ONCE = 1024
-"""Rows of the pixel-by-surfel table that are held together."""
+"""Pixels that are processed together, against all surfels."""
 
 
 def rasterize_densely(
     camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"]
 ) -> Float[Tensor, "pixels channels"]:
-    """Every pixel against every surfel, front to back; only the early stop at full pixels is left out."""
+    """Every pixel against every surfel, front to back; without the early stop at opaque pixels."""
     order = (geometry.centre @ camera.axes[:, 2]).argsort(stable=True)
     centre, axis_u, axis_v, normal, opacity, feature = (
         value[order]
@@ -51,7 +51,7 @@ def shade_plainly(
     indirect: Float[Tensor, "surfels samples 3"],
     environment: Float[Tensor, "height width 3"],
 ) -> Float[Tensor, "surfels views 4 3"]:
-    """Eq. 8 as one writes it: every factor for all surfels, views and samples, then a sum (see ``kernels.shade``)."""
+    """Eq. 8 written out: every factor for all surfels, views and samples, then a sum (see ``kernels.shade``)."""
     n, wo, wi = torch.broadcast_tensors(normal[:, None, None], outgoing[:, :, None], direction[:, None])
     cosine = (n * wi).sum(-1)
     above = ((n * wo).sum(-1, keepdim=True) > 0) & (cosine > 0)[..., None]

@@ -15,7 +15,7 @@ SCHEMA = "radiogs-bench/kernels/1"
 def as_json(
     rows: Sequence[Row], scaling: dict[str, float] | None, skipped: Sequence[str], session: dict[str, Any]
 ) -> dict[str, Any]:
-    """Everything measured, and where it comes from."""
+    """All measurements and their provenance."""
     return {
         "schema": SCHEMA,
         **session,
@@ -26,7 +26,7 @@ def as_json(
 
 
 def as_table(rows: Sequence[Row], on_gpu: bool) -> "Table":
-    """One line a pass; rates are of one core on the CPU."""
+    """One line per pass; rates are of one core on the CPU."""
     from rich.table import Table
 
     rate = "M/s" if on_gpu else "M/s per core"

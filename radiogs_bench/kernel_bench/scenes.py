@@ -1,8 +1,8 @@
-"""What the kernels are measured on: surfels, and rays from them.
+"""Scenes for measuring kernels: surfels, and rays from them.
 
 S   a sphere above a plane, 4,096 surfels, 2^14 rays from their visible sides
-M   100,000 surfels over a closed blob with deep hollows, 2^18 rays outwards: 42 % meet something, 5 hits a ray
-Mi  the same blob seen from inside: every ray meets something, 15 hits a ray
+M   100,000 surfels over a closed blob with deep hollows, 2^18 rays outwards: 42 % hit something, 5 hits per ray
+Mi  the blob of M seen from inside: every ray hits something, 15 hits per ray
 
 and, from a file of points, real geometry of uneven density.
 """
@@ -24,16 +24,16 @@ from radiogs_core.kernels.surfel.geometry import SplatGeometry, support_radius
 from radiogs_core.transport.sampling import tangent_frame
 
 OVERLAP = 0.93
-"""Standard deviations over the spacing of M's surfels; with it the scenes have the hits that this module states."""
+"""Standard deviations over the spacing of M's surfels; it gives the hits per ray stated above."""
 
 SPREAD = 0.4
 """Standard deviation of the logarithm of each surfel's two scales."""
 
 POINTS_MEASURED = 8
-"""Neighbours that give a point of a cloud its normal and scale."""
+"""Neighbours from which a point's normal and scale are estimated."""
 
 FEATURES = 8
-"""Normal, albedo, roughness and one more: what radiometric consistency blends along a ray."""
+"""Channels that radiometric consistency blends along a ray: normal, albedo, roughness and one more."""
 
 
 @dataclass(frozen=True)

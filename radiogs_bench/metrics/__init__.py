@@ -1,4 +1,4 @@
-"""Metrics, each once, and the named protocols that bundle their conventions."""
+"""Metrics, each implemented once, and the named protocols that bundle their conventions."""
 
 from .protocol import Protocol, Scores
 from .protocols import PROTOCOLS, protocol

@@ -1,4 +1,4 @@
-"""Aligning recovered albedo with the true one: light and albedo are known only up to a factor per channel."""
+"""Aligns recovered albedo with the true one: albedo and light are known only up to a factor per channel."""
 
 from collections.abc import Callable, Mapping, Sequence
 
@@ -11,13 +11,13 @@ from radiogs_core.scene.colour import srgb_encode
 from .conventions import Albedo, Space
 
 SMALLEST = 1e-6
-"""Predictions below this are taken for it, so that a ratio stays finite; the median does not feel them."""
+"""Predictions are clamped to at least this, so that ratios stay finite; the median is not affected."""
 
 PER_CHANNEL_MEDIAN = Albedo()
-"""Over the covered pixels of all views."""
+"""Median of the ratios over the covered pixels of all views, per channel."""
 
 SUBSET = 20
-"""Views that TensoIR's alignment looks at, at equal stride."""
+"""Number of views in TensoIR's alignment, at equal stride."""
 
 Image = Float[Tensor, "height width 3"]
 Mask = Float[Tensor, "height width 1"]
@@ -29,22 +29,22 @@ PIXELS: Mapping[str, Callable[[Image, Image, Mask], Pixels]] = {
     "covered, any truth": lambda prediction, truth, mask: mask[..., 0] > 0,
     "predicted": lambda prediction, truth, mask: (prediction > 0).all(-1),
 }
-"""Which pixels count, by the convention's word."""
+"""The pixels that count, by the convention's name."""
 
 FACTORS: Mapping[str, Callable[[Tensor], Tensor]] = {
     "median": lambda ratios: ratios.median(0).values,
     "first channel's median": lambda ratios: ratios[:, 0].median().expand(3).clone(),
     "mean": lambda ratios: ratios.mean(0),
 }
-"""What is taken from the ratios [pixels, 3], by the convention's word."""
+"""The factor from the ratios [pixels, 3], by the convention's name."""
 
 
 def albedo_scale(
     predictions: Sequence[Image], truths: Sequence[Image], masks: Sequence[Mask], rules: Albedo = PER_CHANNEL_MEDIAN
 ) -> Float[Tensor, "3"]:
-    """Factor per channel that takes the predictions to the truths, over the views and pixels of the rules (linear).
+    """Factor per channel from predictions to truths (linear), over the views and pixels that the rules name.
 
-    Ones where there are no such pixels, or nothing is to be aligned.
+    Ones if there are no such pixels or the rules do not align.
     """
     if rules.align == "none":
         return torch.ones(3)
@@ -66,7 +66,7 @@ def albedo_scale(
 
 
 def fitted_views(count: int, rules: Albedo) -> list[int]:
-    """Places of the views that the factor is fitted to."""
+    """Indices of the views that the factor is fitted to."""
     if rules.fitted_to == "first view":
         return [0] if count else []
     if rules.fitted_to == "20 views" and count > SUBSET:
@@ -77,14 +77,14 @@ def fitted_views(count: int, rules: Albedo) -> list[int]:
 def least_squares(
     prediction: Float[Tensor, "pixels channels"], truth: Float[Tensor, "pixels channels"]
 ) -> Float[Tensor, " channels"]:
-    """The s of each channel that minimises |truth - s prediction|^2; zero for a prediction that is zero."""
+    """The s per channel that minimises |truth - s prediction|^2; zero for a prediction of zero."""
     prediction, truth = prediction.double(), truth.double()
     square = prediction.square().sum(0)
     return torch.where(square > 0, (truth * prediction).sum(0) / torch.where(square > 0, square, 1.0), 0.0).float()
 
 
 def encoded(linear: Image, space: Space) -> Image:
-    """Linear albedo in the space that it is compared in; negative values count as zero under a pure power."""
+    """Linear albedo in the space in which it is compared; negative values count as zero under a pure power."""
     if space == "srgb":
         return srgb_encode(linear)
     return linear.clamp(min=0) ** (1 / 2.2) if space == "gamma 2.2" else linear

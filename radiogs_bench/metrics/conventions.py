@@ -1,7 +1,7 @@
-"""The conventions that published evaluations differ in, one small type a metric.
+"""The conventions in which published evaluations differ, one small type per metric.
 
-Two figures can be compared when every field agrees. Values are words, because results record them as they stand.
-``docs/protocols.md`` says which code uses which, and where that is seen.
+Two values are comparable if every field agrees. Fields are words, because results record them as they are.
+``docs/protocols.md`` says which code uses which, and where.
 """
 
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Psnr:
-    """Peak 1. Over all channels jointly, or the mean of one PSNR a channel (never lower, by convexity).
+    """Peak 1. Over all channels jointly, or the mean of one PSNR per channel (never lower, by convexity).
 
     ``albedo_views`` says whether the albedo of all views is one error ("pooled") or each view has its own.
     """
@@ -90,7 +90,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class Albedo:
-    """Alignment of the recovered albedo, which is known only up to a factor a channel, and its comparison.
+    """Alignment of the recovered albedo, which is known only up to a factor per channel, and its comparison.
 
     ``align`` is what one factor (of truth / prediction) is taken from; ``fitted_to`` the views it is taken over;
     ``pixels`` those that count: "solid" where the truth covers more than half and is positive in all channels,
@@ -130,7 +130,7 @@ class Indirect:
 
 @dataclass(frozen=True)
 class Depth:
-    """Scale-invariant squared error of z-depth: one least-squares factor over all views of a capture, or one a view."""
+    """Scale-invariant squared error of z-depth: one least-squares factor per capture, or per view."""
 
     scale: Literal["all views", "each view"] = "all views"
 

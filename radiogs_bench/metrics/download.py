@@ -1,4 +1,4 @@
-"""Fetching the published LPIPS weights, checked against their SHA-256 before they take their name."""
+"""Downloads the published LPIPS weights and checks their SHA-256 before they get their file name."""
 
 import hashlib
 import http.client
@@ -15,10 +15,10 @@ from ..store.atomic import explained
 from .conventions import Net
 
 TIMEOUT = 60.0
-"""Seconds without a byte after which a connection counts as dead."""
+"""Seconds without data after which a connection counts as dead."""
 
 CHUNK = 1 << 20
-"""Bytes read at a time."""
+"""Bytes per read."""
 
 TORCHVISION = "https://download.pytorch.org/models"
 HEADS = (
@@ -29,7 +29,7 @@ HEADS = (
 
 @dataclass(frozen=True)
 class Source:
-    """A file to fetch: where it is, what it is called here, and what its SHA-256 (hexadecimal) begins with."""
+    """A file to download: its address, its local name, and the first digits of its SHA-256 (hexadecimal)."""
 
     url: str
     name: str
@@ -61,7 +61,7 @@ SOURCES: Mapping[Net, tuple[Source, ...]] = {
 
 
 def sources(nets: Sequence[str] | None = None) -> list[Source]:
-    """The files of some networks, or of all. Raises UsageError for one that LPIPS does not have."""
+    """The files of the given networks, or of all. Raises UsageError for a network that LPIPS does not have."""
     for net in nets or ():
         if net not in SOURCES:
             near = get_close_matches(net, SOURCES, 1)
@@ -74,10 +74,10 @@ def sources(nets: Sequence[str] | None = None) -> list[Source]:
 
 
 def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], timeout: float = TIMEOUT) -> bool:
-    """Put the file into ``folder``, unless it is there and right; tells whether it was fetched.
+    """Download the file into ``folder`` unless a correct one is there; returns whether it was downloaded.
 
-    ``advance`` is told (done, total) bytes. The file takes its name only when it is whole and its digest is right; an
-    interrupted download starts again. Raises DataError if the server has no such file, cannot be reached, sends less
+    ``advance`` is called with (done, total) bytes. The file gets its name once it is complete and its digest correct;
+    an interrupted download starts again. Raises DataError if the server has no such file, cannot be reached, sends less
     than it promised or something else; StoreError if the folder cannot be written.
     """
     path = folder / source.name

@@ -12,7 +12,7 @@ from radiogs_core.scene.light import texel_solid_angles
 from .conventions import Environment
 
 UNSCALED = Environment("none")
-"""The recovered light as it is."""
+"""No alignment: the recovered light is compared unscaled."""
 
 
 def environment_error(
@@ -23,7 +23,7 @@ def environment_error(
     """Squared error over the squared truth, both integrated over solid angle; 0 is exact, 1 a black estimate.
 
     Both maps are linear latitude-longitude radiance in one frame and size. With a scale the least-squares factor is
-    applied first, because light is known only up to a factor a channel; the error is then 1 - cos^2 of the maps'
+    applied first, because light is known only up to a factor per channel; the error is then 1 - cos^2 of the maps'
     angle and at most 1. NaN for a truth that is black. Raises UsageError for maps of different sizes.
     """
     if estimate.shape != truth.shape:

@@ -1,4 +1,4 @@
-"""LPIPS v0.1 (Zhang et al. 2018) with the published weights or not at all."""
+"""LPIPS v0.1 (Zhang et al. 2018), only with the published weights."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -26,7 +26,7 @@ UNIT_GUARD = 1e-10
 """The reference implementation's guard against features that are zero in all channels."""
 
 SMALLEST_SIDE: Mapping[Net, int] = {"alex": 31, "vgg": 16, "squeeze": 31}
-"""Pixels below which the last pool has nothing to look at (AlexNet, VGG16; SqueezeNet is held to AlexNet's)."""
+"""Smallest image side in pixels for which the last pool has input (SqueezeNet uses AlexNet's)."""
 
 
 def lpips(

@@ -11,10 +11,10 @@ from .conventions import Bits, Normal
 from .pictures import in_bits
 
 IN_MASK = Normal()
-"""Where the truth covers more than half."""
+"""Over the pixels that the truth covers by more than half."""
 
 HOLE = 90.0
-"""Degrees that a missing (zero) prediction inside the mask counts: no direction is as wrong as a guess."""
+"""Error in degrees of a missing (zero) prediction inside the mask: the mean error of a random direction."""
 
 BEHIND = (0.0, 0.0, 1.0)
 """The normal that published evaluations give to the background, on both sides."""
@@ -55,7 +55,7 @@ def angle(a: Float[Tensor, "*pixels 3"], b: Float[Tensor, "*pixels 3"]) -> Float
 def over_background(
     normal: Float[Tensor, "height width 3"], coverage: Float[Tensor, "height width 1"]
 ) -> Float[Tensor, "height width 3"]:
-    """Unit normals blended over (0, 0, 1) by coverage; what a map holds where nothing is covered does not count."""
+    """Unit normals blended over (0, 0, 1) by coverage; values outside the coverage have no effect."""
     behind = torch.tensor(BEHIND, dtype=normal.dtype, device=normal.device)
     return torch.where(coverage > 0, normalize(normal, dim=-1) * coverage, 0.0) + behind * (1 - coverage)
 

@@ -1,4 +1,4 @@
-"""Laying images out as a convention wants them: background, masks, 8 bits."""
+"""Prepares images for comparison as a convention states: background, masks, 8 bits."""
 
 import torch
 from jaxtyping import Float
@@ -19,10 +19,10 @@ Mask = Float[Tensor, "height width 1"]
 def predicted(
     image: Image, alpha: Mask, mask: Mask, rules: Picture, scale: Float[Tensor, " channels"] | None = None
 ) -> Image:
-    """The prediction as it is compared.
+    """The prediction as compared.
 
-    ``image`` is on black, ``alpha`` its own and ``mask`` the true coverage. ``scale`` multiplies it after it has gone
-    through its 8 bits and before masks apply.
+    ``image`` is on black; ``alpha`` is its own coverage, ``mask`` the true one. ``scale`` is applied after conversion
+    to 8 bits and before masks.
     """
     laid = in_bits(_over(rules.background, image, alpha), rules.prediction_bits)
     if scale is not None:
@@ -37,7 +37,7 @@ def predicted(
 
 
 def true(target: Image, mask: Mask, rules: Picture) -> Image:
-    """The truth as it is compared; ``target`` is on black, ``mask`` its coverage."""
+    """The truth as compared; ``target`` is on black, ``mask`` is its coverage."""
     laid = straight(target, mask) if rules.target == "straight" else _over(rules.background, target, mask)
     if rules.target == "times coverage again":
         laid = times(laid, mask)
@@ -45,7 +45,7 @@ def true(target: Image, mask: Mask, rules: Picture) -> Image:
 
 
 def in_bits(image: Image, bits: Bits) -> Image:
-    """The image as 8-bit files hold it: clipped, then rounded or cut off; or as it is."""
+    """The image as stored in 8 bits: clipped, then rounded or truncated; or unchanged."""
     if bits == "float":
         return image
     levels = image.clamp(0, 1) * 255
@@ -53,7 +53,7 @@ def in_bits(image: Image, bits: Bits) -> Image:
 
 
 def straight(image: Image, alpha: Mask) -> Image:
-    """The colour that was multiplied by ``alpha``; zero where nothing is covered."""
+    """The colour before multiplication by ``alpha``; zero where nothing is covered."""
     covered = alpha > 0
     return torch.where(covered, image / torch.where(covered, alpha, 1.0), 0.0)
 
@@ -72,5 +72,5 @@ def _colour(background: str) -> float:
 
 
 def needs_truth(rules: Picture) -> bool:
-    """Whether pixels outside the true coverage are taken out of the comparison."""
+    """Whether pixels outside the true coverage are excluded."""
     return rules.prediction in ("times true coverage", "background outside truth")

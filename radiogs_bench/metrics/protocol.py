@@ -1,4 +1,4 @@
-"""A metric protocol: one bundle of conventions, so that two figures under one name can be compared."""
+"""A metric protocol: one bundle of conventions, so that two values under one name are comparable."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -22,21 +22,21 @@ from .values import PSNR_CAP, Value, mean
 from .weights import missing_weights
 
 Scores = dict[str, Value]
-"""Figures by measure: ``psnr``, ``ssim``, ``lpips``, ``mae``, ``mse``, ``error``."""
+"""Values by measure: ``psnr``, ``ssim``, ``lpips``, ``mae``, ``mse``, ``error``."""
 
 EMPTY = "the mask is empty"
 
 SOLID_ROUGHNESS, OUTGOING, FACTOR_A_CHANNEL = Roughness(), Indirect(), Environment()
-"""Roughness inside the mask; radiance towards the camera; light aligned by one factor a channel."""
+"""Roughness inside the mask; radiance towards the camera; light aligned by one factor per channel."""
 
 
 @dataclass(frozen=True)
 class Protocol:
-    """Conventions, a field each; the defaults are those of the protocol ``default``.
+    """Conventions, one per field; the defaults are those of protocol ``default``.
 
-    Every map that is scored is given as it appears on black. ``mask`` is the true and ``alpha`` the predicted coverage,
-    [height, width, 1]: without a mask the truth covers everything, without an alpha the prediction covers what the
-    truth does. A field that is None is something that the protocol's own evaluation does not compare: "n/a".
+    All maps are given on black. ``mask`` is the true and ``alpha`` the predicted coverage, [height, width, 1]: without
+    a mask the truth covers everything, without an alpha the prediction has the true coverage. None as a field means
+    that the protocol does not compare this map: "n/a".
     """
 
     name: str
@@ -53,7 +53,7 @@ class Protocol:
     environment: Environment = FACTOR_A_CHANNEL
 
     def describe(self) -> dict[str, Any]:
-        """Every convention in words, for the record."""
+        """Every convention in words, as stored in results."""
         return asdict(self) | {
             "lpips": [asdict(rules) for rules in self.lpips],
             "images": "display sRGB, peak 1",
@@ -82,14 +82,14 @@ class Protocol:
         masks: Sequence[Mask],
         alphas: Sequence[Mask] | None = None,
     ) -> Float[Tensor, "3"]:
-        """Factor per channel for the recovered albedo (linear), from all views; ones where none can be had."""
+        """Factor per channel for the recovered albedo (linear), from all views; ones if there is none."""
         rules = replace(self.albedo.picture, prediction="rendered", target="composited", clipped=False)
         ours = [predicted(*view, rules) for view in zip(predictions, alphas or masks, masks, strict=True)]
         theirs = [true(*view, rules) for view in zip(truths, masks, strict=True)]
         return albedo_scale(ours, theirs, masks, self.albedo)
 
     def relighting_scale(self, scale: Float[Tensor, "3"]) -> Float[Tensor, "3"]:
-        """The factor that the recovered albedo is relit with: the aligning one, or ones."""
+        """The factor on the recovered albedo when relighting: the aligning one, or ones."""
         return scale if self.albedo.relights else torch.ones(3)
 
     def score_albedo(
@@ -142,9 +142,9 @@ class Protocol:
         }
 
     def mean(self, views: Sequence[Value], metric: str = "") -> Value:
-        """Mean over views of the figures of a metric (``task/measure``), or one error over all of them.
+        """Mean over views of a metric (``task/measure``), or its value pooled over all views.
 
-        A pooled PSNR is that of the mean error, which is the pooled one for views of one size.
+        A pooled PSNR is that of the mean error, which equals the pooled error for views of the same size.
         """
         if metric != "albedo/psnr" or self.psnr.albedo_views == "mean":
             return mean(views)
@@ -153,11 +153,11 @@ class Protocol:
         return pooled if pooled.value is None else Value(decibel(pooled.value))
 
     def compare(self, ours: Image, theirs: Image) -> Scores:
-        """All measures of two images that are laid out already."""
+        """All measures of two prepared images (see ``pictures``)."""
         return {"psnr": Value(psnr(ours, theirs, self.psnr))} | self._structure(ours, theirs)
 
     def no_comparison(self, reason: str) -> Scores:
-        """The measures of ``compare``, none of which exists."""
+        """The measures of ``compare``, all n/a with the given reason."""
         return {measure: Value(None, reason) for measure in ("psnr", "ssim", *self._perceptual())}
 
     def _picture(self, task: Task) -> Picture:
@@ -178,7 +178,7 @@ class Protocol:
 
 
 def perceptual(ours: Image, theirs: Image, rules: Lpips) -> Value:
-    """LPIPS, or why there is none."""
+    """LPIPS, or the reason why there is none."""
     missing = missing_weights(rules.net)
     if missing:
         return Value(None, missing)
@@ -186,24 +186,24 @@ def perceptual(ours: Image, theirs: Image, rules: Lpips) -> Value:
 
 
 def large_enough(image: Image, side: int, compute: Callable[[], float]) -> Value:
-    """What is computed of an image that is large enough for it."""
+    """The value, or n/a for an image that is too small for it."""
     if min(image.shape[:2]) < side:
         return Value(None, f"images are smaller than {side} pixels")
     return Value(compute())
 
 
 def inside(value: float, reason: str = EMPTY) -> Value:
-    """A figure that is NaN where there was nothing to average."""
+    """The value, or n/a if it is NaN because there was nothing to average."""
     return Value(value) if math.isfinite(value) else Value(None, reason)
 
 
 def usable(mask: Mask, rules: Picture) -> bool:
-    """Whether a comparison inside the true coverage has anything left; else it would be perfect for nothing."""
+    """Whether any pixel is left inside the true coverage; without one, the comparison would be perfect."""
     return not needs_truth(rules) or bool((mask > 0).any())
 
 
 def coverages(target: Image, mask: Mask | None, alpha: Mask | None) -> tuple[Mask, Mask]:
-    """True and predicted coverage, with what stands for one that is not given."""
+    """True and predicted coverage, with defaults for those not given."""
     if mask is None:
         mask = torch.ones(*target.shape[:2], 1)
     return mask, mask if alpha is None else alpha

@@ -1,4 +1,4 @@
-"""The named protocols. Where each convention is seen in the public codes: docs/protocols.md."""
+"""The named protocols; docs/protocols.md says where the public codes show each convention."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -17,7 +17,7 @@ DEFAULT = Protocol("default")
 
 MASKED = Picture(prediction="times true coverage")
 MASKED_TWICE = Picture(prediction="times true coverage", target="times coverage again", clipped=False)
-"""Both sides times the true coverage; the truth was on black already, so its soft edges carry it twice."""
+"""Both sides times the true coverage; the truth is already on black, so its soft edges are multiplied twice."""
 
 SPLATTING = Protocol(
     "splatting",
@@ -28,7 +28,7 @@ SPLATTING = Protocol(
     roughness=None,
     indirect=None,
 )
-"""What the codes that descend from 3D Gaussian splatting share; no protocol of its own."""
+"""Conventions shared by codes derived from 3D Gaussian splatting; not a named protocol."""
 
 IRGS = replace(
     SPLATTING,

@@ -11,7 +11,7 @@ from .conventions import Psnr
 from .values import PSNR_CAP
 
 JOINT = Psnr()
-"""Of the error over all channels together."""
+"""PSNR of the error over all channels together."""
 
 
 def mse(image: Float[Tensor, "height width channels"], target: Float[Tensor, "height width channels"]) -> float:
@@ -29,7 +29,7 @@ def psnr(
     target: Float[Tensor, "height width channels"],
     rules: Psnr = JOINT,
 ) -> float:
-    """PSNR in dB, capped at PSNR_CAP: of the error over all channels, or the mean of one PSNR a channel."""
+    """PSNR in dB, capped at PSNR_CAP: of the error over all channels, or the mean of one PSNR per channel."""
     if rules.channels == "joint":
         return decibel(mse(image, target))
     channels = zip(image.split(1, -1), target.split(1, -1), strict=True)

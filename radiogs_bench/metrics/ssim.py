@@ -1,4 +1,4 @@
-"""Structural similarity (Wang et al. 2004) in the forms that are in use, in float64."""
+"""Structural similarity (Wang et al. 2004) in the forms that published codes use, in float64."""
 
 import torch
 from jaxtyping import Float
@@ -25,7 +25,7 @@ def ssim(
 ) -> float:
     """Mean SSIM over pixels and channels.
 
-    Raises UsageError for an image that is smaller than the window (without padding) or than what is reflected.
+    Raises UsageError for an image that is smaller than the window (without padding) or than the reflected border.
     """
     smallest = smallest_side(rules)
     if min(image.shape[:2]) < smallest:
@@ -38,7 +38,7 @@ def ssim(
 
 
 def smallest_side(rules: Ssim) -> int:
-    """Pixels that an image needs along each side."""
+    """Smallest image side in pixels."""
     return {"valid": rules.window, "reflect": rules.window // 2 + 1, "zero": 1}[rules.padding]
 
 

@@ -18,13 +18,13 @@ Image = Float[Tensor, "height width 3"]
 Inside = Bool[Tensor, "height width"]
 
 EROSION = 5
-"""Pixels on a side of the box that the mask is eroded with."""
+"""Side of the box that erodes the mask, pixels."""
 
 BRIGHTEST = 4.0
-"""PSNR-H clips at this, with a peak of 1 all the same."""
+"""PSNR-H clips at this value, although its peak is 1."""
 
 GREY = 0.5
-"""No PSNR may be below that of this constant inside the mask."""
+"""The PSNR of this constant inside the mask is a lower bound of every PSNR."""
 
 NORMAL_GUARD = 1e-6
 """Added to the length of a normal before it is divided by; a missing one is then at distance 1 from any other."""
@@ -34,13 +34,13 @@ ORB_SSIM = Ssim(window=3, padding="reflect")
 
 
 def eroded(mask: Float[Tensor, "height width 1"]) -> Inside:
-    """Pixels whose 5 x 5 neighbours are all covered by more than half; what lies beyond the frame counts as covered."""
+    """Pixels whose 5 x 5 neighbours are all covered by more than half; outside the frame counts as covered."""
     outside = (mask[..., 0] <= 0.5).float()[None, None]
     return max_pool2d(outside, EROSION, stride=1, padding=EROSION // 2)[0, 0] == 0
 
 
 def masked(image: Image, inside: Inside) -> Image:
-    """Zero outside, whatever the image holds there."""
+    """The image, exactly zero outside the mask, even where it is NaN."""
     return torch.where(inside[..., None], image, 0.0)
 
 
@@ -62,7 +62,7 @@ def psnr_h(image: Image, target: Image, inside: Inside) -> float:
 
 
 def psnr_l(image: Image, target: Image, inside: Inside) -> float:
-    """PSNR-L in dB: of display images."""
+    """PSNR-L in dB: PSNR of display images."""
     return _floored(displayed(image, inside), displayed(target, inside), inside)
 
 

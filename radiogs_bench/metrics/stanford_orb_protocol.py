@@ -1,4 +1,4 @@
-"""The protocol ``stanford-orb``: the benchmark's evaluator behind the methods that all protocols have."""
+"""The protocol ``stanford-orb``: the benchmark's evaluator behind the interface of all protocols."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,7 @@ class StanfordOrb(Protocol):
     """
 
     def describe(self) -> dict[str, Any]:
-        """Every convention in words; layouts on a background, which this evaluator does not have, are left out."""
+        """Every convention in words, without backgrounds, which this evaluator does not have."""
         inherited = {name: words for name, words in super().describe().items() if name not in NOT_ITS_OWN}
         return inherited | {
             "region": f"mask eroded by {orb.EROSION} x {orb.EROSION}; zero outside, which counts in every mean",
@@ -48,7 +48,7 @@ class StanfordOrb(Protocol):
         return self.score_linear(srgb_decode(image), srgb_decode(target), mask, task)
 
     def score_linear(self, image: Image, target: Image, mask: Mask | None = None, task: Task = "nvs") -> Scores:
-        """The same of a linear image; LPIPS sees images that were encoded to sRGB twice, as in the evaluator."""
+        """The measures of ``score_image`` of a linear image; LPIPS encodes it to sRGB twice, as the evaluator does."""
         mask, _ = coverages(target, mask, None)
         region = orb.eroded(mask)
         if task == "indirect" or not region.any():
@@ -67,7 +67,7 @@ class StanfordOrb(Protocol):
         }
 
     def no_comparison(self, reason: str) -> Scores:
-        """The measures of ``score_image``, none of which exists."""
+        """The measures of ``score_image``, all n/a with the given reason."""
         return {measure: Value(None, reason) for measure in ("psnr", "psnr_h", "psnr_l", "ssim", "lpips")}
 
     def albedo_scale(
@@ -77,7 +77,7 @@ class StanfordOrb(Protocol):
         masks: Sequence[Mask],
         alphas: Sequence[Mask] | None = None,
     ) -> Float[Tensor, "3"]:
-        """Ones: every view is aligned by itself."""
+        """Ones: each view is aligned separately."""
         return torch.ones(3)
 
     def score_albedo(

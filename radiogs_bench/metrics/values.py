@@ -1,4 +1,4 @@
-"""A figure that may not exist: a number, or the reason why there is none."""
+"""A value that may not exist: a number, or the reason why there is none."""
 
 import math
 from collections.abc import Sequence
@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 PSNR_CAP = 100.0
 """Identical images have no finite PSNR and JSON no infinity. They count as 100 dB: an error of 1e-5, which no float32
-render resolves; the count of capped views is reported."""
+render resolves; the number of capped views is reported."""
 
 
 @dataclass(frozen=True)
 class Value:
-    """A figure, or None with the reason that stands in its place as "n/a"."""
+    """A number, or None with the reason, printed as "n/a"."""
 
     value: float | None
     reason: str = ""
 
 
 def mean(values: Sequence[Value]) -> Value:
-    """The mean of the figures; "n/a" with the first reason if any of them does not exist."""
+    """The mean of the values; n/a with the first reason if any of them does not exist."""
     if not values:
         return Value(None, "no view to score")
     for value in values:

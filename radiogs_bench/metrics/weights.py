@@ -1,4 +1,4 @@
-"""The published weights of LPIPS: where they are, what they are called, and how they come to a folder."""
+"""The published weights of LPIPS: folder, file names, and reading."""
 
 import os
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ WEIGHTS_VARIABLE = "RADIOGS_BENCH_WEIGHTS"
 UNREADABLE = (
     OSError, ValueError, EOFError, RuntimeError, LookupError, AttributeError, TypeError, UnpicklingError, BadZipFile
 )  # fmt: skip
-"""What torch's restricted unpickler and numpy raise for bytes that are no archive."""
+"""Errors that torch's restricted unpickler and numpy raise for files that are not archives."""
 
 DOWNLOAD = "Fetch them:  radiogs-bench datasets weights"
 
@@ -43,21 +43,21 @@ FILES: Mapping[Net, Files] = {
 
 
 def weights_folder() -> Path:
-    """Where weights are looked for: the variable RADIOGS_BENCH_WEIGHTS, else the user's cache."""
+    """The folder of the weights: the variable RADIOGS_BENCH_WEIGHTS, else the user's cache."""
     named = os.environ.get(WEIGHTS_VARIABLE)
     cache_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     return Path(named) if named else cache_home / "radiogs-bench" / "weights"
 
 
 def missing_weights(net: Net = "alex") -> str:
-    """Why LPIPS on this network cannot be computed, or nothing. Results keep it: it says nothing about the machine."""
+    """Why LPIPS with this network cannot be computed; empty if it can. Stored in results, so it names no path."""
     if not lacking(net):
         return ""
     return f"the published LPIPS weights of {net} were not found; radiogs-bench datasets weights fetches them"
 
 
 def lacking(net: Net) -> str:
-    """Which file this machine lacks, with the folder, or nothing: for messages, not for results."""
+    """The missing file, with its folder; empty if none is missing. For messages, not for results."""
     folder = weights_folder()
     for names in (FILES[net].features, FILES[net].head):
         if _first(folder, names) is None:
@@ -66,7 +66,7 @@ def lacking(net: Net) -> str:
 
 
 def complaint(net: Net) -> str:
-    """What a user is told at once about weights that this machine lacks, or nothing."""
+    """The message about missing weights; empty if none is missing."""
     missing = lacking(net)
     return f"LPIPS ({net}) is n/a: {missing}. {DOWNLOAD}" if missing else ""
 

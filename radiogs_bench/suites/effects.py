@@ -12,7 +12,7 @@ def _without(*left_out: str) -> dict[str, tuple[str, ...]]:
 
 EFFECTS_SUITE = Suite(
     name="effects",
-    title="Simulating only the effects that a scene calls for",
+    title="Simulating only the effects that a scene needs",
     published=None,
     reference="everything",
     rows=(

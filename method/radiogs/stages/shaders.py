@@ -134,7 +134,7 @@ class MonteCarlo:
         return self.planner.due(iteration)
 
     def plan_anew(self, model: Model, probed: Model, views: tuple[TrainingView, ...], iteration: int) -> None:
-        """Probe what the scene calls for now; another plan begins with incident light of its own."""
+        """Probe which effects the scene needs now; a new plan starts with new incident light."""
         budget, surfels = self.budget, probed.surfels
         step = Step(len(surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
         with part("probe"):

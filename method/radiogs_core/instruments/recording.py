@@ -1,4 +1,4 @@
-"""What a run costs and what its guards did, apart from how fast the machine was: recorded where somebody asks for it.
+"""Records work counters, guard counts and timed parts, within ``with recording()``.
 
 ``with recording() as instruments`` records what is done within. Recordings are scoped, not global: the innermost one
 receives what is counted, an outer one stands still meanwhile, and outside all of them nothing is kept.

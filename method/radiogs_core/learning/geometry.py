@@ -18,19 +18,19 @@ class GeometryWeights:
     """Weights of the losses; 0 leaves one out."""
 
     absolute: float = ABSOLUTE_WEIGHT
-    """Of L1 between each blended image and the training image, in display sRGB (3DGS)."""
+    """L1 between each blended image and the training image, in display sRGB (3DGS)."""
     similarity: float = SIMILARITY_WEIGHT
-    """Of 1 - SSIM between the same (3DGS)."""
+    """1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
-    """Of the distance between the surfels' normals and those of the depth map (2DGS)."""
+    """Distance between the surfels' normals and those of the depth map (2DGS)."""
     distortion: float = 0.1
-    """Of the depth distortion in units of (z / camera distance)^2. The released 1000 on m(z) = (100 - 20 / z) / 99.8
+    """Depth distortion in units of (z / camera distance)^2. The released 1000 on m(z) = (100 - 20 / z) / 99.8
     would be 2 here (dm = 0.2 / z^2 dz at the data sets' distance of 4.5); measured on ``corner`` at 700 iterations, 30
     breaks the geometry (normal error 52 degrees), and 0.1 to 0.3 reconstructs it better than 2."""
     mask: float = 0.05
-    """Of the cross-entropy between coverage and the mask."""
+    """Cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.15
-    """Of the normals' slopes where the image has none. The paper's 0.02 is for 40,000 iterations; ``corner`` at 700
+    """Slopes of the normals where the image has no edges. The paper's 0.02 is for 40,000 iterations; ``corner`` at 700
     measured 28 degrees of normal error with it and 26 with 0.2."""
 
 
@@ -51,19 +51,19 @@ class SurfelRates:
     """Adam's learning rates of surfels; positions in scene extents (see ``Scene.extent``). Those of 2DGS."""
 
     position: float = 1.6e-4
-    """Of centres at the beginning; times ``geometry_rate`` of the budget."""
+    """Rate of centres at the start; times ``geometry_rate`` of the budget."""
     position_end: float = 1.6e-6
-    """Of centres after ``GeometrySchedule.position_decay_until``; geometric in between."""
+    """Rate of centres after ``GeometrySchedule.position_decay_until``; geometric in between."""
     rotation: float = 0.001
-    """Of quaternions; times ``geometry_rate`` of the budget."""
+    """Rate of quaternions; times ``geometry_rate`` of the budget."""
     scale: float = 0.005
-    """Of log-scales."""
+    """Rate of log-scales."""
     opacity: float = 0.05
-    """Of the opacity's logits."""
+    """Rate of the opacity's logits."""
     radiance: float = 0.0025
-    """Of the harmonics of degree 0."""
+    """Rate of the harmonics of degree 0."""
     radiance_rest: float = 0.0025 / 20
-    """Of the harmonics of higher degrees."""
+    """Rate of the harmonics of higher degrees."""
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ class Camera:
         return self.camera_to_world[:3, :3]
 
     def to(self, device: torch.device | str | None = None, dtype: torch.dtype | None = None) -> "Camera":
-        """The same camera with its matrix on another device or of another type."""
+        """A copy of the camera with its matrix on another device or of another type."""
         moved = self.camera_to_world.to(device=device, dtype=dtype)
         return self if moved is self.camera_to_world else replace(self, camera_to_world=moved)
 

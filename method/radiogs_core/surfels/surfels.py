@@ -105,7 +105,7 @@ class Surfels:
         return tuple(field.name for field in fields(cls))
 
     def made_of(self, albedo: float, roughness: float, opacity: float | None = None) -> "Surfels":
-        """The same surfels, all of one material; ``opacity`` None: as opaque as they are."""
+        """A copy of the surfels with a single material; ``opacity`` None keeps their opacity."""
         changes = {
             "albedo_logit": torch.full_like(self.albedo_logit, inverse_sigmoid(albedo)),
             "roughness_logit": torch.full_like(self.roughness_logit, roughness_to_logit(roughness)),

@@ -21,7 +21,7 @@ SAME_SURFACE = 0.1
 def nearest(geometry: SplatGeometry) -> Int[Tensor, "surfels neighbours"]:
     """Each surfel and the NEIGHBOURS nearest to it, or all where there are fewer.
 
-    Surfels that no ray can meet are nobody's neighbours but their own.
+    Surfels that no ray can hit are neighbours of themselves only.
     """
     solid = torch.nonzero(can_be_met(geometry))[:, 0]
     places = geometry.centre.detach()[solid].double().cpu().numpy()

@@ -25,7 +25,7 @@ class Incident:
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
 
     def thinned(self, count: int) -> "Incident":
-        """So many of the directions, evenly chosen, for as much of the sphere as all."""
+        """An evenly chosen subset of the directions, with weights scaled to the full solid angle."""
         samples = self.weight.shape[1]
         some = torch.arange(count, device=self.weight.device) * samples // count
         chosen = Incident(*(getattr(self, each.name)[:, some] for each in fields(self)))
@@ -37,12 +37,12 @@ class Incident:
             getattr(self, each.name)[index] = getattr(fresh, each.name).detach()
 
     def replaced(self, places: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
-        """The same with the entries at ``places`` of another, whose gradient goes on."""
+        """A copy with the entries at ``places`` taken from ``fresh``, through which gradients flow."""
         return Incident(
             *(getattr(self, each.name).index_copy(0, places, getattr(fresh, each.name)) for each in fields(self))
         )
 
 
 def unoccluded(direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]) -> Incident:
-    """The light on surfels around which there is nothing."""
+    """Incident light of surfels that nothing occludes: V = 1, no indirect light."""
     return Incident(direction, weight, torch.ones_like(weight), torch.zeros_like(direction))

@@ -84,7 +84,7 @@ class EffectPlan:
         return tuple(name for name, on in left.items() if not on)
 
     def without(self, effect: str) -> "EffectPlan":
-        """The same with one effect's substitute."""
+        """A copy of the plan with one effect replaced by its substitute."""
         changes: dict[str, dict[str, Any]] = {
             "visibility": {"visibility": False},
             "indirect": {"indirect": False},

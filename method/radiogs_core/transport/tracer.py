@@ -26,12 +26,12 @@ RAYS_AT_ONCE = 1 << 18
 
 
 class SurfelTracer:
-    """Traces rays from surfels to surfels, or says what stands for them.
+    """Traces rays from surfels to surfels, or supplies the substitute for rays.
 
-    Holds the bounding volumes, which are made when the first ray asks for them, and who is whose neighbour, found when
-    the first surfel goes without rays.
+    Holds the bounding volumes, built for the first ray, and the surfels' neighbours, found when the first surfel has no
+    rays.
 
-    ``offset``: how far from their own surfel rays start, in its standard deviations; with ``world_offset``, that many
+    ``offset``: distance from their own surfel at which rays start, in its standard deviations; ``world_offset``: in
     world units instead.
     """
 

@@ -44,7 +44,7 @@ class SplatGeometry:
         return self.centre.shape[0]
 
     def detach(self) -> "SplatGeometry":
-        """The same surfels without gradient."""
+        """A copy of the surfels without gradient."""
         return SplatGeometry(*(getattr(self, field.name).detach() for field in fields(self)))
 
 
