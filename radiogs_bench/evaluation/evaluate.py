@@ -12,8 +12,10 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import NotOffered, Prepared, Trained
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
+from ..method_calls import calling, refused, require
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
 from .figures import Figures
@@ -62,7 +64,13 @@ class Evaluation:
 
 
 def evaluate(
-    trained: Trained, scene: Scene, rules: Protocol, device: torch.device, advance: Advance, timed: bool = True
+    trained: Trained,
+    scene: Scene,
+    rules: Protocol,
+    device: torch.device,
+    advance: Advance,
+    timed: bool = True,
+    method: str = "the method",
 ) -> Evaluation:
     """Score a model on every test view, and under every light that test views, or views elsewhere, are given under.
 
@@ -72,10 +80,11 @@ def evaluate(
     (under the first light, and ``relit/<light>`` under the first few); those that the scene has no truth for are left
     out under ``truth/``. ``render/incident`` is the indirect light that arrives, where the method knows it. Beside them
     lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known. ``timed`` is
-    whether frames are timed. Raises DataError for a damaged map.
+    whether frames are timed, ``method`` what messages call it. Raises DataError for a damaged map, MethodFailed for
+    what the method raises without a word, or what it gives that is no such map.
     """
-    course = _Course(scene, rules, device, advance, timed)
-    course.show_own(trained.prepare(after_step=course.still_there))
+    course = _Course(scene, rules, device, advance, timed, method)
+    course.show_own(course.prepared(trained))
     course.compare_light(trained)
     scale = course.compare_whole()
     course.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
@@ -102,6 +111,7 @@ class _Course:
     device: torch.device
     advance: Advance
     timed: bool
+    method: str
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     done: int = 0
@@ -125,9 +135,25 @@ class _Course:
         self.done += 1
         self.advance(self.done, self.total)
 
+    def prepared(
+        self, trained: Trained, light: EnvironmentMap | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+    ) -> Prepared:
+        """The model under its own light, or under another one."""
+        what = "prepare()" if light is None else "prepare() for another light"
+        with calling(self.method, what):
+            ready = trained.prepare(light, albedo_scale, self.still_there)
+        require(self.method, ready, Prepared, what)
+        return ready
+
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
         """A view's maps in main memory, on black."""
-        return on_black(prepared, view.camera.to(self.device, torch.float32), *further)
+        camera = view.camera.to(self.device, torch.float32)
+        return on_black(prepared, camera, *further, method=self.method, view=view.name)
+
+    def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
+        """What a frame takes."""
+        with calling(self.method, "render(), once more to be timed"):
+            self.costs.measure(task, prepared.render, views)
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the model's own light, and keep what is compared over all views."""
@@ -143,16 +169,22 @@ class _Course:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
             self.count()
         if self.timed and prepared.timed:
-            self.costs.measure("nvs", prepared.render, self.scene.test)
+            self.measure("nvs", prepared, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
         """Score the recovered light where there is one and the true one is known."""
-        if trained.light is None:
+        with calling(self.method, "light"):
+            light = trained.light
+        if light is None:
             return
+        if not isinstance(light, EnvironmentMap):
+            raise refused(
+                self.method, f"its light is a {type(light).__name__}", "It has to be an EnvironmentMap, or None."
+            )
         self.given.add("environment")
-        score_light(self.figures, self.scene, trained.light)
+        score_light(self.figures, self.scene, light)
         if self.scene.training_light is not None:
-            self.arrays |= light_maps(trained.light, self.scene.training_light)
+            self.arrays |= light_maps(light, self.scene.training_light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
         """Score depth and albedo, which are compared over all views; returns the factor that aligned the albedo."""
@@ -169,7 +201,7 @@ class _Course:
         for light, views in self.lit.items():
             started = time.perf_counter()
             try:
-                relit = trained.prepare(self.scene.lights[light], albedo_scale, self.still_there)
+                relit = self.prepared(trained, self.scene.lights[light], albedo_scale)
             except NotOffered as cannot:
                 self._withhold_relit(views, cannot.what)
                 continue
@@ -178,7 +210,7 @@ class _Course:
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
             if self.timed and relit.timed:
-                self.costs.measure("render", relit.render, views)
+                self.measure("render", relit, views)
             for view in views:
                 self._score_relit(light, view, self.rendered(relit, view))
                 self.count()
@@ -191,6 +223,8 @@ class _Course:
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
+        if "image" not in maps:
+            return
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
         self.figures.add(
             "relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight")
