@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Mapping
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ import pytest
 import torch
 
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, Turned
+from radiogs_bench import methods
+from radiogs_bench.cli import main
 from radiogs_bench.cli.sweeping import report_failures
 from radiogs_bench.engines.in_process import Task, run_cells
 from radiogs_bench.errors import MethodFailed, explain
@@ -401,3 +404,64 @@ def test_a_map_with_a_gradient_is_scored(monkeypatch: pytest.MonkeyPatch) -> Non
     shown = ChainPrepared(0.5)
     monkeypatch.setattr(shown, "render", lambda *given: {"image": torch.full((16, 16, 3), 0.5, requires_grad=True)})
     assert not on_black(shown, CAMERA)["image"].requires_grad
+
+
+def test_a_package_that_is_broken_does_not_hide_the_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "broken_method.py").write_text("x = 1\n1 / 0\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    broken = EntryPoint("broken", "broken_method:METHOD", methods.GROUP)
+    offered = {**methods._offered(), "broken": broken}
+    monkeypatch.setattr(methods, "_offered", lambda: offered)
+    assert main(["methods"]) == 2
+    said = capsys.readouterr()
+    assert "radiogs" in said.out
+    assert "the method 'broken' cannot be loaded" in said.err
+    assert f"ZeroDivisionError: division by zero, at {tmp_path / 'broken_method.py'}, line 2" in said.err
+    assert main(["methods", "broken"]) == 2
+    assert main(["methods", "radiogs"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("del Mine.title", "it lacks title"),
+        ("METHOD = Mine", "it is the class Mine and has to be an instance of it"),
+        ("METHOD.name = 'theirs'", "its name is 'theirs' and the key of its entry point 'mine'"),
+        ("METHOD.variant = Variant()", "its variant has to be a dataclass, the class itself"),
+        ("METHOD.variant = Budget", "its variant has no default for name"),
+        ("METHOD.presets = {'tiny': Budget('tiny')}", "its presets are tiny, and 'smoke' has to be among them"),
+        ("METHOD.presets = {'smoke': Budget('small')}", "its preset 'smoke' has to be an instance of a dataclass"),
+        ("METHOD.presets = {'smoke': {'name': 'smoke'}}", "its preset 'smoke' has to be an instance of a dataclass"),
+    ],
+)
+def test_what_is_wrong_with_a_method_is_said(
+    change: str, told: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    text = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Variant:
+    weight: float = 1.0
+
+@dataclass(frozen=True)
+class Budget:
+    name: str
+
+class Mine:
+    name, title, variant, presets, sources = "mine", "Mine", Variant, {"smoke": Budget("smoke")}, ("mine",)
+    def stages(self, variant, budget): return ()
+    def restore(self, run, tensors): return None
+
+METHOD = Mine()
+"""
+    module = f"mine_{abs(hash(change))}"
+    (tmp_path / f"{module}.py").write_text(f"{text}{change}\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    offered = {"mine": EntryPoint("mine", f"{module}:METHOD", methods.GROUP)}
+    monkeypatch.setattr(methods, "_offered", lambda: offered)
+    with pytest.raises(UsageError, match="the method 'mine' is not what a method is") as refused:
+        methods.method("mine")
+    assert told in refused.value.why
