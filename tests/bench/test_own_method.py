@@ -62,6 +62,12 @@ method = "mean-image"
 variant = { irradiance = 0.5 }
 
 [[rows]]
+key = "half"
+text = "Mean image, half of the views"
+method = "mean-image"
+variant = { every = 2 }
+
+[[rows]]
 key = "radiogs"
 text = "RadioGS without L_rad"
 variant = { radiometric_weight = 0.0 }
@@ -106,7 +112,7 @@ def test_it_is_listed_with_its_fields_and_presets(run: Run) -> None:
     listed = run("methods", "mean-image", "--json")
     assert listed.returncode == 0, listed.stderr
     said = json.loads(listed.stdout)
-    assert said["variant"] == {"irradiance": 1.0}
+    assert said["variant"] == {"every": 1, "irradiance": 1.0}
     assert said["presets"]["smoke"] == {"name": "smoke", "views": 4}
     assert said["origin"] == "mean-image 0.1.0"
     assert "radiogs" in run("methods").stdout
@@ -121,6 +127,7 @@ def test_its_rows_stand_in_the_tables_beside_radiogs(out: Path) -> None:
     assert values["mean"] > 10
     # The mean is of light times albedo: how bright the light is taken to be shows in the albedo alone.
     assert values["mean"] == pytest.approx(values["dim"], abs=1e-4)
+    assert values["mean"] != pytest.approx(values["half"], abs=1e-2)
     assert summary["cells"]["mean"]["normal/mae"]["mean"] is None
     assert "does not give" in summary["cells"]["mean"]["normal/mae"]["reason"]
     assert summary["cells"]["radiogs"]["normal/mae"]["mean"] is not None
@@ -129,12 +136,14 @@ def test_its_rows_stand_in_the_tables_beside_radiogs(out: Path) -> None:
 def test_rows_that_its_stage_does_not_read_share_it(out: Path) -> None:
     cells = [json.loads(path.read_text())["cell"] for path in (out / "cells").glob("*.json")]
     mine = [cell for cell in cells if cell["method"] == "mean-image"]
-    assert len({cell["stages"]["average"] for cell in mine}) == 2  # one a seed, for two rows
-    assert len(mine) == 4
+    assert len(mine) == 6
+    assert len({cell["stages"]["average"] for cell in mine}) == 4  # two a seed, for three rows
+    whole = [cell for cell in mine if cell["variant"]["every"] == 1]
+    assert len({cell["stages"]["average"] for cell in whole}) == 2  # one a seed, for two rows
 
 
 def test_status_report_and_gate_know_it(run: Run, out: Path, tmp_path: Path) -> None:
-    assert "6 of 6 cells finished" in run("status", f"{out}").stdout
+    assert "8 of 8 cells finished" in run("status", f"{out}").stdout
     assert run("report", f"{out}").returncode == 0
     assert "Mean image" in (out / "report.html").read_text()
     baseline = f"{tmp_path / 'baseline.json'}"
