@@ -9,6 +9,17 @@ class CellFailed(ExplainedError):
     """A cell failed."""
 
 
+class MethodFailed(ExplainedError):
+    """A method raised what does not explain itself, or gave what its contract does not know.
+
+    ``trace`` is the whole traceback, empty where nothing was raised.
+    """
+
+    def __init__(self, what: str, why: str = "", remedy: str = "", trace: str = "") -> None:
+        super().__init__(what, why, remedy)
+        self.trace = trace
+
+
 class StoreError(ExplainedError):
     """The store cannot be read or written; what was finished before is untouched."""
 

@@ -5,8 +5,9 @@ A package offers a method by an entry point of the group ``radiogs_bench.methods
 (docs/methods_as_commands.md).
 """
 
+import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
@@ -16,6 +17,7 @@ from typing import Any
 from radiogs_core.contract import Method
 from radiogs_core.errors import UsageError
 
+from .method_calls import calling, lacking
 from .plain_values import from_plain
 
 GROUP = "radiogs_bench.methods"
@@ -94,16 +96,18 @@ def budget_of(of: Method, preset: str) -> Any:
 def describe(of: Method) -> dict[str, Any]:
     """What ``radiogs-bench methods`` shows: presets with their numbers, fields of the variant with their defaults."""
     full = of.variant()
+    with calling(of.name, "stages()"):
+        stages = {
+            name: [{"name": stage.name, "steps": stage.steps} for stage in of.stages(full, budget)]
+            for name, budget in of.presets.items()
+        }
     return {
         "name": of.name,
         "title": of.title,
         "origin": origin(of.name),
         "presets": {name: asdict(budget) for name, budget in of.presets.items()},
         "variant": asdict(full) if is_dataclass(full) and not isinstance(full, type) else {},
-        "stages": {
-            name: [{"name": stage.name, "steps": stage.steps} for stage in of.stages(full, budget)]
-            for name, budget in of.presets.items()
-        },
+        "stages": stages,
     }
 
 
@@ -125,25 +129,49 @@ def _offered() -> Mapping[str, EntryPoint]:
 def _loaded(point: EntryPoint) -> Method:
     try:
         loaded = point.load()
-    except (ImportError, AttributeError) as error:
+    except Exception as error:  # whatever is wrong with a package is told with its name
+        places = [each for each in traceback.extract_tb(error.__traceback__) if not each.filename.startswith("<frozen")]
         raise UsageError(
-            f"the method '{point.name}' cannot be loaded", f"{point.value}: {error}.", "Mend or uninstall its package."
+            f"the method '{point.name}' cannot be loaded",
+            f"{point.value}: {type(error).__name__}: {error}, at {places[-1].filename}, line {places[-1].lineno}.",
+            "Mend or uninstall its package.",
         ) from error
-    lacking = [name for name in _required() if not hasattr(loaded, name)]
-    if lacking or loaded.name != point.name or not isinstance(loaded.variant, type) or not is_dataclass(loaded.variant):
+    wrong = _wrong(loaded, point.name)
+    if wrong:
         raise UsageError(
             f"the method '{point.name}' is not what a method is",
-            f"{point.value} lacks {', '.join(lacking)}."
-            if lacking
-            else f"Its name is '{loaded.name}', and its variant must be a dataclass.",
+            f"{point.value}: {wrong}.",
             "What a method is: docs/your_own_method.md",
         )
     checked: Method = loaded
     return checked
 
 
-def _required() -> tuple[str, ...]:
-    return ("name", "title", "variant", "presets", "sources", "stages", "restore")
+SMOKE = "smoke"
+"""The preset that every method has to have: kernels are compiled with it."""
+
+
+def _wrong(loaded: Any, name: str) -> str:
+    """What keeps an object from being the method of an entry point, in words; empty for nothing."""
+    if isinstance(loaded, type):
+        return f"it is the class {loaded.__name__} and has to be an instance of it"
+    missing = lacking(loaded, Method)
+    if missing:
+        return f"it lacks {', '.join(missing)}"
+    if loaded.name != name:
+        return f"its name is '{loaded.name}' and the key of its entry point '{name}'; they have to be the same"
+    if not isinstance(loaded.variant, type) or not is_dataclass(loaded.variant):
+        return "its variant has to be a dataclass, the class itself"
+    bare = [each for each in fields(loaded.variant) if each.default is MISSING and each.default_factory is MISSING]
+    if bare:
+        names = ", ".join(each.name for each in bare)
+        return f"its variant has no default for {names}; the defaults are the full method"
+    if SMOKE not in loaded.presets:
+        return f"its presets are {', '.join(loaded.presets)}, and '{SMOKE}' has to be among them"
+    for key, budget in loaded.presets.items():
+        if not is_dataclass(budget) or getattr(budget, "name", None) != key:
+            return f"its preset '{key}' has to be an instance of a dataclass whose name is '{key}'"
+    return ""
 
 
 def _from_file(path: Path) -> Method:

@@ -5,6 +5,8 @@ import json
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from radiogs_core.errors import ExplainedError
+
 from .options import add_verbose
 
 if TYPE_CHECKING:
@@ -21,11 +23,20 @@ def add_to(commands: "Commands") -> None:
 
 
 def methods(options: argparse.Namespace) -> int:
-    """List all methods, or describe one in full."""
+    """List all methods, or say everything about one."""
+    from ..errors import explain, worst_exit_code
     from ..methods import describe, method, method_names
-    from .reporter import say
+    from .reporter import complain, say
 
-    described = [describe(method(name)) for name in ([options.name] if options.name else method_names())]
+    described: list[dict[str, Any]] = []
+    broken: list[ExplainedError] = []
+    for name in [options.name] if options.name else method_names():
+        try:
+            described.append(describe(method(name)))
+        except ExplainedError as error:  # one broken package must not hide the others
+            if options.name:
+                raise
+            broken.append(error)
     if options.json:
         for each in described:
             say(json.dumps(each, allow_nan=False))
@@ -33,7 +44,9 @@ def methods(options: argparse.Namespace) -> int:
         _show_one(described[0])
     else:
         _show_all(described)
-    return 0
+    for failure in broken:
+        complain(explain(failure))
+    return worst_exit_code(broken)
 
 
 def _show_all(described: list[dict[str, Any]]) -> None:

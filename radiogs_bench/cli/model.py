@@ -10,7 +10,7 @@ from .device import chosen_device
 from .options import add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
-    from radiogs_core.contract import Prepared, Run
+    from radiogs_core.contract import Prepared, Run, Trained
 
     from .options import Commands
 
@@ -71,7 +71,7 @@ def train(options: argparse.Namespace) -> int:
     from ..training.interruption import Interruption
     from ..training.preflight import read_everything
     from ..training.progress import progress_for_stderr
-    from ..training.stages import Bench, trained
+    from ..training.stages import Bench, facts_of, trained
     from ..training.trained_folder import write_trained
     from .reporter import say
 
@@ -79,16 +79,16 @@ def train(options: argparse.Namespace) -> int:
     used, scene, store = method(options.method), load_scene(options.scene), Store(options.out)
     work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
     cell = cell_of(used, scene, work, options.method)
-    with progress_for_stderr() as progress, Interruption() as interruption:
+    with store.keeping_tracebacks(), progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
         model, ledgers = trained(Bench(store, device, progress, interruption, method), cell, scene)
+        facts, written = facts_of(cell.method, model), write_trained(store, options.scene, cell, model)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
-    facts = model.facts()
     size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
     say(f"{scene.name}: {size}{seconds:.0f} s")
     for remark in facts.get("remarks", ()):
         say(remark)
-    for path in write_trained(store, options.scene, cell, model):
+    for path in written:
         say(f"wrote {path}")
     return 0
 
@@ -115,10 +115,25 @@ def variant_asked(options: argparse.Namespace) -> Any:
 
 def render(options: argparse.Namespace) -> int:
     """Write the maps of every view: images as PNG, everything as EXR."""
-    from ..training.trained_folder import read_trained
+    from ..store.folder import Store
+    from ..training.trained_folder import read_about, read_trained
 
-    run, model = read_trained(options.folder, chosen_device(options))
-    return write_views(model.prepare(), run, options.views, options.folder / "render")
+    with Store(options.folder).keeping_tracebacks():
+        run, model = read_trained(options.folder, chosen_device(options))
+        name = read_about(options.folder)["method"]
+        return write_views(name, prepared(name, model), run, options.views, options.folder / "render")
+
+
+def prepared(method: str, model: "Trained", *lit: Any) -> "Prepared":
+    """A model under its own light, or under another one, with the factor of its albedo."""
+    from radiogs_core.contract import Prepared
+
+    from ..method_calls import calling, require
+
+    with calling(method, "prepare()"):
+        ready = model.prepare(*lit)
+    require(method, ready, Prepared, "prepare()")
+    return ready
 
 
 def relight(options: argparse.Namespace) -> int:
@@ -126,23 +141,25 @@ def relight(options: argparse.Namespace) -> int:
     import torch
 
     from ..api import read_light
+    from ..store.folder import Store
     from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     device = chosen_device(options)
     light = read_light(options.envmap)
-    given = read_about(options.folder)["variant"]
+    about = read_about(options.folder)
     asked = {"relighting": options.mode, "effects": options.effects}
-    turned = {name: value for name, value in asked.items() if name in given}
-    run, model = read_trained(options.folder, device, turned)
-    relit = model.prepare(light, torch.tensor(options.albedo_scale))
-    for remark in getattr(relit, "remarks", ()):
-        say(remark)
-    folder = options.folder / "relight" / options.envmap.stem / options.mode
-    return write_views(relit, run, options.views, folder)
+    turned = {name: value for name, value in asked.items() if name in about["variant"]}
+    with Store(options.folder).keeping_tracebacks():
+        run, model = read_trained(options.folder, device, turned)
+        relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
+        for remark in getattr(relit, "remarks", ()):
+            say(remark)
+        folder = options.folder / "relight" / options.envmap.stem / options.mode
+        return write_views(about["method"], relit, run, options.views, folder)
 
 
-def write_views(prepared: "Prepared", run: "Run", split: str, folder: Path) -> int:
+def write_views(method: str, shown: "Prepared", run: "Run", split: str, folder: Path) -> int:
     """Render each view of a split into ``folder``: ``<view>.png`` and ``<view>_<map>.exr``; says what a frame took."""
     import statistics
 
@@ -152,20 +169,23 @@ def write_views(prepared: "Prepared", run: "Run", split: str, folder: Path) -> i
 
     from ..evaluation.frame_cost import frame_milliseconds
     from ..evaluation.maps import on_black
+    from ..method_calls import calling
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train
     folder.mkdir(parents=True, exist_ok=True)
     cameras = [view.camera.to(run.device, torch.float32) for view in views]
     for view, camera in zip(views, cameras, strict=True):
-        maps = {name: image.numpy() for name, image in on_black(prepared, camera).items()}
+        maps = {name: image.numpy() for name, image in on_black(shown, camera, method=method, view=view.name).items()}
         name = view.name.replace("/", "_")
         if "image" in maps:
             write_png(folder / f"{name}.png", maps.pop("image"))
         for kind, image in maps.items():
             write_exr(folder / f"{name}_{kind}.exr", image)
     said = f"{len(views)} views in {folder}"
-    if prepared.timed:
-        said += f"; {statistics.median(frame_milliseconds(prepared.render, cameras, run.device)):.2f} ms a frame"
+    if shown.timed:
+        with calling(method, "render(), once more to be timed"):
+            times = frame_milliseconds(shown.render, cameras, run.device)
+        said += f"; {statistics.median(times):.2f} ms a frame"
     say(said)
     return 0

@@ -254,8 +254,7 @@ def report(
     if isinstance(delivery.failure, (*STOPPING, UsageError)):
         raise delivery.failure
     progress.say(f"{flight.task.label}: failed: {delivery.failure.what}")
-    record_failure(store, flight.task, delivery.failure)
-    failures.append(delivery.failure)
+    failures.append(record_failure(store, flight.task, delivery.failure))
 
 
 def stop_if_asked(interruption: Interruption) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from radiogs_core.errors import DataError, ExplainedError
 
-from ..errors import Interrupted, StoreError, exit_code
+from ..errors import Interrupted, MethodFailed, StoreError, exit_code
 from ..store.claim import Claimed
 from ..store.folder import Store
 from ..store.provenance import now
@@ -90,13 +90,14 @@ def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedErro
         raise
     except ExplainedError as error:
         logger.debug("%s failed", task.label, exc_info=True)
-        record_failure(store, task, error)
-        return error
+        return record_failure(store, task, error)
     return None
 
 
-def record_failure(store: Store, task: Task, error: ExplainedError) -> None:
-    """Store why a cell failed."""
+def record_failure(store: Store, task: Task, error: ExplainedError) -> ExplainedError:
+    """Keep why a cell failed, and the traceback of its method if there is one; returns the failure as it was kept."""
+    if isinstance(error, MethodFailed):
+        error = store.with_traceback(error)
     store.put_failure(
         {
             "schema": RESULT_SCHEMA,
@@ -110,3 +111,4 @@ def record_failure(store: Store, task: Task, error: ExplainedError) -> None:
             "date": now(),
         }
     )
+    return error

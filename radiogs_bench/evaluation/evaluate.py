@@ -12,8 +12,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import NotOffered, Prepared, Trained
+from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
+from ..errors import MethodFailed
+from ..method_calls import calling, refused, require
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
 from .frame_cost import FrameCosts
@@ -62,21 +65,27 @@ class Evaluation:
 
 
 def evaluate(
-    trained: Trained, scene: Scene, rules: Protocol, device: torch.device, advance: Advance, timed: bool = True
+    trained: Trained,
+    scene: Scene,
+    rules: Protocol,
+    device: torch.device,
+    advance: Advance,
+    timed: bool = True,
+    method: str = "the method",
 ) -> Evaluation:
     """Score a model on every test view, and on every relit ground-truth image of the scene.
 
-    ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
-    raise to stop. ``timed``: also measure milliseconds and memory per frame.
-
-    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
-    float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
-    ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
-    incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
-    ``light_maps``) if both lights are known. Raises DataError for a damaged map.
+    ``advance`` is told (done, total) images, after every one and between the steps of a long preparation; it may raise
+    to stop. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black,
+    [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), and relit
+    (under the first light, and ``relit/<light>`` under the first few); those that the scene has no truth for are left
+    out under ``truth/``. ``render/incident`` is the indirect light that arrives, where the method knows it. Beside them
+    lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known. ``timed`` is
+    whether frames are timed, ``method`` what messages call it. Raises DataError for a damaged map, MethodFailed for
+    what the method raises without a word, or what it gives that is no such map.
     """
-    course = _Course(scene, rules, device, advance, timed)
-    course.show_own(trained.prepare(after_step=course.still_there))
+    course = _Course(scene, rules, device, advance, timed, method)
+    course.show_own(course.prepared(trained))
     course.compare_light(trained)
     scale = course.compare_whole()
     course.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
@@ -102,6 +111,7 @@ class _Course:
     device: torch.device
     advance: Advance
     timed: bool
+    method: str
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
     done: int = 0
@@ -125,9 +135,39 @@ class _Course:
         self.done += 1
         self.advance(self.done, self.total)
 
+    def prepared(
+        self, trained: Trained, light: EnvironmentMap | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+    ) -> Prepared:
+        """The model under its own light, or under another one."""
+        what = "prepare()" if light is None else "prepare() for another light"
+        ours: list[Exception] = []
+
+        def after_step() -> None:
+            try:
+                self.still_there()
+            except Exception as error:
+                ours.append(error)
+                raise
+
+        try:
+            with calling(self.method, what):
+                ready = trained.prepare(light, albedo_scale, after_step)
+        except MethodFailed:
+            if ours:  # it came from the harness, through the method
+                raise ours[-1] from None
+            raise
+        require(self.method, ready, Prepared, what)
+        return ready
+
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
-        """The maps of a view, on black, on the CPU."""
-        return on_black(prepared, view.camera.to(self.device, torch.float32), *further)
+        """A view's maps in main memory, on black."""
+        camera = view.camera.to(self.device, torch.float32)
+        return on_black(prepared, camera, *further, method=self.method, view=view.name)
+
+    def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
+        """What a frame takes."""
+        with calling(self.method, "render(), once more to be timed"):
+            self.costs.measure(task, prepared.render, views)
 
     def show_own(self, prepared: Prepared) -> None:
         """Score every test view under the recovered light, and keep the maps that are compared over all views."""
@@ -143,16 +183,22 @@ class _Course:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
             self.count()
         if self.timed and prepared.timed:
-            self.costs.measure("nvs", prepared.render, self.scene.test)
+            self.measure("nvs", prepared, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
-        """Score the recovered light, if there is one and the true light is known."""
-        if trained.light is None:
+        """Score the recovered light where there is one and the true one is known."""
+        with calling(self.method, "light"):
+            light = trained.light
+        if light is None:
             return
+        if not isinstance(light, EnvironmentMap):
+            raise refused(
+                self.method, f"its light is a {type(light).__name__}", "It has to be an EnvironmentMap, or None."
+            )
         self.given.add("environment")
-        score_light(self.scores, self.scene, trained.light)
+        score_light(self.scores, self.scene, light)
         if self.scene.training_light is not None:
-            self.arrays |= light_maps(trained.light, self.scene.training_light)
+            self.arrays |= light_maps(light, self.scene.training_light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
         """Score depth and albedo, which are aligned over all views; returns the albedo's factor per channel."""
@@ -169,7 +215,7 @@ class _Course:
         for light, views in self.lit.items():
             started = time.perf_counter()
             try:
-                relit = trained.prepare(self.scene.lights[light], albedo_scale, self.still_there)
+                relit = self.prepared(trained, self.scene.lights[light], albedo_scale)
             except NotOffered as cannot:
                 self._withhold_relit(views, cannot.what)
                 continue
@@ -178,7 +224,7 @@ class _Course:
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
             if self.timed and relit.timed:
-                self.costs.measure("render", relit.render, views)
+                self.measure("render", relit, views)
             for view in views:
                 self._score_relit(light, view, self.rendered(relit, view))
                 self.count()
@@ -191,6 +237,8 @@ class _Course:
             self.count()
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
+        if "image" not in maps:
+            return
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
         self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))
         if view is self.shown and light == self.shown_light:

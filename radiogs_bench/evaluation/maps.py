@@ -6,9 +6,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import MapKind, Prepared
-from radiogs_core.errors import DataError
+from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_encode
+
+from ..method_calls import calling, refused
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 
@@ -19,29 +21,54 @@ GEOMETRY = ("alpha", "normal", "depth")
 """Maps that are not multiplied by coverage: normals stay unit, depths are those of the surface."""
 
 
-def on_black(prepared: Prepared, camera: Camera, *further: str) -> dict[str, Tensor]:
-    """The maps of a camera, on the CPU, on black; the image in display sRGB, clipped, other maps as declared.
+FINITE = ("image", "alpha")
+"""Maps that have a value everywhere; others may have none where nothing is, and not all of them are scored."""
 
-    Without an ``alpha`` map the coverage is unknown, and maps stay as they are. Raises DataError for a map that the
-    method did not declare or whose size is not the camera's, with its name.
+
+def on_black(
+    prepared: Prepared, camera: Camera, *further: str, method: str = "the method", view: str = ""
+) -> dict[str, Tensor]:
+    """The maps of a camera, on the CPU, composited on black; images in display sRGB and clipped, others as declared.
+
+    Without ``alpha`` nothing is known of coverage, and maps are taken as they are. ``method`` and ``view`` are what
+    messages call them. Raises MethodFailed for a map that the method did not declare, or that has not the camera's
+    size or is no tensor of floating point; NumericalFailure for an image that is not finite.
     """
-    maps = prepared.render(camera, *further)
+    with calling(method, "render()" + (f" of view '{view}'" if view else "")):
+        maps = dict(prepared.render(camera, *further))
     for name, image in maps.items():
-        require_declared(prepared, camera, name, tuple(image.shape))
-    alpha = maps["alpha"].cpu() if "alpha" in maps else None
-    return {name: _shown(name, image.cpu(), prepared.offers[name], alpha) for name, image in maps.items()}
+        require_declared(method, prepared, camera, name, image)
+    maps = {name: image.detach().cpu() for name, image in maps.items()}
+    for name in FINITE:
+        if name in maps and not (finite := maps[name].isfinite()).all():
+            raise NumericalFailure(
+                f"{method} rendered a map '{name}' that is not finite" + (f", of view '{view}'" if view else ""),
+                f"{int((~finite).sum())} of its {finite.numel()} values are NaN or infinite.",
+            )
+    return {name: _shown(name, image, prepared.offers[name], maps.get("alpha")) for name, image in maps.items()}
 
 
-def require_declared(prepared: Prepared, camera: Camera, name: str, shape: tuple[int, ...]) -> None:
-    """Raise DataError for a map that the method did not declare or that has the wrong shape."""
+def require_declared(method: str, prepared: Prepared, camera: Camera, name: str, image: object) -> None:
+    """Raise MethodFailed for a map that the method did not declare, of a wrong type or of a wrong shape."""
+    if name not in prepared.offers:
+        declared = ", ".join(prepared.offers) or "nothing"
+        raise refused(
+            method,
+            f"it rendered a map '{name}' that it does not offer",
+            f"`offers` of what it prepared names: {declared}. It has to say of each map how it is to be read.",
+        )
+    if not isinstance(image, Tensor) or not image.is_floating_point():
+        kind = image.dtype if isinstance(image, Tensor) else type(image).__name__
+        raise refused(
+            method, f"it rendered a map '{name}' of {kind}", "Maps are tensors of floating point, images in [0, 1]."
+        )
     wanted = (camera.height, camera.width, CHANNELS.get(name, 3))
-    if name in prepared.offers and shape == wanted:
-        return
-    raise DataError(
-        f"the method rendered a map '{name}' of shape {shape}",
-        "It did not declare such a map." if name not in prepared.offers else f"The camera asks for {wanted}.",
-        "What maps are: radiogs_core.contract.Prepared.",
-    )
+    if tuple(image.shape) != wanted:
+        raise refused(
+            method,
+            f"it rendered a map '{name}' of shape {tuple(image.shape)}",
+            f"The camera asks for {wanted}: height, width, channels.",
+        )
 
 
 def _shown(name: str, image: Tensor, kind: MapKind, alpha: Tensor | None) -> Tensor:

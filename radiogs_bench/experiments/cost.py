@@ -21,7 +21,7 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
     rules = protocol(cell.protocol)
 
     def score(model: Trained) -> dict[str, float]:
-        metrics = evaluate(model, few, rules, bench.device, lambda done, total: None, timed=False).metrics
-        return {name: each["value"] for name, each in metrics.items() if each["value"] is not None}
+        found = evaluate(model, few, rules, bench.device, lambda done, total: None, timed=False, method=cell.method)
+        return {name: each["value"] for name, each in found.metrics.items() if each["value"] is not None}
 
     train_and_score(bench, cell, scene, along_the_way=score)

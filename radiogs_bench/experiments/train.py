@@ -13,7 +13,7 @@ from ..metrics import protocol
 from ..store.provenance import reset_peaks, session
 from ..store.schema import RESULT_SCHEMA, MetricValue, Result
 from ..suites.cell import Cell
-from ..training.stages import Bench, Ledger, Score, trained
+from ..training.stages import Bench, Ledger, Score, facts_of, trained
 
 EVALUATE = "evaluate"
 """Name of the scoring stage in results."""
@@ -31,7 +31,7 @@ def scored(bench: Bench, cell: Cell, scene: Scene, model: Trained) -> Evaluation
         bench.progress.advance("evaluation", done, total)
         bench.interruption.check()
 
-    return evaluate(model, scene, protocol(cell.protocol), bench.device, advance)
+    return evaluate(model, scene, protocol(cell.protocol), bench.device, advance, method=cell.method)
 
 
 def train_and_score(
@@ -52,7 +52,7 @@ def train_and_score(
         started = time.perf_counter()
         evaluation = score(bench, cell, scene, model)
         seconds = time.perf_counter() - started
-    facts = model.facts()
+    facts = facts_of(cell.method, model)
     counted, spent = accounts(facts, ledgers) if accounts is not None else ({}, {})
     views = len(evaluation.views)
     result = _result(cell, ledgers, evaluation, facts)

@@ -6,25 +6,27 @@
     OUT/cells/<key>.json            scored result (``schema.Result``): if it exists, the cell is done
     OUT/cells/<key>.npz             maps of one view, written before the JSON
     OUT/cells/<key>.failed.json     why a cell failed (``schema.Failure``), until it succeeds
+    OUT/tracebacks/<digest>.txt     what a method raised, whole
     OUT/aside/                      files that were found damaged
 
 Tables and figures are rebuilt from the results alone. Stores of several machines merge by copying files together.
 """
 
+import hashlib
 import io
 import json
 import logging
 import pickle
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import torch
 
-from ..errors import StoreError
+from ..errors import MethodFailed, StoreError
 from .atomic import write_atomically
 from .claim import claim, patient_claim
 from .schema import RESULT_SCHEMA, Failure, Result
@@ -120,6 +122,26 @@ class Store:
     def put_failure(self, failure: Failure) -> None:
         """Store why a cell failed."""
         write_atomically(self._failure_path(failure["key"]), strict_json(failure))
+
+    @contextmanager
+    def keeping_tracebacks(self) -> Iterator[None]:
+        """What a method raises within is raised again with the place of its traceback."""
+        try:
+            yield
+        except MethodFailed as failure:
+            raise self.with_traceback(failure) from failure
+
+    def with_traceback(self, failure: MethodFailed) -> MethodFailed:
+        """The same failure, which says where its traceback is kept: under a name of its content, so once for many."""
+        if not failure.trace:
+            return failure
+        content = failure.trace.encode(errors="replace")
+        path = self.folder / "tracebacks" / f"{hashlib.sha256(content).hexdigest()[:12]}.txt"
+        with self.patient_claim(path.name):
+            if not path.exists():
+                write_atomically(path, content)
+        remedy = f"{failure.remedy} The whole traceback: {path}".strip()
+        return MethodFailed(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
         """What ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as absent.

@@ -10,6 +10,7 @@ from typing import Any
 from radiogs_core.contract import Method
 from radiogs_core.scene.scene import Scene
 
+from ..method_calls import calling
 from ..plain_values import to_plain
 from ..sources import code_digest
 from .experiment import EXPERIMENTS, TRAINING
@@ -122,18 +123,20 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
     kind = EXPERIMENTS[work.experiment]
     loader = code_digest(*scene.loaders, *(scene.surfaces_by if kind.on_surfaces else ()))
     evaluation = kind.evaluation_code(method)
-    specs = method.stages(work.variant, work.budget) if kind.trains else ()
+    with calling(method.name, "stages()"):
+        specs = method.stages(work.variant, work.budget) if kind.trains else ()
     begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}
     stages: list[StageKey] = []
     for spec in specs:
-        depends = {
-            **begin,
-            "before": stages[-1].key if stages else None,
-            "owner": spec.owner,
-            "stage": spec.name,
-            "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
-            "code": code_digest(*spec.sources),
-        }
+        with calling(method.name, f"the reads and sources of stage '{spec.name}'"):
+            depends = {
+                **begin,
+                "before": stages[-1].key if stages else None,
+                "owner": spec.owner,
+                "stage": spec.name,
+                "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
+                "code": code_digest(*spec.sources),
+            }
         if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
             depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
         stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends)))

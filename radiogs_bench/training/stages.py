@@ -7,12 +7,13 @@ from typing import Any, TypedDict
 
 import torch
 
-from radiogs_core.contract import Method, Run, Stage, Trained
+from radiogs_core.contract import Method, Run, Stage, StageSpec, Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
-from ..store.folder import Store, checkpoint_name, product_name
+from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
+from ..store.folder import Store, checkpoint_name, product_name, strict_json
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
 from ..suites.cell import Cell, StageKey
@@ -72,8 +73,8 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
     """The cell's model, trained now or read from the store, and the ledgers of its stages by name, in order.
 
     ``score`` is called at some steps of the last stage (``trail.SCORED_AT``), while clock and counters are paused.
-    Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and whatever
-    the method raises; the last checkpoint is kept in every case.
+    Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and of what the
+    method raises what explains itself, MethodFailed for anything else; the last checkpoint is kept in every case.
     """
     method = bench.method(cell.found_as)
     product: Mapping[str, Any] = {}
@@ -81,13 +82,36 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
 
     def scored(stage: Stage) -> dict[str, float]:
         assert score is not None
-        return score(method.restore(run_of(bench, cell, scene), stage.product()))
+        with calling(cell.method, f"product() of stage '{cell.stages[-1].name}'"):
+            product = stage.product()
+        return score(restored(method, run_of(bench, cell, scene), product))
 
     for place, stage in enumerate(cell.stages):
         asked = scored if score is not None and stage is cell.stages[-1] else None
         outcome = stage_outcome(bench, cell, scene, place, product, asked)
         product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
-    return method.restore(run_of(bench, cell, scene), product), ledgers
+    return restored(method, run_of(bench, cell, scene), product), ledgers
+
+
+def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
+    """The model from the product of the last stage. Raises MethodFailed where there comes none of it."""
+    with calling(method.name, "restore()"):
+        model = method.restore(run, product)
+    require(method.name, model, Trained, "restore()")
+    return model
+
+
+def facts_of(method: str, model: Trained) -> dict[str, Any]:
+    """What the method says of its model. Raises MethodFailed where that is not plain."""
+    with calling(method, "facts()"):
+        facts = dict(model.facts())
+    try:
+        strict_json(facts)
+    except (TypeError, ValueError) as error:
+        raise refused(
+            method, f"facts() cannot be kept: {error}", "Facts are finite numbers, strings, lists and dicts of them."
+        ) from error
+    return facts
 
 
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
@@ -102,9 +126,18 @@ def stage_outcome(
 ) -> Outcome:
     """The outcome of one of a cell's stages, run now or stored; ``before`` is the product of the previous stage."""
     stage = cell.stages[place]
-    spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
+    with calling(cell.method, "stages()"):
+        spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
     run = run_of(bench, cell, scene)
-    return completed(bench, stage, lambda: spec.begin(run, before), score)
+    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), score)
+
+
+def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:
+    """A stage at its beginning. Raises MethodFailed where there comes none."""
+    with calling(method, f"begin() of stage '{spec.name}'"):
+        stage = spec.begin(run, before)
+    require(method, stage, Stage, f"begin() of stage '{spec.name}'")
+    return stage
 
 
 def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
@@ -113,7 +146,9 @@ def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
     return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
 
 
-def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: StageScore | None = None) -> Outcome:
+def completed(
+    bench: Bench, method: str, key: StageKey, begin: Callable[[], Stage], score: StageScore | None = None
+) -> Outcome:
     """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
 
     ``score`` is as in ``trained``, but takes the stage.
@@ -131,21 +166,25 @@ def completed(bench: Bench, key: StageKey, begin: Callable[[], Stage], score: St
             started = time.perf_counter()
             stage = begin()
             try:
-                ledger = _Course(bench, key, stage, instruments, started, score).to_the_end()
-                outcome = Outcome(product=stage.product(), ledger=ledger)
+                ledger = _Course(bench, method, key, stage, instruments, started, score).to_the_end()
+                with calling(method, f"product() of stage '{key.name}'"):
+                    product = dict(stage.product())
             finally:
-                close_stage(stage)
+                close_stage(method, stage)
+            require_storable(method, product, "product()", key.name)
+            outcome = Outcome(product=product, ledger=ledger)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(checkpoint_name(key.key))
     bench.interruption.check()
     return outcome
 
 
-def close_stage(stage: Stage) -> None:
-    """Call the stage's method ``close``, if it has one: it then holds more than memory, such as a process."""
+def close_stage(method: str, stage: Stage) -> None:
+    """Let a stage that holds more than memory (a process, a file) let it go, if it says how: by a method ``close``."""
     close = getattr(stage, "close", None)
     if close is not None:
-        close()
+        with calling(method, "close()"):
+            close()
 
 
 def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
@@ -161,6 +200,7 @@ class _Course:
     """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
 
     bench: Bench
+    method: str
     key: StageKey
     stage: Stage
     instruments: Instruments
@@ -192,7 +232,8 @@ class _Course:
         if stored is None:
             return
         ledger: Ledger = stored["ledger"]
-        self.stage.restore(stored["state"])
+        with calling(self.method, f"restore() of stage '{self.key.name}'"):
+            self.stage.restore(stored["state"])
         # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
         self.started = time.perf_counter() - ledger["seconds"]
         self.instruments.restore(ledger)
@@ -204,9 +245,19 @@ class _Course:
         """Take one step; add a point to the trail if one is due, and score the model if asked for."""
         stage, trail, before = self.stage, self.trail, self.stage.iteration
         try:
-            losses = dict(stage.step())
+            with calling(self.method, f"step() of stage '{self.key.name}', iteration {before}"):
+                given = stage.step()
         except NumericalFailure as failure:
-            raise self._broken(failure) from failure
+            raise self._broken(failure, "The state in which that step began") from failure
+        losses = losses_of(self.method, given, self.key.name)
+        if wrong := not_finite(losses):
+            raise self._broken(
+                NumericalFailure(
+                    f"{self.method}: loss {', '.join(wrong)} in stage '{self.key.name}' at iteration {before}",
+                    "Training cannot go on from there; every loss that step() returns has to be finite.",
+                ),
+                "The state after that step",
+            )
         if stage.iteration == before:  # a stage that waits for something else has taken no step
             return
         self.losses = losses
@@ -220,18 +271,21 @@ class _Course:
             trail.close(stage.iteration, reached - self.started, metrics)
             self.started += time.perf_counter() - reached
 
-    def _broken(self, failure: NumericalFailure) -> NumericalFailure:
-        """The failure of a step, with the file in which the state before that step is kept."""
+    def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
+        """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""
         kept = f"{product_name(self.key.key)}.broken"
         self._keep(kept)
         return NumericalFailure(
             failure.what,
             failure.why,
-            f"{failure.remedy} The state in which that step began is kept as {self.bench.store.folder / kept}.pt.",
+            f"{failure.remedy} {state} is kept as {self.bench.store.folder / kept}.pt.".strip(),
         )
 
     def _keep(self, name: str) -> None:
-        self.bench.store.put_tensors(name, {"state": self.stage.state(), "ledger": self._ledger()})
+        with calling(self.method, f"state() of stage '{self.key.name}'"):
+            state = dict(self.stage.state())
+        require_storable(self.method, state, "state()", self.key.name)
+        self.bench.store.put_tensors(name, {"state": state, "ledger": self._ledger()})
 
     def _ledger(self) -> Ledger:
         recorded = self.instruments

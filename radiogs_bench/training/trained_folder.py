@@ -18,11 +18,13 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 
+from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
 from ..plain_values import to_plain
 from ..store.atomic import write_atomically
 from ..store.folder import Store, product_name, strict_json
 from ..suites.cell import Cell
+from .stages import facts_of, restored
 
 TRAINED_SCHEMA = "radiogs-bench/trained/2"
 
@@ -58,12 +60,15 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[
         seed=cell.seed,
         variant=to_plain(cell.variant),
         training_key=cell.training_key,
-        facts=model.facts(),
+        facts=facts_of(cell.method, model),
     )
-    written = model.export(folder)
-    if model.light is not None:
+    with calling(cell.method, "export()"):
+        written = [*model.export(folder)]
+    with calling(cell.method, "light"):
+        light = model.light
+    if light is not None:
         written.append(folder / "environment.exr")
-        write_exr(written[-1], model.light.radiance.numpy())
+        write_exr(written[-1], light.radiance.numpy())
     write_atomically(folder / "trained.json", strict_json({**about}))
     return [*written, folder / "trained.json"]
 
@@ -102,7 +107,7 @@ def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] |
     scene = scene_of(about)
     workspace = folder / "work" / about["training_key"]
     run = Run(scene, variant, budget_of(used, about["preset"]), about["seed"], device, workspace)
-    return run, used.restore(run, product_of(folder, about["training_key"], device))
+    return run, restored(used, run, product_of(folder, about["training_key"], device))
 
 
 def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:

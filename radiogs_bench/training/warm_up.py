@@ -1,5 +1,6 @@
 """Compiles the kernels before anything is timed."""
 
+import logging
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,11 @@ import torch
 from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.scene.scene import Scene
 
-from .stages import close_stage
+from ..errors import MethodFailed
+from ..method_calls import calling
+from .stages import begun, close_stage
+
+logger = logging.getLogger(__name__)
 
 VIEWS = 2
 """Views of the warm-up scene: the fewest from which a scene's extent is known."""
@@ -20,8 +25,9 @@ PRESET = "smoke"
 def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
     """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
 
-    Compilation takes half a minute, once per machine because kernels are cached; otherwise the first cell would be
-    charged for it. Stages that compile nothing (``StageSpec.compiles``) are begun only if a later stage needs them.
+    So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
+    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them. A
+    method that fails here will fail its cells, which say so.
     """
     little = replace(scene, train=scene.train[:VIEWS])
     done: list[tuple[str, Any]] = []
@@ -29,19 +35,27 @@ def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Met
         if (method.name, variant) in done:
             continue
         done.append((method.name, variant))
-        budget = method.presets[PRESET]
-        run, product = Run(little, variant, budget, 0, device), dict[str, Any]()
-        specs = method.stages(variant, budget)
-        needed = max((place for place, spec in enumerate(specs, start=1) if spec.compiles), default=0)
-        for spec in specs[:needed]:
-            product = _warmed(spec, run, product)
+        try:
+            _warm_up(method, Run(little, variant, method.presets[PRESET], 0, device))
+        except MethodFailed:
+            logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
 
 
-def _warmed(spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
-    stage = spec.begin(run, before)
+def _warm_up(method: Method, run: Run) -> None:
+    product: Mapping[str, Any] = {}
+    with calling(method.name, "stages()"):
+        specs = method.stages(run.variant, run.budget)
+    needed = max((place for place, spec in enumerate(specs, start=1) if spec.compiles), default=0)
+    for spec in specs[:needed]:
+        product = _warmed(method.name, spec, run, product)
+
+
+def _warmed(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+    stage = begun(method, spec, run, before)
     try:
-        if spec.compiles:
-            stage.step()
-        return dict(stage.product())
+        with calling(method, f"the first step of stage '{spec.name}'"):
+            if spec.compiles:
+                stage.step()
+            return dict(stage.product())
     finally:
-        close_stage(stage)
+        close_stage(method, stage)

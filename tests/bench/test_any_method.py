@@ -13,7 +13,7 @@ from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.cli import main
 from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.errors import Interrupted
+from radiogs_bench.errors import Interrupted, MethodFailed
 from radiogs_bench.experiments.registry import EXPERIMENTS
 from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
@@ -105,7 +105,7 @@ def test_stopping_after_any_step_gives_the_same_result(names: tuple[str, ...], t
 def test_a_stage_that_fails_is_closed_and_those_before_it_are_kept(tmp_path: Path) -> None:
     chain = Chain(NAMES[1], broken="fine")
     bench, mine = bench_of(chain, tmp_path), cell(chain)
-    with pytest.raises(ArithmeticError):
+    with pytest.raises(MethodFailed, match=r"chain failed in step\(\) of stage 'fine', iteration 0: ArithmeticError"):
         train_and_score(bench, mine, SCENE)
     assert chain.closed == chain.begun == ["coarse", "fine"]
     chain.broken = ""

@@ -1,4 +1,4 @@
-"""A complete method in a hundred lines: every camera sees the mean of the training images, lit as brightly as asked.
+"""A complete method in 150 lines: every camera sees the mean of the training images, lit as brightly as asked.
 
 It knows nothing of space. Its albedo is the mean image divided by the light that it assumes; relit, that albedo is
 multiplied by the mean radiance of the new light. docs/your_own_method.md walks through it.
@@ -20,8 +20,12 @@ from radiogs_core.scene.light import EnvironmentMap
 
 @dataclass(frozen=True)
 class Variant:
-    """What an ablation may turn. irradiance: the light that is assumed in training, in units of pi."""
+    """What an ablation may turn.
 
+    every: of the training views every n-th is averaged. irradiance: the light that is assumed, in units of pi.
+    """
+
+    every: int = 1
     irradiance: float = 1.0
 
 
@@ -40,7 +44,7 @@ class Averaging:
     """The one stage: each step adds one training view to the sum. See ``radiogs_core.contract.Stage``."""
 
     def __init__(self, run: Run) -> None:
-        self.views = run.scene.train[: run.budget.views]
+        self.views = run.scene.train[:: run.variant.every][: run.budget.views]
         self.iteration, self.iterations = 0, len(self.views)
         height, width = self.views[0].camera.height, self.views[0].camera.width
         self.total = torch.zeros(height, width, 4, device=run.device)  # linear radiance times coverage, coverage
@@ -78,7 +82,7 @@ class TrainedMean:
 
     def facts(self) -> dict[str, Any]:
         """What goes into the result beside the metrics."""
-        return {"views": min(self.run.budget.views, len(self.run.scene.train))}
+        return {"brightness": float(self.mean[..., :3].mean())}
 
     def tensors(self) -> dict[str, Any]:
         """What ``MeanImage.restore`` takes."""
@@ -131,14 +135,14 @@ class MeanImage:
     sources = ("mean_image.method",)
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
-        """One stage, whose outcome no field of the variant decides: rows that differ in them share it."""
+        """One stage. It does not read the irradiance: rows that differ in that alone share its outcome."""
         return (
             StageSpec(
                 name="average",
                 title="averaging",
                 steps=budget.views,
                 owner=self.name,
-                reads=values_of(budget, "views"),
+                reads={**values_of(variant, "every"), **values_of(budget, "views")},
                 sources=self.sources,
                 begin=lambda run, before: _averaging(run),
             ),

@@ -1,0 +1,141 @@
+"""Calling a method, whoever wrote it: what it raises becomes a failure that names it, and what it gives is looked at.
+
+A mistake in a method is not one in the harness. It ends its cell and no other, and who wrote the method is told what
+was asked of it and what came of that.
+"""
+
+import math
+import traceback
+from collections import Counter, OrderedDict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from radiogs_core.errors import ExplainedError
+
+from .errors import MethodFailed
+
+FRAMES = 2
+"""Of a traceback, the last ones: where it was raised, and from where that was called."""
+
+CONTRACT = "What a method is: docs/your_own_method.md and radiogs_core.contract"
+
+LEAVES = (type(None), bool, int, float, complex, str, bytes, bytearray, torch.Size, torch.dtype, torch.device)
+BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
+"""What PyTorch reads back from a file without running code from it, beside tensors."""
+
+
+@dataclass(frozen=True)
+class Call:
+    """The context of a call into a method; see ``calling``."""
+
+    method: str
+    what: str
+
+    def __enter__(self) -> None:
+        """Nothing is prepared."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if isinstance(error, ExplainedError) or not isinstance(error, (Exception, SystemExit)):
+            return
+        first = f"{error}".splitlines()[:1]
+        inside = traceback.extract_tb(trace)[1:]  # behind the frame that called the method
+        told = [*traceback.format_list(inside[-FRAMES:]), *traceback.format_exception_only(error)]
+        raise MethodFailed(
+            f"{self.method} failed in {self.what}: {': '.join([type(error).__name__, *first])}",
+            "".join(told).rstrip(),
+            trace="".join(traceback.format_exception(type(error), error, trace)),
+        ) from error
+
+
+def calling(method: str, what: str) -> Call:
+    """A call into a method, such as ``step() of stage 'fit'``: what it raises becomes MethodFailed.
+
+    Errors that explain themselves pass. ``SystemExit`` does not: a method that gives up ends its own cell.
+    """
+    return Call(method, what)
+
+
+def refused(method: str, what: str, why: str) -> MethodFailed:
+    """The failure of a method that gave something else than its contract says."""
+    return MethodFailed(f"{method}: {what}", why, CONTRACT)
+
+
+def members(contract: type) -> tuple[str, ...]:
+    """Names of what a protocol of ``radiogs_core.contract`` asks for, in its order."""
+    named = [*getattr(contract, "__annotations__", {}), *vars(contract)]
+    return tuple(name for name in dict.fromkeys(named) if not name.startswith("_"))
+
+
+def lacking(given: object, contract: type) -> list[str]:
+    """Names of what an object lacks of a protocol; properties are not asked for their values."""
+    return [name for name in members(contract) if not hasattr(type(given), name) and not hasattr(given, name)]
+
+
+def require(method: str, given: object, contract: type, source: str) -> None:
+    """Raise MethodFailed for an object that lacks something of a protocol; ``source`` says what gave it."""
+    missing = lacking(given, contract)
+    if missing:
+        raise refused(
+            method,
+            f"what {source} gave lacks {', '.join(missing)}",
+            f"It is a {type(given).__name__}; a {contract.__name__} has {', '.join(members(contract))}.",
+        )
+
+
+def losses_of(method: str, given: Any, stage: str) -> dict[str, float]:
+    """What ``step`` returned as numbers by name; tensors of one element are taken for their values."""
+    if not isinstance(given, Mapping):
+        raise refused(
+            method,
+            f"step() of stage '{stage}' returned a {type(given).__name__}",
+            "It has to return the losses by name, such as {'image': 0.1}; {} where there are none.",
+        )
+    losses = {}
+    for name, value in given.items():
+        try:
+            losses[str(name)] = float(value.detach() if isinstance(value, Tensor) else value)
+        except (TypeError, ValueError, RuntimeError) as error:
+            raise refused(
+                method,
+                f"loss '{name}' of stage '{stage}' is a {type(value).__name__}",
+                f"It has to be a number: {error}.",
+            ) from error
+    return losses
+
+
+def not_finite(losses: Mapping[str, float]) -> list[str]:
+    """Those losses that are NaN or infinite, in words."""
+    return [f"'{name}' is {value}" for name, value in losses.items() if not math.isfinite(value)]
+
+
+def require_storable(method: str, content: Mapping[str, Any], source: str, stage: str) -> None:
+    """Raise MethodFailed for what could be written and not be read again, by its place in ``source``."""
+    found = _unstorable(content, "")
+    if found is not None:
+        place, kind = found
+        raise refused(
+            method,
+            f"{source}{place} of stage '{stage}' is a {kind}",
+            "What is stored is tensors, numbers, strings, and lists, tuples, sets and dicts of them; an array becomes a"
+            " tensor by torch.from_numpy, a NumPy number a number by .item().",
+        )
+
+
+def _unstorable(value: Any, place: str) -> tuple[str, str] | None:
+    if isinstance(value, Tensor) or type(value) in LEAVES:
+        return None
+    if type(value) not in BRANCHES:
+        return place, f"{type(value).__module__}.{type(value).__name__}"
+    if isinstance(value, Mapping):
+        inner = [(key, f"{place}, a key") for key in value]
+        inner += [(each, f"{place}[{key!r}]") for key, each in value.items()]
+    else:
+        inner = [(each, f"{place}[{number}]") for number, each in enumerate(value)]
+    return next((found for each in inner if (found := _unstorable(*each)) is not None), None)
