@@ -85,7 +85,7 @@ CASES = (
     Case(
         11, "coincident surfels", "primitives", "17, 33, 64 at one depth: more than a buffer", "ref64, ties by number",
         "1e-6, and to permutation of equals 1e-6", (PRIMITIVES, HAZARDS),
-        ("method/kernels/test_trace.py::test_exactly_coincident_surfels_are_neither_lost_nor_swapped",),
+        ("method/core/kernels/test_trace.py::test_exactly_coincident_surfels_are_neither_lost_nor_swapped",),
     ),
     Case(
         12, "nearly equal depth", "primitives", "1, 2, 4 ulps apart, in either order", "ref64 sorted by rounded depth",
@@ -102,7 +102,7 @@ CASES = (
     Case(
         15, "behind the camera", "camera and scene", "a surfel through the camera's plane; one wholly behind",
         "ref64, t > 0 only", "1e-6; bit for bit", (CAMERA,),
-        ("method/kernels/test_rasterize.py::test_surfels_that_cross_the_cameras_plane_are_neither_lost_nor_ghosts",),
+        ("method/core/kernels/test_rasterize.py::test_surfels_that_cross_the_cameras_plane_are_neither_lost_nor_ghosts",),
     ),
     Case(
         16, "near plane", "camera and scene", "centre within 1e-6 of the camera's plane (there is no other), tilted",
@@ -130,12 +130,12 @@ CASES = (
     Case(
         21, "empty scene", "camera and scene", "no surfel, all behind, one", "background exactly, zero gradients",
         "bit for bit; an optimiser's step moves nothing", (CAMERA,),
-        ("method/kernels/test_rasterize.py::test_an_empty_scene_is_the_background_and_takes_gradients",),
+        ("method/core/kernels/test_rasterize.py::test_an_empty_scene_is_the_background_and_takes_gradients",),
     ),
     Case(
         22, "image shapes", "camera and scene", "1x1, 1x17, 17x1, 15x33, 4096x1", "ref64",
         "2e-6 of the largest value (16 eps)", (CAMERA,),
-        ("method/kernels/test_rasterize.py::test_any_image_shape_is_covered",),
+        ("method/core/kernels/test_rasterize.py::test_any_image_shape_is_covered",),
     ),
     Case(
         23, "index width", "camera and scene", "6.25e11 pairs of surfel and tile; 2^31 hits", "64-bit arithmetic",
@@ -144,7 +144,7 @@ CASES = (
     Case(
         24, "self-intersection", "camera and scene", "closed shell and plane at scales 1e-3 to 1e3, offset to 1e6",
         "visibility 0 inside the shell, 1 on the plane", "leak below 1e-3; no false occlusion", (CAMERA,),
-        ("method/kernels/test_trace.py::test_a_closed_room_sees_no_light_and_a_convex_body_sees_all",),
+        ("method/core/kernels/test_trace.py::test_a_closed_room_sees_no_light_and_a_convex_body_sees_all",),
     ),
     Case(
         25, "GGX at roughness 0", "shading and light transport", "r in {1e-3, .02, .05, .1, 1}, 1e-6 to 1 rad off",
@@ -164,7 +164,7 @@ CASES = (
     Case(
         28, "white furnace", "shading and light transport", "albedo 1, light 1, N_s from 1 to 1024", "radiance 1",
         "1e-5 for the fixed set (measured 1.8e-7); 3 sigma + 4e-4 of the midpoint rule for the mixture",
-        (LIGHT, HAZARDS), ("method/kernels/test_shade.py::test_white_furnace_has_no_bias_at_any_number_of_samples",),
+        (LIGHT, HAZARDS), ("method/core/kernels/test_shade.py::test_white_furnace_has_no_bias_at_any_number_of_samples",),
     ),
     Case(
         29, "closed furnace", "shading and light transport", "glowing sphere, albedo .2, .5, .8, .99, 8 to 16 bounces",
@@ -174,40 +174,40 @@ CASES = (
         30, "sampler against density", "shading and light transport", "hemisphere, random, light, mixture",
         "chi-square; integral of the density", "p > 1e-4; 1 +- 1e-3; the method has no GGX sampler", (LIGHT, HAZARDS),
         (
-            "method/test_sampling.py::test_the_hemisphere_set_fills_equal_solid_angles_and_is_turned_at_random",
-            "method/test_sampling.py::test_the_random_direction_is_uniform_over_the_hemisphere",
-            "method/test_sampling.py::test_draws_from_the_light_follow_its_density_also_inside_each_texel",
-            "method/test_sampling.py::test_the_lights_density_integrates_to_one_and_is_the_radiance_up_to_scale",
+            "method/core/transport/test_sampling.py::test_the_hemisphere_set_fills_equal_solid_angles_and_is_turned_at_random",
+            "method/core/transport/test_sampling.py::test_the_random_direction_is_uniform_over_the_hemisphere",
+            "method/core/transport/test_sampling.py::test_draws_from_the_light_follow_its_density_also_inside_each_texel",
+            "method/core/transport/test_sampling.py::test_the_lights_density_integrates_to_one_and_is_the_radiance_up_to_scale",
         ),
     ),
     Case(
         31, "mixture weights", "shading and light transport", "light alone, half and half, a quarter, with a lobe",
         "equal means", "|z| < 4 between every pair", (LIGHT,),
-        ("method/test_sampling.py::test_every_mixture_of_strategies_estimates_the_same_irradiance",),
+        ("method/core/transport/test_sampling.py::test_every_mixture_of_strategies_estimates_the_same_irradiance",),
     ),
     Case(
         32, "tangent frame", "shading and light transport", "n = -z, tilted by 1e-1 to 1e-8, and random",
         "R^T R = 1, R z = n, det = 1", "4 eps (measured 1.5)", (LIGHT, HAZARDS),
-        ("method/test_sampling.py::test_frames_are_orthonormal_down_to_the_south_pole_in_float32",),
+        ("method/core/transport/test_sampling.py::test_frames_are_orthonormal_down_to_the_south_pole_in_float32",),
     ),
     Case(
         33, "sun, black map, broken texel", "shading and light transport", "one texel 1e5; all 0; one NaN or infinity",
         "analytic irradiance; 0; a named error", "1e-3; exact", (LIGHT,),
         (
-            "method/test_sampling.py::test_a_sun_in_one_texel_is_found_by_every_draw",
-            "method/test_sampling.py::test_a_black_light_is_drawn_from_uniformly",
-            "method/test_sampling.py::test_a_light_that_is_not_finite_is_refused_by_name",
+            "method/core/transport/test_sampling.py::test_a_sun_in_one_texel_is_found_by_every_draw",
+            "method/core/transport/test_sampling.py::test_a_black_light_is_drawn_from_uniformly",
+            "method/core/transport/test_sampling.py::test_a_light_that_is_not_finite_is_refused_by_name",
         ),
     ),
     Case(
         34, "poles and seam", "shading and light transport", "+-z, azimuth +-pi with either zero, texels' edges",
         "a constant map is constant; continuity", "1e-5", (LIGHT,),
-        ("method/kernels/test_shade.py::test_lookup_crosses_the_seam_and_reaches_the_poles_without_a_step",),
+        ("method/core/kernels/test_shade.py::test_lookup_crosses_the_seam_and_reaches_the_poles_without_a_step",),
     ),
     Case(
         35, "prefiltered light", "shading and light transport", "constant map, and a delta map at every texel",
         "the same constant; equal energy", "1e-4", (LIGHT,),
-        ("method/test_splitsum.py::test_a_constant_light_stays_the_same_constant_at_every_roughness",),
+        ("method/core/transport/test_splitsum.py::test_a_constant_light_stays_the_same_constant_at_every_roughness",),
     ),
     Case(
         36, "visibility at the edges", "shading and light transport", "0, 1 and many hits; a wall with a hole",
@@ -229,12 +229,12 @@ CASES = (
     Case(
         40, "normalise(0)", "autograd and precision", "coinciding points, blends of opposite normals",
         "zero, or the derivative 1 / length", "at most 1e4 at lengths of the scene; 0 below float32's range",
-        (PRECISION,), ("method/test_losses.py::test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient",),
+        (PRECISION,), ("method/core/learning/test_losses.py::test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient",),
     ),
     Case(
         41, "sRGB knees", "autograd and precision", "-1e-3, 0, 1e-12, both knees -+ an ulp, 1, 1e4",
         "colour-science in float64", "1e-6 encoded, 2e-6 decoded; slope at most 12.92", (PRECISION,),
-        ("method/test_colour.py::test_slope_at_and_below_the_knee_is_finite",),
+        ("method/core/scene/test_colour.py::test_slope_at_and_below_the_knee_is_finite",),
     ),
     Case(
         42, "finite differences of the renderer", "autograd and precision",
@@ -249,20 +249,20 @@ CASES = (
     Case(
         44, "repetition", "autograd and precision", "the same seed twice, on 1 and 4 threads", "the first run",
         "bit for bit within a team, images also between teams; gradients between teams 1e-5", (PRECISION,),
-        ("method/test_stages.py::test_the_same_seed_does_the_same_work",),
+        ("method/radiogs/test_stages.py::test_the_same_seed_does_the_same_work",),
     ),
     Case(
         45, "resuming", "autograd and precision", "a stage whole against half, saved, read and finished",
         "the whole run", "bit for bit", (),
         (
-            "method/test_stages.py::test_initialisation_resumes_bit_for_bit_across_density_control",
-            "method/test_stages.py::test_inverse_rendering_resumes_bit_for_bit_across_a_refresh",
+            "method/radiogs/test_stages.py::test_initialisation_resumes_bit_for_bit_across_density_control",
+            "method/radiogs/test_stages.py::test_inverse_rendering_resumes_bit_for_bit_across_a_refresh",
         ),
     ),
     Case(
         46, "hidden and permuted primitives", "autograd and precision", "1000 behind a wall; shuffled", "invariance",
         "bit for bit; 1e-5", (CAMERA, PROPERTIES),
-        ("method/kernels/test_rasterize.py::test_order_of_the_surfels_does_not_matter",),
+        ("method/core/kernels/test_rasterize.py::test_order_of_the_surfels_does_not_matter",),
     ),
     Case(
         47, "identical images", "metrics", "x = y", "a cap of 100 dB by rule", "exact", (HAZARDS,),
