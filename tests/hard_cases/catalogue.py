@@ -164,7 +164,8 @@ CASES = (
     Case(
         28, "white furnace", "shading and light transport", "albedo 1, light 1, N_s from 1 to 1024", "radiance 1",
         "1e-5 for the fixed set (measured 1.8e-7); 3 sigma + 4e-4 of the midpoint rule for the mixture",
-        (LIGHT, HAZARDS), ("method/core/kernels/test_shade.py::test_white_furnace_has_no_bias_at_any_number_of_samples",),
+        (LIGHT, HAZARDS),
+        ("method/core/kernels/test_shade.py::test_white_furnace_has_no_bias_at_any_number_of_samples",),
     ),
     Case(
         29, "closed furnace", "shading and light transport", "glowing sphere, albedo .2, .5, .8, .99, 8 to 16 bounces",
@@ -229,7 +230,8 @@ CASES = (
     Case(
         40, "normalise(0)", "autograd and precision", "coinciding points, blends of opposite normals",
         "zero, or the derivative 1 / length", "at most 1e4 at lengths of the scene; 0 below float32's range",
-        (PRECISION,), ("method/core/learning/test_losses.py::test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient",),
+        (PRECISION,),
+        ("method/core/learning/test_losses.py::test_depth_normals_of_coinciding_points_are_zero_with_zero_gradient",),
     ),
     Case(
         41, "sRGB knees", "autograd and precision", "-1e-3, 0, 1e-12, both knees -+ an ulp, 1, 1e4",

@@ -1,8 +1,8 @@
 """Randomness and reciprocity over drawn materials: chi-square, z-tests, Helmholtz, energy, furnace.
 
-The samplers' own chi-square tests stand in ``method/core/transport/test_sampling``; here they meet the BRDF and each other. Each test
-fails a right sampler at 1e-4 over all seeds (Šidák's correction is then that of the number of bins alone), and the
-seeds are fixed.
+The samplers' own chi-square tests are in ``method/core/transport/test_sampling``; here they meet the BRDF and each
+other. Each test fails a right sampler at 1e-4 over all seeds (Šidák's correction is then that of the number of bins
+alone), and the seeds are fixed.
 """
 
 import math
