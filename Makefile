@@ -29,8 +29,8 @@ lint: $(READY) ## style, types, which room may import which, and how large funct
 	$(BIN)/lint-imports
 	$(BIN)/python .ci/structure.py
 
-test: lint ## lint, then every test that is fast (those for a GPU skip themselves)
-	$(BIN)/python -m pytest -m "not slow"
+test: lint ## lint, then every test that is fast, in two processes (those for a GPU skip themselves)
+	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile
 
 test-slow: $(READY) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
