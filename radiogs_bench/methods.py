@@ -16,9 +16,9 @@ from typing import Any
 
 from radiogs_core.contract import Method
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import from_plain
 
 from .method_calls import calling, lacking
-from .plain_values import from_plain
 
 GROUP = "radiogs_bench.methods"
 
@@ -86,7 +86,7 @@ def budget_of(of: Method, preset: str) -> Any:
     if preset not in of.presets:
         near = get_close_matches(preset, of.presets, 1)
         raise UsageError(
-            f"unknown preset '{preset}'" + ("" if of.name == DEFAULT else f" of {of.name}"),
+            f"unknown preset '{preset}' of {of.name}",
             f"Did you mean '{near[0]}'?" if near else "",
             f"Presets: {', '.join(of.presets)}.",
         )
@@ -106,7 +106,7 @@ def describe(of: Method) -> dict[str, Any]:
         "title": of.title,
         "origin": origin(of.name),
         "presets": {name: asdict(budget) for name, budget in of.presets.items()},
-        "variant": asdict(full) if is_dataclass(full) and not isinstance(full, type) else {},
+        "variant": asdict(full),
         "stages": stages,
     }
 
@@ -178,8 +178,3 @@ def _from_file(path: Path) -> Method:
     from radiogs_baselines.commands import read_method
 
     return read_method(path)
-
-
-def whole_numbers(budget: Any) -> tuple[str, ...]:
-    """The fields of a budget that a row of a suite may multiply."""
-    return tuple(field.name for field in fields(budget) if type(getattr(budget, field.name)) is int)

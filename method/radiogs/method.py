@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from radiogs_core.contract import Probe, Run, Stage, StageSpec, Trained, values_but
+from radiogs_core.capabilities import Probe
+from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
 from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget

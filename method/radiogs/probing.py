@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import torch
 
-from radiogs_core.contract import EffectRecord, Probe, Run
+from radiogs_core.capabilities import EffectRecord, Probe
+from radiogs_core.contract import Run
 from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene

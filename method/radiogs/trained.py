@@ -62,10 +62,6 @@ class TrainedRadioGS:
             "remarks": [f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else [],
         }
 
-    def tensors(self) -> dict[str, Any]:
-        """What ``Method.restore`` makes it from."""
-        return self.model.tensors()
-
     def export(self, folder: Path) -> list[Path]:
         """Write ``surfels.ply``. Raises OSError."""
         path = folder / "surfels.ply"

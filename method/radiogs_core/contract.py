@@ -9,9 +9,8 @@ of one camera.
 Nothing here knows of surfels: a radiance field, or a program that is run as a command, fits as well.
 """
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, Protocol, runtime_checkable
 
@@ -64,8 +63,7 @@ class Stage(Protocol):
     """A resumable optimisation: restoring a state and stepping on gives what stepping on would have given.
 
     A stage that waits for something else may return from ``step`` with ``iteration`` as it was, at least twice a
-    second, so that a request to stop is heard. One that holds more than memory may have a method ``close()``, which is
-    called when stepping ends, however it ends.
+    second, so that a request to stop is heard. One that holds more than memory may be ``capabilities.Closing``.
     """
 
     iteration: int
@@ -162,9 +160,6 @@ class Trained(Protocol):
         """Plain values that go into the result, such as the number of surfels; ``metrics`` among them maps names such
         as ``plan/bound`` to values that stand in tables like any other metric."""
 
-    def tensors(self) -> dict[str, Any]:
-        """What ``Method.restore`` makes it from."""
-
     def export(self, folder: Path) -> list[Path]:
         """Write the model for other programs, without its light; returns the files written. Raises OSError."""
 
@@ -223,6 +218,11 @@ def values_but(of: object, *names: str) -> dict[str, Any]:
     return {field.name: getattr(of, field.name) for field in fields(of) if field.name not in names}  # type: ignore[arg-type]
 
 
+def whole_numbers(budget: Any) -> tuple[str, ...]:
+    """The fields of a budget that rows of a suite may multiply."""
+    return tuple(field.name for field in fields(budget) if type(getattr(budget, field.name)) is int)
+
+
 def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     """The budget with some of its whole numbers multiplied; its name says which.
 
@@ -230,7 +230,7 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     """
     if not factors:
         return budget
-    whole = [field.name for field in fields(budget) if type(getattr(budget, field.name)) is int]
+    whole = whole_numbers(budget)
     for name in factors:
         if name not in whole:
             raise UsageError(
@@ -242,70 +242,3 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
             raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
     marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
     return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)
-
-
-@dataclass(frozen=True)
-class EffectRecord:
-    """What was decided about one light-transport effect, and by what evidence.
-
-    verdict: "on", "local" (kept where it matters) or "off". why: in words. iteration: of training, 0 for what is not
-    being trained. tolerance: loss that is tolerated, dB of PSNR. measured: by name, None for a value that is not
-    finite; ``contribution``, ``lowest`` and ``bound`` (estimate of what leaving the effect out costs, and its bounds),
-    ``worst`` (whatever the errors' correlation), all in dB; ``rays`` and ``share`` of a step's work that it takes.
-    None: nothing was measured.
-    """
-
-    effect: str
-    verdict: str
-    why: str
-    iteration: int
-    seed: int
-    tolerance: float
-    measured: Mapping[str, float | None] | None
-
-
-@dataclass(frozen=True)
-class Probe:
-    """Which effects a scene or a trained model needs: decisions with their evidence, and images of what they change.
-
-    mse: mean squared error, display sRGB, to which ``tolerance`` (dB of PSNR) is relative. plan: what is to be
-    simulated, plain values. bounces: surfaces that light has to be followed over; None where that is not known.
-    reference: one view, display sRGB; a picture of it where there is one, else as it is relit (``pictured`` says
-    which). differences: by effect, how much leaving it out changes each pixel of that view, mean over channels.
-    """
-
-    tolerance: float
-    mse: float
-    records: tuple[EffectRecord, ...]
-    plan: Mapping[str, Any]
-    bounces: int | None
-    reference: Float[Tensor, "height width 3"]
-    pictured: bool
-    differences: Mapping[str, Float[Tensor, "height width"]]
-
-    @property
-    def psnr(self) -> float:
-        """PSNR of the error to which the tolerance is relative, dB."""
-        return -10 * math.log10(self.mse) if self.mse > 0 else math.inf
-
-    def plain(self) -> dict[str, Any]:
-        """Everything but the images, as plain values."""
-        return {
-            "mse": self.mse,
-            "tolerance": self.tolerance,
-            "plan": dict(self.plan),
-            "bounces": self.bounces,
-            "evidence": [asdict(record) for record in self.records],
-        }
-
-
-@runtime_checkable
-class Probing(Protocol):
-    """A method that can say which effects are needed; methods that simulate all that they have do not offer this."""
-
-    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """What training on the run's scene needs, or a trained model of it; with a ``light``, what relighting needs.
-
-        Without a trained model, the scene is probed as it truly is. Raises DataError for a scene whose surfaces and
-        light are not known.
-        """

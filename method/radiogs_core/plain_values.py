@@ -8,7 +8,7 @@ from difflib import get_close_matches
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from radiogs_core.errors import UsageError
+from .errors import UsageError
 
 WORDS: Mapping[Any, str] = {
     str: "text",

@@ -66,7 +66,8 @@ def _show_all(described: list[dict[str, Any]]) -> None:
 def _show_one(described: Mapping[str, Any]) -> None:
     from rich.table import Table
 
-    from ..plain_values import flat
+    from radiogs_core.plain_values import flat
+
     from .reporter import say, show
 
     say(f"{described['name']}: {described['title']}, from {described['origin']}")

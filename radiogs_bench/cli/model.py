@@ -1,6 +1,7 @@
 """``radiogs-bench train``, ``render`` and ``relight``: one model, outside any suite."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,9 @@ if TYPE_CHECKING:
     from .options import Commands
 
 METHOD = "radiogs"
+PAPER = "paper"
+"""The profile of every method: its variant as it is."""
+
 MODES = ("pbr", "finetuned", "surfels")
 
 
@@ -27,7 +31,7 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     training.add_argument("--seed", type=int, default=0, help="(default: 0)")
     training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
-    training.add_argument("--profile", default="paper", help="whose formulas: paper or released (default: paper)")
+    training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
 
     add_effects(training)
 
@@ -97,10 +101,12 @@ def variant_asked(options: argparse.Namespace) -> Any:
     """The variant for ``train``: the full method with the fields that the options set."""
     from dataclasses import fields
 
+    from radiogs_core.capabilities import Profiled
+
     from ..methods import method, variant_of
 
     used = method(options.method)
-    profiles = getattr(used, "profiles", {"paper": {}})
+    profiles: Mapping[str, Mapping[str, Any]] = used.profiles if isinstance(used, Profiled) else {PAPER: {}}
     if options.profile not in profiles:
         raise UsageError(
             f"{used.name} has no profile '{options.profile}'", f"It has: {', '.join(profiles)}.", "Leave --profile out."
@@ -140,6 +146,8 @@ def relight(options: argparse.Namespace) -> int:
     """Write every view under another light."""
     import torch
 
+    from radiogs_core.capabilities import Remarking
+
     from ..api import read_light
     from ..store.folder import Store
     from ..training.trained_folder import read_about, read_trained
@@ -153,7 +161,7 @@ def relight(options: argparse.Namespace) -> int:
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, device, turned)
         relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
-        for remark in getattr(relit, "remarks", ()):
+        for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
         folder = options.folder / "relight" / options.envmap.stem / options.mode
         return write_views(about["method"], relit, run, options.views, folder)

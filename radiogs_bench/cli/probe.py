@@ -12,7 +12,7 @@ from .options import add_verbose, positive
 if TYPE_CHECKING:
     import torch
 
-    from radiogs_core.contract import Probe, Probing
+    from radiogs_core.capabilities import Probe, Probing
     from radiogs_core.scene.light import EnvironmentMap
 
     from .options import Commands
@@ -87,7 +87,7 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
 
 def _probing(name: str) -> "Probing":
     """A method that can be probed. Raises UsageError for any other."""
-    from radiogs_core.contract import Probing
+    from radiogs_core.capabilities import Probing
     from radiogs_core.errors import UsageError
 
     from ..methods import method

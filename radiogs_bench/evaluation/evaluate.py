@@ -75,35 +75,38 @@ def evaluate(
 ) -> Evaluation:
     """Score a model on every test view, and on every relit ground-truth image of the scene.
 
-    ``advance`` is told (done, total) images, after every one and between the steps of a long preparation; it may raise
-    to stop. The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black,
-    [height, width, channels], float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), and relit
-    (under the first light, and ``relit/<light>`` under the first few); those that the scene has no truth for are left
-    out under ``truth/``. ``render/incident`` is the indirect light that arrives, where the method knows it. Beside them
-    lie ``render/environment`` and ``truth/environment`` (see ``light_maps``) where the light is known. ``timed`` is
-    whether frames are timed, ``method`` what messages call it. Raises DataError for a damaged map, MethodFailed for
-    what the method raises without a word, or what it gives that is no such map.
+    ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
+    raise to stop. ``timed``: also measure milliseconds and memory per frame. ``method``: its name in messages.
+
+    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
+    float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
+    ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
+    incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
+    ``light_maps``) if both lights are known.
+
+    Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
+    not keep to its contract, NumericalFailure for an image that is not finite.
     """
-    course = _Course(scene, rules, device, advance, timed, method)
-    course.show_own(course.prepared(trained))
-    course.compare_light(trained)
-    scale = course.compare_whole()
-    course.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
+    evaluator = _Evaluator(scene, rules, device, advance, timed, method)
+    evaluator.show_own(evaluator.prepared(trained))
+    evaluator.compare_light(trained)
+    scale = evaluator.compare_whole()
+    evaluator.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
     return Evaluation(
-        metrics=course.scores.metrics(),
-        timings=course.costs.timings(),
-        views=list(course.scores.views),
-        shown_view=course.shown.name,
-        shown_light=course.shown_light if "render/relit" in course.arrays else None,
+        metrics=evaluator.scores.metrics(),
+        timings=evaluator.costs.timings(),
+        views=list(evaluator.scores.views),
+        shown_view=evaluator.shown.name,
+        shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays={name: image.numpy().astype(np.float32) for name, image in course.arrays.items()},
+        arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()},
         protocol=rules.describe(),
-        maps=sorted(course.given),
+        maps=sorted(evaluator.given),
     )
 
 
 @dataclass
-class _Course:
+class _Evaluator:
     """An evaluation in progress: what has been scored and kept so far."""
 
     scene: Scene
@@ -160,12 +163,12 @@ class _Course:
         return ready
 
     def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
-        """A view's maps in main memory, on black."""
+        """The maps of a view, on black, on the CPU."""
         camera = view.camera.to(self.device, torch.float32)
         return on_black(prepared, camera, *further, method=self.method, view=view.name)
 
     def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
-        """What a frame takes."""
+        """Measure milliseconds and memory per frame."""
         with calling(self.method, "render(), once more to be timed"):
             self.costs.measure(task, prepared.render, views)
 
@@ -238,6 +241,7 @@ class _Course:
 
     def _score_relit(self, light: str, view: View, maps: Maps) -> None:
         if "image" not in maps:
+            self.scores.add("relight", view.name, self.rules.no_comparison(f"{self.method} renders no relit image"))
             return
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
         self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))

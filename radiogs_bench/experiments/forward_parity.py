@@ -44,10 +44,10 @@ from ..evaluation.scoring import Image, coverage, displayed, truth
 from ..metrics import Value, protocol
 from ..metrics.values import PSNR_CAP
 from ..store.provenance import reset_peaks, session
-from ..store.schema import RESULT_SCHEMA, Result
 from ..suites.cell import Cell
 from ..training.stages import Bench
 from ..training.trail import Trail
+from .result import EVALUATE, add_stage, empty_result
 
 SPACING = 0.03
 """World units between surfels; the scenes are 2 to 3 across."""
@@ -125,30 +125,17 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     ended = time.perf_counter()
     with recording() as evaluating:
         values, arrays = compared_views(bench, cell, scene, made, solver)
+    result = empty_result(cell, values.rules.describe())
+    result["metrics"] = values.metrics()
+    result["views"] = list(values.views)
+    result["shown_view"] = scene.test[0].name
+    result["facts"] = {"surfels": len(made.surfels)}
+    result["stages"] = [{"name": SOLVE, "title": SOLVING}]
+    result["losses"] = {SOLVE: losses}
+    result["trail"] = {SOLVE: trail.points}
     here = [session(bench.device)]
-    result = Result(
-        schema=RESULT_SCHEMA,
-        key=cell.key,
-        scene=cell.scene,
-        cell=cell.content(),
-        protocol=values.rules.describe(),
-        metrics=values.metrics(),
-        timings={},
-        views=list(values.views),
-        shown_view=scene.test[0].name,
-        shown_light=None,
-        albedo_scale=None,
-        facts={"surfels": len(made.surfels)},
-        maps=[],
-        stages=[{"name": SOLVE, "title": SOLVING}],
-        losses={SOLVE: losses},
-        trail={SOLVE: trail.points},
-        seconds={SOLVE: ended - started, "evaluate": time.perf_counter() - ended},
-        parts={SOLVE: dict(solving.parts), "evaluate": dict(evaluating.parts)},
-        work={SOLVE: dict(solving.work), "evaluate": dict(evaluating.work)},
-        guards={SOLVE: dict(solving.guards), "evaluate": dict(evaluating.guards)},
-        sessions={SOLVE: here, "evaluate": here},
-    )
+    add_stage(result, SOLVE, solving, ended - started, here)
+    add_stage(result, EVALUATE, evaluating, time.perf_counter() - ended, here)
     bench.store.put_result(result, arrays)
 
 

@@ -11,12 +11,10 @@ from radiogs_core.scene.scene import Scene
 from ..evaluation.evaluate import Evaluation, evaluate
 from ..metrics import protocol
 from ..store.provenance import reset_peaks, session
-from ..store.schema import RESULT_SCHEMA, MetricValue, Result
+from ..store.schema import MetricValue, Result
 from ..suites.cell import Cell
 from ..training.stages import Bench, Ledger, Score, facts_of, trained
-
-EVALUATE = "evaluate"
-"""Name of the scoring stage in results."""
+from .result import EVALUATE, add_stage, empty_result
 
 Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
 """Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""
@@ -58,8 +56,7 @@ def train_and_score(
     result = _result(cell, ledgers, evaluation, facts)
     result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
     result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
-    _add_evaluation(result, instruments, seconds)
-    result["sessions"][EVALUATE] = [session(bench.device)]
+    add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])
     bench.store.put_result(result, evaluation.arrays)
 
 
@@ -69,33 +66,17 @@ def _whole(value: float, views: int) -> MetricValue:
 
 
 def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, facts: dict[str, Any]) -> Result:
-    return Result(
-        schema=RESULT_SCHEMA,
-        key=cell.key,
-        scene=cell.scene,
-        cell=cell.content(),
-        protocol=evaluation.protocol,
-        metrics=dict(evaluation.metrics),
-        timings=dict(evaluation.timings),
-        views=evaluation.views,
-        shown_view=evaluation.shown_view,
-        shown_light=evaluation.shown_light,
-        albedo_scale=evaluation.albedo_scale,
-        facts=facts,
-        maps=evaluation.maps,
-        stages=[{"name": stage.name, "title": stage.title} for stage in cell.stages],
-        losses={name: ledger["losses"] for name, ledger in ledgers.items()},
-        trail={name: ledger["trail"] for name, ledger in ledgers.items()},
-        seconds={name: ledger["seconds"] for name, ledger in ledgers.items()},
-        parts={name: ledger["parts"] for name, ledger in ledgers.items()},
-        work={name: ledger["work"] for name, ledger in ledgers.items()},
-        guards={name: ledger["guards"] for name, ledger in ledgers.items()},
-        sessions={name: ledger["sessions"] for name, ledger in ledgers.items()},
-    )
-
-
-def _add_evaluation(result: Result, instruments: Instruments, seconds: float) -> None:
-    result["seconds"][EVALUATE] = seconds
-    result["parts"][EVALUATE] = dict(instruments.parts)
-    result["work"][EVALUATE] = dict(instruments.work)
-    result["guards"][EVALUATE] = dict(instruments.guards)
+    result = empty_result(cell, evaluation.protocol)
+    result["metrics"] = dict(evaluation.metrics)
+    result["timings"] = dict(evaluation.timings)
+    result["views"] = evaluation.views
+    result["shown_view"] = evaluation.shown_view
+    result["shown_light"] = evaluation.shown_light
+    result["albedo_scale"] = evaluation.albedo_scale
+    result["facts"] = facts
+    result["maps"] = evaluation.maps
+    result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
+    for name, ledger in ledgers.items():
+        result["losses"][name], result["trail"][name] = ledger["losses"], ledger["trail"]
+        add_stage(result, name, Instruments.of(ledger), ledger["seconds"], ledger["sessions"])
+    return result

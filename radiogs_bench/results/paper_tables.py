@@ -9,11 +9,11 @@ from collections.abc import Iterable, Mapping
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import to_plain
 from radiogs_reports.statistics import Estimate, Sample, estimate, paired_difference
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
 from ..methods import budget_of, method, variant_of
-from ..plain_values import to_plain
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.experiment import TRAINING

@@ -8,8 +8,8 @@ from typing import Any
 import pandas as pd
 
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import flat
 
-from ..plain_values import flat
 from .atomic import write_atomically
 from .folder import Store
 from .schema import Result

@@ -8,10 +8,10 @@ from functools import cached_property
 from typing import Any
 
 from radiogs_core.contract import Method
+from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling
-from ..plain_values import to_plain
 from ..sources import code_digest
 from .experiment import EXPERIMENTS, TRAINING
 

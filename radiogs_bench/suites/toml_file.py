@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from radiogs_baselines.published import published_tables
+from radiogs_core.contract import whole_numbers
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import PlainReader
 from radiogs_datasets import known_names
 
-from ..methods import SUFFIX, method, whole_numbers
-from ..plain_values import PlainReader
+from ..methods import SUFFIX, method
 from .experiment import EXPERIMENTS
 from .registry import SUITES
 from .suite import MEASURES, TASKS, Metric, Row, Suite

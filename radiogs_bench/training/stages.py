@@ -7,6 +7,7 @@ from typing import Any, TypedDict
 
 import torch
 
+from radiogs_core.capabilities import Closing
 from radiogs_core.contract import Method, Run, Stage, StageSpec, Trained
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import Instruments, recording
@@ -166,7 +167,7 @@ def completed(
             started = time.perf_counter()
             stage = begin()
             try:
-                ledger = _Course(bench, method, key, stage, instruments, started, score).to_the_end()
+                ledger = _StageLoop(bench, method, key, stage, instruments, started, score).to_the_end()
                 with calling(method, f"product() of stage '{key.name}'"):
                     product = dict(stage.product())
             finally:
@@ -180,11 +181,10 @@ def completed(
 
 
 def close_stage(method: str, stage: Stage) -> None:
-    """Let a stage that holds more than memory (a process, a file) let it go, if it says how: by a method ``close``."""
-    close = getattr(stage, "close", None)
-    if close is not None:
+    """Let a stage that holds more than memory let it go."""
+    if isinstance(stage, Closing):
         with calling(method, "close()"):
-            close()
+            stage.close()
 
 
 def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
@@ -196,7 +196,7 @@ def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
 
 
 @dataclass
-class _Course:
+class _StageLoop:
     """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
 
     bench: Bench

@@ -14,13 +14,13 @@ import torch
 
 from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError
+from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
-from ..plain_values import to_plain
 from ..store.atomic import write_atomically
 from ..store.folder import Store, product_name, strict_json
 from ..suites.cell import Cell

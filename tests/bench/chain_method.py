@@ -97,9 +97,6 @@ class ChainTrained:
     def facts(self) -> dict[str, Any]:
         return {"value": float(self.value)}
 
-    def tensors(self) -> dict[str, Any]:
-        return {"value": self.value}
-
     def export(self, folder: Path) -> list[Path]:
         (folder / "value.txt").write_text(f"{float(self.value)}\n")
         return [folder / "value.txt"]

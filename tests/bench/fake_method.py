@@ -111,9 +111,6 @@ class FakeTrained:
     def facts(self) -> dict[str, Any]:
         return {"surfels": 4, "effects": {"plan": everything().plain(), "evidence": []}}
 
-    def tensors(self) -> dict[str, Any]:
-        return self.kept
-
     def export(self, folder: Path) -> list[Path]:
         return []
 

@@ -82,9 +82,6 @@ class Perfect:
     def facts(self) -> dict[str, Any]:
         return {}
 
-    def tensors(self) -> dict[str, Any]:
-        return {}
-
     def export(self, folder: Path) -> list[Path]:
         return []
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.model import Model
+from radiogs.trained import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.surfels.ply import read_ply
@@ -25,7 +25,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_the_model_is_written_in_full(folder: Path) -> None:
     run, trained = read_trained(folder, CPU)
-    about, model = read_about(folder), Model.of(trained.tensors())
+    assert isinstance(trained, TrainedRadioGS)
+    about, model = read_about(folder), trained.model
     assert about["scene"] == run.scene.name == "convex"
     assert about["facts"]["surfels"] == trained.facts()["surfels"] == len(model.surfels)
     for name, value in read_ply(folder / "surfels.ply").parameters().items():

@@ -10,8 +10,8 @@ import pytest
 from radiogs.method import RADIOGS
 from radiogs.profile import PROFILES
 from radiogs.variant import Variant
-from radiogs_bench.plain_values import from_plain, to_plain
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import from_plain, to_plain
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import radiogs_bench as rb
+from radiogs.trained import TrainedRadioGS
 from radiogs_bench import api
 from radiogs_bench.cli import main
 from radiogs_core.errors import DataError, UsageError
@@ -31,8 +32,11 @@ def test_the_walk_of_the_documentation_runs_as_it_stands(
     again = rb.train("radiogs", "corner", preset="smoke", variant={"radiometric_weight": 0.0}, out="out/no-rad")
     kept = names["kept"]
     assert isinstance(kept, api.Model)
-    for name, value in kept.trained.tensors()["surfels"].items():
-        assert torch.equal(value, again.trained.tensors()["surfels"][name])
+    assert isinstance(kept.trained, TrainedRadioGS)
+    assert isinstance(again.trained, TrainedRadioGS)
+    others = again.trained.model.surfels.parameters()
+    for name, value in kept.trained.model.surfels.parameters().items():
+        assert torch.equal(value, others[name])
 
 
 def test_every_public_name_is_there_and_documented() -> None:

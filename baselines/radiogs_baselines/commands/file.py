@@ -3,16 +3,14 @@
 The dataclasses are the schema: every field may stand in a file, those without a default must.
 """
 
-import math
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, fields
-from difflib import get_close_matches
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NoReturn, get_args, get_origin, get_type_hints
 
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import PlainReader
 from radiogs_datasets.registry import LAYOUTS
 
 from ..outputs import CODES
@@ -150,73 +148,16 @@ def read_file(path: Path) -> MethodFile:
         raise DataError(f"cannot read the method {path}", f"{error.strerror}.", "Name a method's file.") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise UsageError(f"{path} is no TOML: {error}", "", MANUAL) from error
-    reader = _Reader(path)
+    reader = PlainReader(str(path), MANUAL)
     file: MethodFile = reader.build(MethodFile, content, "")
     _Checks(reader, file).all()
     return file
 
 
-class _Reader:
-    """Turns a file's tables into the dataclasses, and says where in the file something is wrong."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def fail(self, where: str, what: str, why: str = "", remedy: str = "") -> NoReturn:
-        place = f"{self.path}: {where}" if where else f"{self.path}"
-        raise UsageError(f"{place}: {what}", why, remedy or MANUAL)
-
-    def known(self, where: str, kind: str, given: str, names: Mapping[str, Any] | tuple[str, ...]) -> None:
-        """Fail unless ``given`` is one of the names, with the nearest one."""
-        if given in names:
-            return
-        near = get_close_matches(given, names, 1)
-        hint = f"Did you mean '{near[0]}'? " if near else ""
-        self.fail(where, f"there is no {kind} '{given}'", f"{hint}There are: {', '.join(names)}.")
-
-    def build(self, kind: type, table: object, where: str) -> Any:
-        """An instance of a dataclass, from a table with its fields."""
-        if not isinstance(table, dict):
-            self.fail(where, f"{table!r} is no table", "It has fields of its own.")
-        hints, declared = get_type_hints(kind), {each.name: each for each in fields(kind)}
-        for name in table:
-            self.known(where, "field", name, declared)
-        for name, each in declared.items():
-            if name not in table and each.default is MISSING and each.default_factory is MISSING:
-                self.fail(where, f"the field '{name}' is missing")
-        dot = f"{where}." if where else ""
-        return kind(**{name: self.convert(hints[name], value, f"{dot}{name}") for name, value in table.items()})
-
-    def convert(self, hint: Any, value: Any, where: str) -> Any:
-        """A value as its field's type asks for it."""
-        origin, inner = get_origin(hint), get_args(hint)
-        if type(None) in inner:
-            return self.convert(inner[0], value, where)
-        if origin is tuple:
-            self._expect(isinstance(value, list), where, value, "a list")
-            return tuple(self.convert(inner[0], each, f"{where}[{place}]") for place, each in enumerate(value))
-        if origin is not None and issubclass(origin, Mapping):
-            self._expect(isinstance(value, dict), where, value, "a table")
-            return {name: self.convert(inner[1], each, f"{where}.{name}") for name, each in value.items()}
-        if hint is float:
-            number = isinstance(value, int | float) and not isinstance(value, bool)
-            self._expect(number and math.isfinite(value), where, value, "a finite number")
-            return float(value)
-        if hint in (str, int, bool):
-            words = {str: "text", int: "a whole number", bool: "true or false"}
-            self._expect(type(value) is hint, where, value, words[hint])
-            return value
-        return self.build(hint, value, where)
-
-    def _expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
-        if not holds:
-            self.fail(where, f"{value!r} is not {wanted}")
-
-
 class _Checks:
     """What types do not say."""
 
-    def __init__(self, reader: _Reader, file: MethodFile) -> None:
+    def __init__(self, reader: PlainReader, file: MethodFile) -> None:
         self.reader, self.file = reader, file
 
     def all(self) -> None:
@@ -308,7 +249,7 @@ class _Checks:
             self.reader.fail(where, f"'{text}' is not in {{output}}", "What a run makes is kept in one place, its own.")
 
     def _text(self, where: str, text: str, known: Mapping[str, str]) -> None:
-        check(text, known, f"{self.reader.path}: {where}")
+        check(text, known, f"{self.reader.source}: {where}")
 
     def _limits(self) -> None:
         file = self.file

@@ -115,10 +115,6 @@ class TrainedCommand:
             "ignored": [] if predictions is None else list(predictions.ignored),
         }
 
-    def tensors(self) -> dict[str, Any]:
-        """Records of the commands of training."""
-        return dict(self.product)
-
     def export(self, folder: Path) -> list[Path]:
         """A small file that says where all is. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True)

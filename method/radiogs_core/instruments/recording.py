@@ -46,6 +46,13 @@ class Instruments:
         self.work, self.guards = Counter(stored["work"]), Counter(stored["guards"])
         self.parts = defaultdict(float, stored["parts"])
 
+    @classmethod
+    def of(cls, stored: Recorded) -> "Instruments":
+        """What was stored."""
+        instruments = cls()
+        instruments.restore(stored)
+        return instruments
+
 
 _current: ContextVar[Instruments | None] = ContextVar("instruments", default=None)
 

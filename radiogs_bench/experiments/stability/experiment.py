@@ -13,17 +13,14 @@ from radiogs_core.scene.scene import Scene
 from ...evaluation.metrics_by_view import MetricsByView
 from ...metrics import Value, protocol
 from ...store.provenance import reset_peaks, session
-from ...store.schema import RESULT_SCHEMA, Result
 from ...suites.cell import Cell
 from ...training.stages import Bench
+from ..result import EVALUATE, add_stage, empty_result
 from .axes import axis_and_points
 from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
 
 Curves = dict[str, list[Errors]]
 """Errors under each condition, by kernel."""
-
-STAGE = "evaluate"
-"""Name of the single stage; nothing is trained."""
 
 
 def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
@@ -45,32 +42,11 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
         values.add_whole(task, scores(axis, conditions, curves, task))
     guards = sum((errors.guards for curve in curves.values() for errors in curve), Counter[str]())
     values.add_whole("guards", {"fired": Value(float(guards.total()))})
-    bench.store.put_result(
-        Result(
-            schema=RESULT_SCHEMA,
-            key=cell.key,
-            scene=cell.scene,
-            cell=cell.content(),
-            protocol=values.rules.describe(),
-            metrics=values.metrics(),
-            timings={},
-            views=[],
-            shown_view=None,
-            shown_light=None,
-            albedo_scale=None,
-            facts={},
-            maps=[],
-            stages=[],
-            losses={},
-            trail={},
-            seconds={STAGE: time.perf_counter() - started},
-            parts={},
-            work={STAGE: dict(instruments.work)},
-            guards={STAGE: dict(guards)},
-            sessions={STAGE: [session(bench.device)]},
-        ),
-        arrays_of(axis, conditions, curves),
-    )
+    instruments.guards = guards  # those of float32: float64 is the reference
+    result = empty_result(cell, values.rules.describe())
+    result["metrics"] = values.metrics()
+    add_stage(result, EVALUATE, instruments, time.perf_counter() - started, [session(bench.device)])
+    bench.store.put_result(result, arrays_of(axis, conditions, curves))
 
 
 def stand_of(scene: Scene, seed: int) -> Stand:

@@ -239,7 +239,7 @@ def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_the
     for spoil in (lambda: model.write_text("short"), model.unlink):
         spoil()
         with pytest.raises(DataError, match="'stage-1' of Stand-in has written is gone or changed") as failure:
-            bench.method.restore(bench.run, trained.tensors())
+            bench.method.restore(bench.run, trained.product)
         assert str(bench.workspace) in failure.value.remedy
         with pytest.raises(DataError, match="gone or changed"):
             bench.train()
@@ -328,7 +328,7 @@ def test_a_full_disk_is_named_and_nothing_is_lost(tmp_path: Path) -> None:
 
 def test_memory_is_that_of_all_processes(convex: Scene, tmp_path: Path) -> None:
     trained = cell(tmp_path, convex, f"{SECOND}|--habit|take memory").train()
-    peaks = {name: record["peak_bytes"] for name, record in trained.tensors().items()}
+    peaks = {name: record["peak_bytes"] for name, record in trained.product.items()}
     assert peaks["stage-2"] > 200 * 2**20 > peaks["stage-1"]
 
 

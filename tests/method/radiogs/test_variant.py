@@ -11,9 +11,9 @@ import torch
 from radiogs.learning import MaterialLearning
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
-from radiogs_bench.plain_values import from_plain
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.plain_values import from_plain
 from radiogs_core.surfels.starting_points import SurfelStart
 from short_training import BUDGET, CPU, SCENE
 

@@ -84,14 +84,10 @@ class TrainedMean:
         """What goes into the result beside the metrics."""
         return {"brightness": float(self.mean[..., :3].mean())}
 
-    def tensors(self) -> dict[str, Any]:
-        """What ``MeanImage.restore`` takes."""
-        return {"mean": self.mean}
-
     def export(self, folder: Path) -> list[Path]:
         """One file for other programs."""
         path = folder / "mean_image.pt"
-        torch.save(self.tensors(), path)
+        torch.save({"mean": self.mean}, path)
         return [path]
 
     def prepare(

@@ -1,0 +1,105 @@
+"""What a method, or something that it makes, may offer beyond the contract; the harness looks whether it does."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Float
+from torch import Tensor
+
+from .contract import Run, Trained
+from .scene.light import EnvironmentMap
+
+
+@runtime_checkable
+class Closing(Protocol):
+    """A stage that holds more than memory, such as a process or a file."""
+
+    def close(self) -> None:
+        """Let it go; called when stepping ends, however it ends."""
+
+
+@runtime_checkable
+class Profiled(Protocol):
+    """A method whose variant has named settings, for ``radiogs-bench train --profile NAME``."""
+
+    @property
+    def profiles(self) -> Mapping[str, Mapping[str, Any]]:
+        """Fields of the variant by the profile's name, as plain values."""
+
+
+@runtime_checkable
+class Remarking(Protocol):
+    """A prepared model that has something to say of how it is shown."""
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences, such as which effects are left out and why."""
+
+
+@dataclass(frozen=True)
+class EffectRecord:
+    """What was decided about one light-transport effect, and by what evidence.
+
+    verdict: "on", "local" (kept where it matters) or "off". why: in words. iteration: of training, 0 for what is not
+    being trained. tolerance: loss that is tolerated, dB of PSNR. measured: by name, None for a value that is not
+    finite; ``contribution``, ``lowest`` and ``bound`` (estimate of what leaving the effect out costs, and its bounds),
+    ``worst`` (whatever the errors' correlation), all in dB; ``rays`` and ``share`` of a step's work that it takes.
+    None: nothing was measured.
+    """
+
+    effect: str
+    verdict: str
+    why: str
+    iteration: int
+    seed: int
+    tolerance: float
+    measured: Mapping[str, float | None] | None
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Which effects a scene or a trained model needs: decisions with their evidence, and images of what they change.
+
+    mse: mean squared error, display sRGB, to which ``tolerance`` (dB of PSNR) is relative. plan: what is to be
+    simulated, plain values. bounces: surfaces that light has to be followed over; None where that is not known.
+    reference: one view, display sRGB; a picture of it where there is one, else as it is relit (``pictured`` says
+    which). differences: by effect, how much leaving it out changes each pixel of that view, mean over channels.
+    """
+
+    tolerance: float
+    mse: float
+    records: tuple[EffectRecord, ...]
+    plan: Mapping[str, Any]
+    bounces: int | None
+    reference: Float[Tensor, "height width 3"]
+    pictured: bool
+    differences: Mapping[str, Float[Tensor, "height width"]]
+
+    @property
+    def psnr(self) -> float:
+        """PSNR of the error to which the tolerance is relative, dB."""
+        return -10 * math.log10(self.mse) if self.mse > 0 else math.inf
+
+    def plain(self) -> dict[str, Any]:
+        """Everything but the images, as plain values."""
+        return {
+            "mse": self.mse,
+            "tolerance": self.tolerance,
+            "plan": dict(self.plan),
+            "bounces": self.bounces,
+            "evidence": [asdict(record) for record in self.records],
+        }
+
+
+@runtime_checkable
+class Probing(Protocol):
+    """A method that can say which effects are needed; methods that simulate all that they have do not offer this."""
+
+    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
+        """What training on the run's scene needs, or a trained model of it; with a ``light``, what relighting needs.
+
+        Without a trained model, the scene is probed as it truly is. Raises DataError for a scene whose surfaces and
+        light are not known.
+        """

@@ -1,0 +1,47 @@
+"""A cell's result as an experiment fills it in: everything that it does not measure is there, and empty."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from radiogs_core.instruments import Instruments
+
+from ..store.schema import RESULT_SCHEMA, Result, Session
+from ..suites.cell import Cell
+
+EVALUATE = "evaluate"
+"""The last of a result's stages: scoring."""
+
+
+def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
+    """The result of a cell before anything is measured; ``protocol`` describes the metrics' conventions."""
+    return Result(
+        schema=RESULT_SCHEMA,
+        key=cell.key,
+        scene=cell.scene,
+        cell=cell.content(),
+        protocol=protocol,
+        metrics={},
+        timings={},
+        views=[],
+        shown_view=None,
+        shown_light=None,
+        albedo_scale=None,
+        facts={},
+        maps=[],
+        stages=[],
+        losses={},
+        trail={},
+        seconds={},
+        parts={},
+        work={},
+        guards={},
+        sessions={},
+    )
+
+
+def add_stage(result: Result, name: str, recorded: Instruments, seconds: float, sessions: Sequence[Session]) -> None:
+    """Put what a stage took into a result."""
+    result["seconds"][name] = seconds
+    plain = recorded.plain()
+    result["parts"][name], result["work"][name], result["guards"][name] = plain["parts"], plain["work"], plain["guards"]
+    result["sessions"][name] = list(sessions)
