@@ -9,14 +9,16 @@ from collections.abc import Mapping
 RELEASED: Mapping[str, str] = {
     "hemisphere-floor": "incident directions end 10 degrees above the horizon, and the first one is the normal",
     "fixed-offset": "rays start 0.05 world units from their surfel, whatever its scale",
+    "one-sided-rays": "rays meet surfels from their visible side alone, at any distance",
     "light-detached": "L_rad has no gradient to the light",
     "image-weight": "the image loss of L_PBR weighs L1 by 1.0 instead of 0.8",
+    "premultiplied-encoding": "blended radiance is encoded for display together with the black around it",
     "display-radiance": "stage 1 learns in display colour; stage 2 takes what it learnt for linear radiance",
     "start-light": "stage 2 begins under a constant radiance of 1.5, whatever the exposure",
 }
 """Deviations by name. The order is that of the documentation."""
 
-FIRST_STAGE = frozenset({"display-radiance"})
+FIRST_STAGE = frozenset({"display-radiance", "premultiplied-encoding"})
 """Those that stage 1 reads."""
 
 PROFILES: Mapping[str, tuple[str, ...]] = {"paper": (), "released": tuple(RELEASED)}

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.tracer import SurfelTracer
+from radiogs_core.transport.tracer import BACK_OFFSET, SurfelTracer
 
 from .profile import FIXED_OFFSET
 from .variant import Variant
@@ -12,18 +12,23 @@ from .variant import Variant
 @dataclass(frozen=True)
 class Rays:
     """world_offset: how far from their own surfel rays start, world units; None: in its own standard deviations.
-    floor: whether directions end 10 degrees above the horizon (see ``hemisphere_directions``)."""
+    floor: whether directions end 10 degrees above the horizon (see ``hemisphere_directions``). back_offset: see
+    ``SurfelTracer``."""
 
     world_offset: float | None = None
     floor: bool = False
+    back_offset: float | None = BACK_OFFSET
 
     @classmethod
     def of(cls, variant: Variant) -> "Rays":
         """Those of a variant: the paper's, unless it reproduces the released code."""
+        released = variant.deviations
         return cls(
-            FIXED_OFFSET if "fixed-offset" in variant.deviations else None, "hemisphere-floor" in variant.deviations
+            FIXED_OFFSET if "fixed-offset" in released else None,
+            "hemisphere-floor" in released,
+            None if "one-sided-rays" in released else BACK_OFFSET,
         )
 
     def tracer(self, surfels: Surfels) -> SurfelTracer:
         """A tracer of these surfels."""
-        return SurfelTracer(surfels, world_offset=self.world_offset)
+        return SurfelTracer(surfels, world_offset=self.world_offset, back_offset=self.back_offset)

@@ -71,5 +71,10 @@ class SplitSumShading(UnseenMaterials):
 
 
 def geometry_of(variant: Variant) -> GeometryLearning:
-    """What stage 1 learns surfels by, in display colour where that deviation is on."""
-    return replace(variant.geometry, colour="display") if "display-radiance" in variant.deviations else variant.geometry
+    """What surfels are learnt by, with the deviations of the released code that the variant reproduces."""
+    geometry = variant.geometry
+    if "display-radiance" in variant.deviations:
+        geometry = replace(geometry, colour="display")
+    if "premultiplied-encoding" in variant.deviations:
+        geometry = replace(geometry, encoding="premultiplied")
+    return geometry

@@ -1,6 +1,7 @@
 """Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11)."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -18,11 +19,12 @@ from radiogs_core.learning.losses import (
     reconstruction,
 )
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
-from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode, srgb_encode
+from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import HIGHEST_DEGREE
-from radiogs_core.transport.splatting import own_radiance, splat, towards
+from radiogs_core.transport.splatting import displayed, own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
@@ -30,6 +32,8 @@ from ..learning import MaterialStart
 from ..model import Model, constant_light
 from ..profile import START_RADIANCE
 from ..variant import Variant
+from .initialise import geometry_of
+from .light_start import light_and_albedo
 from .shaders import shader_of
 
 
@@ -48,18 +52,28 @@ class InverseRendering:
         initialised: Mapping[str, Any],
     ) -> None:
         self.variant, self.seed, self.device = variant, seed, device
+        self.geometry = geometry_of(variant)
         self.iteration, self.iterations = 0, budget.inverse_iterations
         self.views = load(chosen_views(scene, variant.view_share, seed), device)
         self.depth_unit = mean_distance(self.views, scene.centre)
         self.generator = torch.Generator(device).manual_seed(seed)
-        start = variant.materials.start
-        surfels = surfels_of(initialised, device).made_of(start.albedo, start.roughness)
-        radiance = START_RADIANCE if "start-light" in variant.deviations else white_light(self.views, start)
-        light = {"log_environment": constant_light(budget.light_height, radiance, device)}
+        surfels, log_light = self._start(surfels_of(initialised, device), budget.light_height)
+        light = {"log_environment": log_light}
         self.optimiser = SurfelOptimiser(surfels, light, rates_of(variant, scene.extent))
         self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
         self.shader = shader_of(variant, budget, seed, surfels, self.generator)
         self.initialised = initialised
+
+    def _start(self, learnt: Surfels, rows: int) -> tuple[Surfels, Tensor]:
+        """The surfels with the materials they start with, and the logarithm of the light."""
+        start = self.variant.materials.start
+        surfels = learnt.made_of(start.albedo, start.roughness)
+        if "start-light" in self.variant.deviations:
+            return surfels, constant_light(rows, START_RADIANCE, self.device)
+        if start.light == "constant":
+            return surfels, constant_light(rows, white_light(self.views, start), self.device)
+        light, albedo = light_and_albedo(learnt, self.views, rows, start.search, self.generator)
+        return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
 
     @property
     def model(self) -> Model:
@@ -111,8 +125,11 @@ class InverseRendering:
         }
         seen = splat(camera, surfels, channels, self.depth_unit)
         target, mask = view.over(0.0), view.mask[..., None]
-        images, allowance = seen.images, edge_allowance(target)
-        pictures = srgb_encode(torch.stack([images["radiance"], images["shaded"]]))
+        images, geometry = seen.images, self.geometry
+        inside = None if geometry.across_silhouettes else view.mask
+        allowance = edge_allowance(target, geometry.edge_sharpness, inside)
+        blended = torch.stack([images["radiance"], images["shaded"]])
+        pictures = displayed(blended, seen.alpha, geometry.encoding == "straight")
         absolute = pictures.new_tensor([weights.absolute, self.shaded_weight])
         radiance, shaded = reconstruction(pictures, target, absolute, weights.similarity)
         losses = {
@@ -127,7 +144,8 @@ class InverseRendering:
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
         if self.iteration >= self.variant.materials.normal_from * self.iterations:
-            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+            depth_normal = seen.depth_normal(camera, geometry.normal_target == "one-sided")
+            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, depth_normal)
         return losses
 
     def state(self) -> dict[str, Any]:

@@ -14,13 +14,12 @@ from torch import Tensor
 
 from ..contract import StageSpec, values_of
 from ..scene.camera import Camera
-from ..scene.colour import srgb_encode
 from ..scene.scene import Scene, View
 from ..surfels.density import AdaptiveDensityControl, DensityControl
 from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
-from ..transport.splatting import Splat, own_radiance, splat
+from ..transport.splatting import Splat, displayed, own_radiance, splat
 from .backward import backward
 from .geometry import GeometryLearning
 from .losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
@@ -56,6 +55,10 @@ GEOMETRY_BUDGET = (
     "initialise_iterations", "initial_surfels", "maximum_surfels", "densify_interval", "geometry_rate",
 )  # fmt: skip
 """The fields of ``GeometryBudget``, for ``StageSpec.reads``."""
+
+
+DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
+"""Parameters of surfels whose rates fall in the later part of the stage."""
 
 
 @runtime_checkable
@@ -107,6 +110,7 @@ class FitGeometry:
     ) -> None:
         self.learning, self.seed, self.device, self.shading = learning, seed, device, shading
         self.iteration, self.iterations = 0, budget.initialise_iterations
+        self.geometry_rate = budget.geometry_rate
         self.unit_rate = scene.extent * budget.geometry_rate
         chosen = chosen_views(scene, view_share, seed)
         self.views = load(chosen, device)
@@ -142,6 +146,15 @@ class FitGeometry:
         progress = min(1.0, self.iteration / max(1.0, until * self.iterations))
         return rates.position ** (1 - progress) * rates.position_end**progress * self.unit_rate
 
+    def _set_rates(self) -> None:
+        """Positions fall by their own schedule, the other rates of surfels from ``schedule.decay_from`` on."""
+        begin, end = self.learning.schedule.decay_from, self.learning.rates.end_share
+        progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin))
+        rates = self._rates(self.geometry_rate)
+        self.optimiser.set_rate("centre", rates["centre"])
+        for name in DECAYING:
+            self.optimiser.set_rate(name, rates[name] * end**progress)
+
     @property
     def surfels(self) -> Surfels:
         """What is learnt so far."""
@@ -150,7 +163,7 @@ class FitGeometry:
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
-        self.optimiser.set_rate("centre", self._position_rate())
+        self._set_rates()
         surfels = self.optimiser.surfels
         surfels.sh = surfels.sh[:, : self._coefficients()]
         losses, seen = self._losses(surfels, view)
@@ -171,13 +184,20 @@ class FitGeometry:
         shaded, further = self.shading.images(surfels, self.optimiser.tensors, camera, self.iteration / self.iterations)
         seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit)
         losses = {**further, **self._image_losses(seen, view)}
-        losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, seen.depth_normal(camera))
+        target = seen.depth_normal(camera, self.learning.normal_target == "one-sided")
+        losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
         losses["mask"] = weights.mask * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= self.learning.schedule.distortion_from * self.iterations:
             losses["distortion"] = weights.distortion * seen.distortion.mean()
-        smoothness = edge_aware_smoothness(seen.normal, edge_allowance(view.over(0.0)))
+        inside = None if self.learning.across_silhouettes else view.mask
+        allowance = edge_allowance(view.over(0.0), self.learning.edge_sharpness, inside)
+        smoothness = edge_aware_smoothness(seen.normal, allowance)
         losses["normal smoothness"] = weights.normal_smoothness * smoothness
         return losses, seen
+
+    def _normal_weight(self) -> float:
+        late = self.iteration >= self.learning.schedule.normal_late_from * self.iterations
+        return self.learning.weights.normal_late if late else self.learning.weights.normal
 
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """Every blended image against the training image, on the background whose turn it is."""
@@ -185,7 +205,8 @@ class FitGeometry:
         background = backgrounds[self.iteration % len(backgrounds)]
         target = view.over(background)
         blended = torch.stack(list(seen.images.values()))
-        display = srgb_encode(blended) if self.learning.colour == "linear" else blended
+        straight = self.learning.encoding == "straight"
+        display = displayed(blended, seen.alpha, straight) if self.learning.colour == "linear" else blended
         composited = composite(display, seen.alpha, background)
         found = reconstruction(composited, target, weights.absolute, weights.similarity)
         return dict(zip(seen.images, found.unbind(), strict=True))

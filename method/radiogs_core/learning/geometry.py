@@ -23,15 +23,16 @@ class GeometryWeights:
     """1 - SSIM between these images (3DGS)."""
     normal: float = 0.05
     """Distance between the surfels' normals and those of the depth map (2DGS)."""
+    normal_late: float = 0.2
+    """The same from ``GeometrySchedule.normal_late_from`` on."""
     distortion: float = 0.1
     """Depth distortion in units of (z / camera distance)^2. The released 1000 on m(z) = (100 - 20 / z) / 99.8
     would be 2 here (dm = 0.2 / z^2 dz at the data sets' distance of 4.5); measured on ``corner`` at 700 iterations, 30
     breaks the geometry (normal error 52 degrees), and 0.1 to 0.3 reconstructs it better than 2."""
     mask: float = 0.05
     """Cross-entropy between coverage and the mask."""
-    normal_smoothness: float = 0.15
-    """Slopes of the normals where the image has no edges. The paper's 0.02 is for 40,000 iterations; ``corner`` at 700
-    measured 28 degrees of normal error with it and 26 with 0.2."""
+    normal_smoothness: float = 0.02
+    """Slopes of the normals where the image has no edges."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,11 @@ class GeometrySchedule:
     """Share after which the distortion counts."""
     degrees_from: tuple[float, ...] = (6_000 / 40_000, 7_000 / 40_000, 8_000 / 40_000)
     """Shares after which harmonics of degree 1, 2 and 3 are learnt too."""
+    normal_late_from: float = 0.3
+    """Share after which normals and depth are held together by ``GeometryWeights.normal_late``."""
+    decay_from: float = 0.5
+    """Share from which the rates of all but positions fall, geometrically, to ``SurfelRates.end_share`` of theirs. Short
+    runs take long steps; constant ones leave the surfels trembling about what they have found."""
     position_decay_until: float = 30_000 / 40_000
     """Share at which the rate of positions has fallen to ``SurfelRates.position_end``."""
 
@@ -64,6 +70,8 @@ class SurfelRates:
     """Rate of the harmonics of degree 0."""
     radiance_rest: float = 0.0025 / 20
     """Rate of the harmonics of higher degrees."""
+    end_share: float = 0.05
+    """Share of the rates above (but for positions) that is left at the end."""
 
 
 @dataclass(frozen=True)
@@ -83,5 +91,13 @@ class GeometryLearning:
     backgrounds: tuple[float, ...] = (1.0, 0.0)
     """Grey levels, display sRGB, that images are composited on in turn, one an iteration. White and black: on one
     alone, a surface that is a little transparent can pass for a brighter one."""
+    normal_target: Literal["one-sided", "central"] = "one-sided"
+    """Differences that make normals of the depth map (see ``transport.depth_normals``)."""
+    edge_sharpness: float = 10.0
+    """How fast smoothness lets go where the training image has an edge: exp(-sharpness |gradient|)."""
+    across_silhouettes: bool = False
+    """Whether smoothness is asked of pixels at the object's silhouette."""
+    encoding: Literal["straight", "premultiplied"] = "straight"
+    """What of a partly covered pixel is encoded for display (see ``splatting.displayed``)."""
     colour: Literal["linear", "display"] = "linear"
     """What the surfels' radiance is: linear, so that light can be traced through it, or display sRGB, as in 2DGS."""

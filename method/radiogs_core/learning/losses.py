@@ -95,9 +95,18 @@ def edge_aware_smoothness(
     return (sobel(data).abs() * allowance).sum(0).mean()
 
 
-def edge_allowance(guide: Float[Tensor, "height width 3"]) -> Float[Tensor, "2 height width 3"]:
-    """exp(-|gradient of guide|) along x and y, by normalised Sobel filters; ``guide`` is in display sRGB."""
-    return torch.exp(-sobel(guide).abs())
+def edge_allowance(
+    guide: Float[Tensor, "height width 3"], sharpness: float = 1.0, mask: Float[Tensor, "height width"] | None = None
+) -> Float[Tensor, "2 height width 3"]:
+    """exp(-sharpness |gradient of guide|) along x and y, by normalised Sobel filters; ``guide`` is in display sRGB.
+
+    ``mask``: coverage; zero where the filter reaches a pixel that is less than half covered.
+    """
+    allowance = torch.exp(-sharpness * sobel(guide).abs())
+    if mask is None:
+        return allowance
+    outside = torch.nn.functional.max_pool2d((mask < 0.5).to(guide)[None, None], 3, stride=1, padding=1)[0, 0]
+    return allowance * (1 - outside)[..., None]
 
 
 def sobel(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "2 height width channels"]:

@@ -25,7 +25,7 @@ class SurfelStart:
 
     candidates: int = 128
     """Points that are drawn for each surfel, to choose from."""
-    consistent_share: float = 0.15
+    consistent_share: float = 1.0
     """Share of the possible points that are trusted to lie near a surface, in (0, 1]."""
     opacity: float = 0.1
     """Peak opacity (3DGS)."""

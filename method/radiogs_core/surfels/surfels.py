@@ -20,6 +20,10 @@ ROUGHNESS_FLOOR = 0.05
 PIXEL_FILTER_VARIANCE = 1 / 12
 """Variance, in pixels^2, of the box that a pixel averages over: the footprint a surfel is widened by."""
 
+EDGE_ON_COSINE = 0.05
+"""Cosine between view direction and normal below which a pixel's footprint in a surfel's plane grows no more: that of 1
+at 87 degrees would be 20 pixels long."""
+
 
 @dataclass
 class Surfels:
@@ -71,24 +75,36 @@ class Surfels:
 
     def geometry(self) -> SplatGeometry:
         """The surfels as the tracer meets them."""
-        return self._geometry(self.scale, self.opacity)
+        tangent_u, tangent_v, normal = self.frame.unbind(-1)
+        scale = self.scale
+        axes = tangent_u / scale[:, :1], tangent_v / scale[:, 1:]
+        return SplatGeometry(self.centre, *axes, normal.contiguous(), self.opacity)
 
     def geometry_for(self, camera: Camera) -> SplatGeometry:
         """The surfels as a camera sees them: widened, in their own plane, by the footprint of a pixel.
 
-        The scale becomes sqrt(s^2 + variance (z / f)^2) and the opacity falls by the same area ratio, so that a
-        surfel of less than a pixel keeps its energy and never slips between pixel centres.
+        A pixel that is seen at an angle leaves a longer footprint: with w the view direction's part in the plane (along
+        t_u, t_v) and c the cosine to the normal, the covariance becomes diag(s^2) + variance (z / f)^2 (1 + w w^T /
+        c^2). The opacity falls by the same area ratio, so that a surfel of less than a pixel, or one seen from the
+        edge, keeps its energy and never slips between pixel centres.
         """
-        footprint = camera.depth_of(self.centre).detach().abs() * (2 / (camera.fx + camera.fy))
-        widened = (self.scale.square() + PIXEL_FILTER_VARIANCE * footprint.square()[:, None]).sqrt()
-        share = (self.scale / widened).prod(-1)
-        return self._geometry(widened, self.opacity * share)
-
-    def _geometry(self, scale: Tensor, opacity: Tensor) -> SplatGeometry:
-        tangent_u, tangent_v, normal = self.frame.unbind(-1)
-        return SplatGeometry(
-            self.centre, tangent_u / scale[:, :1], tangent_v / scale[:, 1:], normal.contiguous(), opacity
-        )
+        frame = self.frame
+        with torch.no_grad():
+            towards = normalize(camera.centre - self.centre, dim=-1)
+            along_u, along_v, cosine = (frame * towards[..., None]).sum(-2).unbind(-1)
+            pixel = camera.depth_of(self.centre).abs() * (2 / (camera.fx + camera.fy))
+            variance = PIXEL_FILTER_VARIANCE * pixel.square()
+            stretch = variance / cosine.square().clamp(min=EDGE_ON_COSINE**2)
+        scale_u, scale_v = self.scale.unbind(-1)
+        # Lower triangular root of the covariance: its inverse maps the plane to (u, v).
+        first = (scale_u.square() + variance + stretch * along_u.square()).sqrt()
+        mixed = stretch * along_u * along_v / first
+        second = (scale_v.square() + variance + stretch * along_v.square() - mixed.square()).sqrt()
+        tangent_u, tangent_v, normal = frame.unbind(-1)
+        axis_u = tangent_u / first[:, None]
+        axis_v = (tangent_v - mixed[:, None] * axis_u) / second[:, None]
+        share = scale_u * scale_v / (first * second)
+        return SplatGeometry(self.centre, axis_u, axis_v, normal.contiguous(), self.opacity * share)
 
     def parameters(self) -> dict[str, Tensor]:
         """The raw tensors by name."""

@@ -12,7 +12,7 @@ from ..scene.camera import Camera
 from ..scene.colour import srgb_encode
 from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
-from .depth_normals import depth_normals
+from .depth_normals import depth_normals, one_sided_normals
 from .incident import Incident
 from .shading import shade_materials
 from .splitsum import PrefilteredLight, split_sum_radiance
@@ -38,9 +38,14 @@ class Splat:
     distortion: Float[Tensor, "height width"]
     touched: Bool[Tensor, " surfels"]
 
-    def depth_normal(self, camera: Camera) -> Float[Tensor, "height width 3"]:
-        """Unit normals from the depth map; zero where the pixel or a neighbour has no surface."""
+    def depth_normal(self, camera: Camera, one_sided: bool = False) -> Float[Tensor, "height width 3"]:
+        """Unit normals from the depth map; zero where there is no surface.
+
+        By central differences, zero beside empty pixels too; or ``one_sided``, which keeps creases and silhouettes.
+        """
         points = camera.centre + camera.ray_directions() * self.depth[..., None]
+        if one_sided:
+            return one_sided_normals(points, self.depth, self.alpha.detach() >= SOLID_ALPHA, camera.centre)
         empty = (self.alpha.detach() < SOLID_ALPHA).to(points.dtype)
         near_empty = torch.nn.functional.max_pool2d(empty[None, None], 3, stride=1, padding=1)[0, 0]
         return depth_normals(points, camera.centre) * (1 - near_empty)[..., None]
@@ -60,6 +65,22 @@ def splat(
         dict(zip(channels, images, strict=True)),
         normal, raster.alpha, depth, raster.distortion, raster.touched,
     )  # fmt: skip
+
+
+def displayed(
+    blended: Float[Tensor, "*images height width 3"], alpha: Float[Tensor, "height width"], straight: bool = True
+) -> Float[Tensor, "*images height width 3"]:
+    """Blended linear radiance as a display-sRGB image on black, not clipped.
+
+    ``straight``: as images with an alpha channel are made, the radiance of the covered part of a pixel is encoded, then
+    multiplied by coverage. Otherwise radiance is encoded as it was blended, with the black around it, as splatting
+    codes do; partly covered pixels are then brighter.
+    """
+    if not straight:
+        return srgb_encode(blended)
+    seen = (alpha > 0)[..., None]
+    whole = torch.where(seen, alpha[..., None], 1.0)
+    return torch.where(seen, srgb_encode(blended / whole) * whole, 0.0)
 
 
 def shade_surfels(
@@ -116,7 +137,7 @@ def _maps(camera: Camera, surfels: Surfels, albedo: Tensor, direct: Tensor, indi
     length = seen.normal.square().sum(-1, keepdim=True)
     return {
         **seen.images,
-        "image": srgb_encode(seen.images["direct"] + seen.images["indirect"]).clamp(0, 1),
+        "image": displayed(seen.images["direct"] + seen.images["indirect"], seen.alpha).clamp(0, 1),
         "alpha": seen.alpha[..., None],
         "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
         "depth": seen.depth[..., None],
@@ -131,7 +152,7 @@ def radiance_maps(camera: Camera, surfels: Surfels) -> dict[str, Float[Tensor, "
     surfels = surfels.take(torch.nonzero(facing)[:, 0])
     channels = own_radiance(camera, surfels)
     raster = rasterize(camera, surfels.geometry_for(camera), channels, depth_unit=1.0)
-    return {"image": srgb_encode(raster.features).clamp(0, 1), "alpha": raster.alpha[..., None]}
+    return {"image": displayed(raster.features, raster.alpha).clamp(0, 1), "alpha": raster.alpha[..., None]}
 
 
 @torch.no_grad()

@@ -18,6 +18,12 @@ SELF_OFFSET = 1.0
 are the same surface seen twice, not occluders."""
 
 
+BACK_OFFSET = 4.0
+"""Rays meet surfels from behind, too, this many standard deviations of their own surfel on. What no camera has seen of a
+solid has no surfels: a ray that enters it there must not leave it again on the other side. Nearer, it is the surfels of
+the ray's own surface that are met from behind: reconstructed ones lie as a layer about as thick as they are wide."""
+
+
 EVERYTHING = everything()
 
 
@@ -32,11 +38,18 @@ class SurfelTracer:
     rays.
 
     ``offset``: distance from their own surfel at which rays start, in its standard deviations; ``world_offset``: in
-    world units instead.
+    world units instead. ``back_offset``: distance from which on rays meet surfels from behind, too, in its standard
+    deviations; None: nowhere.
     """
 
-    def __init__(self, surfels: Surfels, offset: float = SELF_OFFSET, world_offset: float | None = None) -> None:
-        self.offset, self.world_offset = offset, world_offset
+    def __init__(
+        self,
+        surfels: Surfels,
+        offset: float = SELF_OFFSET,
+        world_offset: float | None = None,
+        back_offset: float | None = BACK_OFFSET,
+    ) -> None:
+        self.offset, self.world_offset, self.back_offset = offset, world_offset, back_offset
         self._bvh: SurfelBVH | None = None
         self._neighbours: Int[Tensor, "surfels neighbours"] | None = None
         self.follow(surfels)
@@ -76,12 +89,12 @@ class SurfelTracer:
         """Rays from the centres of the surfels ``index``; flattened to [chosen * samples] rays."""
         samples = direction.shape[1]
         origin = self.geometry.centre[index].repeat_interleave(samples, 0)
-        reach = self.offset * self.surfels.scale.detach().max(-1).values[index]
-        if self.world_offset is not None:
-            reach = torch.full_like(reach, self.world_offset)
+        width = self.surfels.scale.detach().max(-1).values[index].repeat_interleave(samples)
+        reach = self.offset * width if self.world_offset is None else torch.full_like(width, self.world_offset)
+        back_from = None if self.back_offset is None else self.back_offset * width
         return trace(
             self.bvh, self.geometry, self.surfels.sh, features,
-            origin, direction.flatten(0, 1), reach.repeat_interleave(samples),
+            origin, direction.flatten(0, 1), reach, back_from=back_from,
         )  # fmt: skip
 
     def incident(

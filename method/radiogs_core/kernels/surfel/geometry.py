@@ -1,8 +1,8 @@
 """What the rasterizer and the tracer share: the surfel as a kernel sees it, and its cut-offs.
 
 A surfel is the Gaussian exp(-(u^2 + v^2) / 2) on a plane; (u, v) of a point x are axis_u . (x - centre) and
-axis_v . (x - centre), where axis_u = t_u / s_u and axis_v = t_v / s_v are the tangents over the scales. A ray
-o + t d meets the plane at t = n . (centre - o) / (n . d).
+axis_v . (x - centre); for a traced surfel axis_u = t_u / s_u and axis_v = t_v / s_v, the tangents over the scales. As a
+camera sees it, widened by the footprint of a pixel, the axes need not be perpendicular. A ray o + t d meets the plane at t = n . (centre - o) / (n . d).
 """
 
 from dataclasses import dataclass, fields
@@ -30,7 +30,7 @@ TRACE_TRANSMITTANCE_STOP = 0.03
 class SplatGeometry:
     """N surfels in the world, as the kernels take them; gradients flow to every field.
 
-    ``axis_u`` and ``axis_v`` are tangents divided by scales (1 / world units); ``normal`` is the unit normal of
+    ``axis_u`` and ``axis_v`` lie in the surfel's plane (1 / world units); ``normal`` is the unit normal of
     the visible side: a surfel is met only by rays with n . d < 0; ``opacity`` lies in [0, 1].
     """
 
@@ -56,13 +56,18 @@ def support_radius(opacity: Float[Tensor, " surfels"]) -> Float[Tensor, " surfel
 def support_extent(geometry: SplatGeometry) -> Float[Tensor, "surfels 3"]:
     """Half-extent of the axis-aligned box around each surfel's support, in world units, without gradient.
 
-    The support is the ellipse centre + k (s_u cos(a) t_u + s_v sin(a) t_v): its half-extent along a world axis e
-    is k |(s_u t_u.e, s_v t_v.e)|; s t = axis / |axis|^2.
+    The support is the ellipse centre + k (cos(a) U + sin(a) V), where U and V are dual to the axes (axis_u . U = 1,
+    axis_u . V = 0): its half-extent along a world axis e is k |(U.e, V.e)|.
     """
     with torch.no_grad():
-        span_u = geometry.axis_u / geometry.axis_u.square().sum(-1, keepdim=True)
-        span_v = geometry.axis_v / geometry.axis_v.square().sum(-1, keepdim=True)
+        span_u, span_v = _dual(geometry.axis_u, geometry.axis_v), _dual(geometry.axis_v, geometry.axis_u)
         return support_radius(geometry.opacity)[:, None] * torch.hypot(span_u, span_v)
+
+
+def _dual(axis: Float[Tensor, "surfels 3"], other: Float[Tensor, "surfels 3"]) -> Float[Tensor, "surfels 3"]:
+    """The step in the plane of both axes along which the first coordinate grows by one and the other stays."""
+    across = axis - other * ((axis * other).sum(-1, keepdim=True) / other.square().sum(-1, keepdim=True))
+    return across / across.square().sum(-1, keepdim=True)
 
 
 def can_be_met(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:

@@ -57,21 +57,25 @@ def find_hits(
     origin: Float[Tensor, "rays 3"],
     direction: Float[Tensor, "rays 3"],
     t_min: Float[Tensor, " rays"],
+    back_from: Float[Tensor, " rays"],
     stop: float,
 ) -> HitLists:
-    """The hits of every ray beyond ``t_min``, up to the one that takes its transmittance below ``stop``."""
+    """The hits of every ray beyond ``t_min``, up to the one that takes its transmittance below ``stop``.
+
+    Surfels are met from their visible side, and beyond ``back_from`` from behind, too.
+    """
     kernels = hit_kernels(origin.dtype)
     compile_for(origin.device, kernels.gather, kernels.pack)
     order = coherent_order(origin, direction)
     rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
     tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
-    start = t_min.index_select(0, order)
+    start, backs = t_min.index_select(0, order), as_array(back_from.contiguous())
     at_once = RAYS_AT_ONCE[origin.device.type]
     if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
         at_once = max(FEWEST_RAYS, min(at_once, share))
     chunks = zip(order.split(at_once), start.split(at_once), strict=True)
-    tasks = [partial(_find, kernels, [*rays, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
+    tasks = [partial(_find, kernels, [*rays, backs, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
     found = in_parallel(tasks, origin.device)
     counts, surfel, depth, alpha = (torch.cat([getattr(part, name) for part in found]) for name in JOINED)
     nodes, leaves = (sum(part.visits[kind] for part in found) for kind in range(2))
@@ -82,7 +86,7 @@ def find_hits(
 
 def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
     """Rounds of BUFFER hits; a ray takes part in the next as long as its buffer was filled and something is left."""
-    device, (origin, direction, stop, *tree) = order.device, fixed
+    device, (origin, direction, backs, stop, *tree) = order.device, fixed
     slots, rays = torch.arange(len(order), device=device), order
     start_id = torch.full_like(rays, torch.iinfo(torch.int32).max)
     rest = torch.ones_like(start_t)
@@ -95,7 +99,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
         left = torch.empty_like(rest)
         buffers = [as_array(value.view(-1)) for value in (hits_t, hits_id, hits_alpha)]
-        arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), stop, *tree]
+        arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), backs, stop, *tree]
         launch(kernels.gather, len(rays), device, [*arguments, *buffers, *map(as_array, (found, left, nodes, leaves))])
         nodes_visited += int(nodes.sum())
         leaves_visited += int(leaves.sum())

@@ -118,13 +118,14 @@ _GATHER = """
                 const SCALAR px = f[c] - ox, py = f[8 + c] - oy, pz = f[16 + c] - oz;
                 const SCALAR slope = f[72 + c] * dx + f[80 + c] * dy + f[88 + c] * dz;
                 const SCALAR reach = f[72 + c] * px + f[80 + c] * py + f[88 + c] * pz;
-                const SCALAR t = reach / (slope < SCALAR(0) ? slope : SCALAR(-1));
+                const SCALAR t = reach / (slope < SCALAR(0) || slope > SCALAR(0) ? slope : SCALAR(-1));
                 const SCALAR x = t * dx - px, y = t * dy - py, z = t * dz - pz;
                 const SCALAR u = f[24 + c] * x + f[32 + c] * y + f[40 + c] * z;
                 const SCALAR v = f[48 + c] * x + f[56 + c] * y + f[64 + c] * z;
                 depth[c] = t;
                 square[c] = u * u + v * v;
-                flag[c] = (slope < SCALAR(0)) & (square[c] <= f[104 + c]) & (t >= start_t) & (t <= limit);
+                const bool met = (slope < SCALAR(0)) | ((slope > SCALAR(0)) & (t >= back_t));
+                flag[c] = met & (square[c] <= f[104 + c]) & (t >= start_t) & (t <= limit);
             }
             unsigned long long bits;
             memcpy(&bits, flag, 8);
@@ -220,6 +221,7 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
         start_t: scalar,
         start_id: wp.int32,
         start_rest: scalar,
+        back_t: scalar,
         stop: scalar,
         boxes: wp.array(dtype=scalar),
         children: wp.array(dtype=wp.int32),
@@ -243,6 +245,7 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
         start_t: wp.array(dtype=scalar),
         start_id: wp.array(dtype=wp.int32),
         start_rest: wp.array(dtype=scalar),
+        back_t: wp.array(dtype=scalar),
         stop: scalar,
         boxes: wp.array(dtype=scalar),
         children: wp.array(dtype=wp.int32),
@@ -259,7 +262,7 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
         slot = first + wp.tid()
         ray = rays[slot]
         gather_hits(
-            slot, origin[ray], direction[ray], start_t[slot], start_id[slot], start_rest[slot], stop,
+            slot, origin[ray], direction[ray], start_t[slot], start_id[slot], start_rest[slot], back_t[ray], stop,
             boxes, children, leaves, order, hits_t, hits_id, hits_alpha, found, rest, node_visits, leaf_visits,
         )  # fmt: skip
 

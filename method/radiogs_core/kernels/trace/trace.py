@@ -39,18 +39,21 @@ def trace(
     direction: Float[Tensor, "rays 3"],
     t_min: Float[Tensor, " rays"],
     stop: float = TRACE_TRANSMITTANCE_STOP,
+    back_from: Float[Tensor, " rays"] | None = None,
 ) -> Hits:
     """Trace rays from world ``origin`` along unit ``direction`` (of travel), beyond ``t_min``.
 
-    A surfel is met where the ray comes from its visible side and alpha reaches ALPHA_THRESHOLD; hits are ordered
-    by (t, surfel number), so exact ties are neither lost nor swapped; a ray ends after the hit that takes its
+    A surfel is met where the ray comes from its visible side and alpha reaches ALPHA_THRESHOLD. Beyond ``back_from``
+    (None: nowhere) it is met from behind, too, and is black there: its radiance is that of its visible side. Hits are
+    ordered by (t, surfel number), so exact ties are neither lost nor swapped; a ray ends after the hit that takes its
     transmittance below ``stop``. Radiance is max(0, SH(direction) + 1/2). ``bvh`` must be fitted to ``geometry``.
 
     Gradients: every field of ``geometry``, ``sh``, ``features`` and ``origin``; none to ``direction`` and
     ``t_min``, nor through which surfels are met. Raises NumericalFailure if a surfel that is met has a coefficient or
     a feature that is not finite.
     """
-    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), stop)
+    backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
+    lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
     radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
     fire(full_rays=int((scalars[:, 0].detach() < stop).sum()))

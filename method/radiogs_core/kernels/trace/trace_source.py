@@ -36,6 +36,11 @@ _RAY = (
     SCALAR basis[48];
     for (int k = 0; k < 16; ++k) basis[3 * k] = basis[3 * k + 1] = basis[3 * k + 2] = harmonic[k];
 
+    // Whether the ray comes from the visible side: radiance is that side's, and from behind a surfel is black.
+    auto visible = [&](int surfel) {
+        const SCALAR* normal = hits.surface.data + 13LL * surfel + 9;
+        return normal[0] * x + normal[1] * y + normal[2] * z < SCALAR(0);
+    };
     // The radiance towards the ray, before it is clamped at zero: 1/2 + SH(d).
     auto radiance_of = [&](int surfel, SCALAR* colour) {
         const SCALAR* sh = hits.sh.data + (long long)width * surfel;
@@ -78,8 +83,8 @@ _FORWARD = (
         const SCALAR alpha = hits.alpha.data[entry];
         const SCALAR weight = left * alpha;
         const SCALAR* features = hits.features.data + (long long)channels * surfel;
-        SCALAR colour[3];
-        radiance_of(surfel, colour);
+        SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
+        if (visible(surfel)) radiance_of(surfel, colour);
         // Zero times a negative radiance, not zero: what is no number stays none (and is refused by name), not black.
         for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) * colour[c] : colour[c]);
         for (int k = 0; k < channels; ++k) blended[k] += weight * features[k];
@@ -128,8 +133,8 @@ _BACKWARD = (
         const SCALAR alpha = full < SCALAR(MAX_ALPHA) ? full : SCALAR(MAX_ALPHA);
         const SCALAR weight = left * alpha;
         const SCALAR* features = hits.features.data + (long long)channels * surfel;
-        SCALAR colour[3], lit[LANES];
-        radiance_of(surfel, colour);
+        SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)}, lit[LANES];
+        if (visible(surfel)) radiance_of(surfel, colour);
         SCALAR value = depth_pull * depth;
         for (int c = 0; c < 3; ++c) {
             const bool positive = colour[c] > SCALAR(0);

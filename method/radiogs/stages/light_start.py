@@ -1,0 +1,229 @@
+"""The light that stage 2 starts with: the one under which what the images show needs the least variation of albedo.
+
+Points that training pixels see send out R = albedo (T E / pi + B): E is the light, texel by texel, T the diffuse
+transport from it (visibility, cosine), and B the indirect irradiance over pi, from the radiance that stage 1 has learnt.
+Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought for
+which this albedo differs least, in l1 of its logarithm, between neighbouring points. Neighbours of another chromaticity
+are probably of another paint and count less.
+
+The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
+from torch import Tensor
+from torch.nn.functional import interpolate, max_pool2d, normalize
+
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
+from radiogs_core.scene.light import bilinear_texels
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splatting import splat, towards
+from radiogs_core.transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
+
+from ..learning import LightStart
+
+ROWS = 16
+"""Rows of light that are sought at most; a larger map starts as this one, enlarged."""
+
+POINTS = 4800
+"""Points that the training views are asked for, all together."""
+
+DIRECTIONS = 128
+"""Rays from each point."""
+
+POINTS_AT_ONCE = 1024
+"""Points whose rays are traced together."""
+
+WHOLE = 0.99
+"""Coverage above which a pixel sees one surface only."""
+
+OPAQUE = 0.9
+"""Coverage by surfels above which the depth of a pixel is that of a surface."""
+
+ROUNDING = 1e-4
+"""Square of the difference in log-albedo below which l1 turns into a square."""
+
+NEVER_SEEN = 1e-6
+"""Weight of the radiance along the normal beside that towards cameras."""
+
+SMALLEST_SHARE = 1e-4
+"""Irradiance is kept above this share of its mean inside the logarithm."""
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Points on surfaces that training pixels see whole.
+
+    centre: world. normal: unit, towards the camera. radiance: linear, what the pixel shows.
+    """
+
+    centre: Float[Tensor, "points 3"]
+    normal: Float[Tensor, "points 3"]
+    radiance: Float[Tensor, "points 3"]
+
+
+@dataclass(frozen=True)
+class Transport:
+    """How light reaches points: the radiance that a white Lambert surface there sends out is ``direct`` E + ``indirect``.
+
+    direct: from each texel (row * columns + column) of a light of ``rows`` rows. indirect: linear radiance.
+    """
+
+    rows: int
+    direct: Float[Tensor, "points texels"]
+    indirect: Float[Tensor, "points 3"]
+
+    def white(self, light: Float[Tensor, "rows columns 3"]) -> Float[Tensor, "points 3"]:
+        """Linear radiance of white surfaces under a light."""
+        return self.direct @ light.flatten(0, 1) + self.indirect
+
+
+def light_and_albedo(
+    surfels: Surfels, views: tuple[TrainingView, ...], rows: int, learning: LightStart, generator: torch.Generator
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
+    """A light map of ``rows`` rows and the surfels' albedo under it, both linear."""
+    surfels = surfels.take(torch.arange(len(surfels), device=surfels.centre.device))
+    points = seen_points(surfels, views, generator)
+    transport = transport_to(points, surfels, min(rows, ROWS), generator)
+    light = least_variation_light(points, transport, learning)
+    radiance = mean_radiance(surfels, views)
+    return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
+
+
+def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
+    """The surfels' own linear radiance, averaged over the cameras that they face; along the normal where none does."""
+    normal = surfels.frame[..., 2]
+    total, count = surfel_radiance(surfels.sh, normal[:, None])[:, 0] * NEVER_SEEN, NEVER_SEEN
+    for view in views:
+        outgoing = towards(view.camera, surfels)
+        facing = ((outgoing * normal).sum(-1, keepdim=True) > 0).to(normal.dtype)
+        total = total + facing * surfel_radiance(surfels.sh, outgoing[:, None])[:, 0]
+        count = count + facing
+    return total / count
+
+
+@torch.no_grad()
+def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator) -> SeenPoints:
+    """Random pixels of all views that show one surface; its place and normal are those of the surfels."""
+    found = []
+    for view in views:
+        camera = view.camera
+        seen = splat(camera, surfels, {}, depth_unit=1.0)
+        beside = max_pool2d((view.mask < WHOLE).float()[None, None], 3, stride=1, padding=1)[0, 0] > 0
+        length = seen.normal.norm(dim=-1)
+        usable = torch.nonzero((~beside & (seen.alpha > OPAQUE) & (length > 0)).flatten())[:, 0]
+        order = torch.randperm(len(usable), generator=generator, device=usable.device)
+        chosen = usable[order[: -(-POINTS // len(views))]]
+        place = camera.centre + camera.ray_directions() * seen.depth[..., None]
+        maps = (place, normalize(seen.normal, dim=-1), srgb_decode(view.image))
+        found.append([values.reshape(-1, 3)[chosen] for values in maps])
+    return SeenPoints(*(torch.cat(values) for values in zip(*found, strict=True)))
+
+
+@torch.no_grad()
+def transport_to(points: SeenPoints, surfels: Surfels, rows: int, generator: torch.Generator) -> Transport:
+    """Trace rays from points to the surfels, beyond the layer that surfels of the points' own surface make up."""
+    tracer, count = SurfelTracer(surfels), len(points.centre)
+    beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
+    direct = surfels.centre.new_zeros(count, 2 * rows * rows)
+    indirect = surfels.centre.new_zeros(count, 3)
+    features = surfels.centre.new_zeros(len(surfels), 0)
+    for some in torch.arange(count, device=surfels.centre.device).split(POINTS_AT_ONCE):
+        normal = points.normal[some]
+        direction, weight = hemisphere_directions(normal, DIRECTIONS, generator)
+        share = (direction * normal[:, None]).sum(-1).clamp(min=0) * weight / torch.pi
+        start = share.new_full((share.numel(),), beyond)
+        origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
+        hits = trace(
+            tracer.bvh, tracer.geometry, surfels.sh, features,
+            origin, direction.flatten(0, 1), start, back_from=start,
+        )  # fmt: skip
+        visibility, whole = visibility_of(hits)
+        arriving = (hits.radiance * whole[:, None]).view(*share.shape, 3)
+        indirect[some] = (share[..., None] * arriving).sum(1)
+        texel, part = bilinear_texels(direction, rows, 2 * rows)
+        received = (share * visibility.view(share.shape))[..., None] * part
+        direct[some] = direct[some].scatter_add(1, texel.flatten(1), received.flatten(1))
+    return Transport(rows, direct, indirect)
+
+
+def least_variation_light(
+    points: SeenPoints, transport: Transport, learning: LightStart
+) -> Float[Tensor, "rows columns 3"]:
+    """The light under which log-albedo varies least between neighbouring points; linear radiance.
+
+    Beside the variation it pays for its own roughness, for colour, and for a brightness under which the brightest
+    albedo is not that of white paint: the images determine it only as far as there is indirect light.
+    """
+    radiance = points.radiance.clamp(min=LINEAR_KNEE)
+    first, second, weight = _pairs(points, learning)
+    level = float(radiance.mean()) / learning.mean_albedo
+    log_light = radiance.new_full((transport.rows, 2 * transport.rows, 3), level).log().requires_grad_()
+    adam = torch.optim.Adam([log_light], lr=learning.rate)
+    for step in range(learning.steps):
+        adam.param_groups[0]["lr"] = learning.rate * (1 - step / learning.steps)
+        light = log_light.exp()
+        white = transport.white(light)
+        log_albedo = (radiance / (white + SMALLEST_SHARE * white.detach().mean())).log()
+        change = (log_albedo[first] - log_albedo[second]).square() + ROUNDING
+        variation = (weight[:, None] * change.sqrt()).sum() / 3
+        around, down = log_light - log_light.roll(1, 1), log_light[1:] - log_light[:-1]
+        colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
+        brightest = log_albedo.mean(-1).quantile(learning.brightest)
+        loss = variation + learning.smoothness * (around.square().mean() + down.square().mean())
+        loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+    return log_light.detach().exp()
+
+
+def _pairs(points: SeenPoints, learning: LightStart) -> tuple[Int[Tensor, " pairs"], Int[Tensor, " pairs"], Tensor]:
+    """Each point with its nearest ones, and how much each pair counts (all together: 1)."""
+    places = points.centre.cpu().numpy()
+    near = cKDTree(places).query(places, k=min(learning.neighbours + 1, len(places)))[1]
+    second = torch.from_numpy(near.reshape(len(places), -1)[:, 1:]).to(points.centre.device)
+    first = torch.arange(len(places), device=second.device).repeat_interleave(second.shape[1])
+    logarithm = points.radiance.clamp(min=LINEAR_KNEE).log()
+    chroma = logarithm - logarithm.mean(-1, keepdim=True)
+    apart = (chroma[first] - chroma[second.flatten()]).square().sum(-1)
+    weight = torch.exp(-apart / (2 * learning.same_paint**2))
+    return first, second.flatten(), weight / weight.sum()
+
+
+def albedo_under(
+    light: Float[Tensor, "rows columns 3"],
+    points: SeenPoints,
+    transport: Transport,
+    surfels: Surfels,
+    radiance: Float[Tensor, "surfels 3"],
+    learning: LightStart,
+) -> Float[Tensor, "surfels 3"]:
+    """The albedo of each surfel under a light, from its own ``radiance`` and the light on the seen points near it."""
+    white = transport.white(light).log()
+    places, normals = points.centre.cpu(), points.normal.cpu()
+    bend = float(places.std(0).norm()) * learning.turned
+    tree = cKDTree(torch.cat([places, bend * normals], -1).numpy())
+    own = torch.cat([surfels.centre.detach(), bend * surfels.frame[..., 2].detach()], -1).cpu()
+    near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(places)))[1])
+    lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
+    low, high = learning.albedo_range
+    return (radiance / lit).clamp(low, high)
+
+
+def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:
+    """The light on a map of ``rows`` rows."""
+    if len(light) == rows:
+        return light
+    around = torch.cat([light[:, -1:], light, light[:, :1]], 1).permute(2, 0, 1)[None]
+    scale = rows / len(light)
+    large = interpolate(around, size=(rows, round(around.shape[-1] * scale)), mode="bilinear", align_corners=False)
+    margin = (large.shape[-1] - 2 * rows) // 2
+    return large[0, :, :, margin : margin + 2 * rows].permute(1, 2, 0)
