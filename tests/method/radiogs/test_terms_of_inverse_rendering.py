@@ -1,6 +1,6 @@
 """Every term of stage 2's losses: what raises it, which weight is its own, and from when on it counts."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 
 import pytest
@@ -8,9 +8,12 @@ import torch
 
 from known_ball import BALL, COLOUR, SCENE, WHITE, changed, inverse_rendering, noise, tilted
 from radiogs.learning import MaterialLearning, MaterialRates, MaterialWeights
+from radiogs.rendering import Renderer
+from radiogs.stages import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.incident import Incident
 
 EARLY, LATE = 0.2, 0.9
 """Shares of the stage at which all terms count, before and after what changes on the way."""
@@ -231,18 +234,35 @@ def test_each_rate_is_of_its_own_parameter(rate: str, moves: str) -> None:
     assert {name for name in once if twice[name] > 1.5 * once[name]} == {moves}
 
 
-def test_the_deviations_of_rays_reach_the_light_that_stage_two_learns_from() -> None:
-    """Of tilted surfels, which stand in each other's way: 0.05 is nearer than a standard deviation of them."""
-    surfels = tilted(35.0)
+LOWEST = 0.17364818
+"""Sine of the released code's 10 degrees, below which none of its directions lies."""
 
-    def cached(*deviations: str) -> tuple[torch.Tensor, torch.Tensor]:
+
+def sight_and_height(surfels: Surfels, incident: Incident) -> tuple[float, float]:
+    """Mean visibility, and the least cosine of a direction with its surfel's normal."""
+    height = (incident.direction * surfels.frame[:, None, :, 2]).sum(-1)
+    return float(incident.visibility.mean()), float(height.min())
+
+
+def of_rays(light_on: Callable[[InverseRendering], Incident], steps: int) -> None:
+    """Tilted surfels, which stand in each other's way: 0.05 is nearer than a standard deviation of them."""
+    surfels, found = tilted(35.0), {}
+    for deviations in ((), ("fixed-offset",), ("hemisphere-floor",)):
         stage = inverse_rendering(surfels, LATE, Variant(deviations=deviations))
-        stage.step()
-        incident = stage.shader.cache.incident
-        return incident.visibility, (incident.direction * surfels.frame[:, None, :, 2]).sum(-1)
+        for _ in range(steps):
+            stage.step()
+        found[deviations] = sight_and_height(surfels, light_on(stage))
+    sight, lowest = found[()]
+    assert found["fixed-offset",][0] < sight - 0.005
+    assert lowest < LOWEST - 0.01
+    assert found["hemisphere-floor",][1] == pytest.approx(LOWEST, abs=1e-4)
 
-    (sight, height), (fixed, _), (_, floored) = cached(), cached("fixed-offset"), cached("hemisphere-floor")
-    assert float(fixed.mean()) < float(sight.mean()) - 0.005
-    lowest = float(torch.deg2rad(torch.tensor(10.0)).sin())
-    assert float(height.min()) < lowest - 0.01
-    assert float(floored.min()) == pytest.approx(lowest, abs=1e-4)
+
+@pytest.mark.parametrize("steps", [0, 1])
+def test_the_deviations_of_rays_reach_stage_two(steps: int) -> None:
+    """Both when all surfels are traced and when those of L_rad are, which here are all."""
+    of_rays(lambda stage: stage.shader.cache.incident, steps)
+
+
+def test_the_deviations_of_rays_reach_rendering() -> None:
+    of_rays(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0)

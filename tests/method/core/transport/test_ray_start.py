@@ -1,4 +1,4 @@
-"""Where rays start: behind what is the same surface, and before anything else, however near."""
+"""Where rays start and end: behind what is the same surface, before all else however near, and at what is solid."""
 
 import pytest
 import torch
@@ -6,7 +6,7 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from hard_cases.constructions import joined
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 from radiogs_core.transport.tracer import SurfelTracer
 from scenes import surfels_facing
 
@@ -50,3 +50,15 @@ def test_a_small_occluder_close_to_a_plane_is_found(height: float) -> None:
 def test_what_lies_within_a_standard_deviation_is_the_same_surface() -> None:
     _, both = under_a_lid(0.6)
     assert sight(both, 0, UP) == 1.0
+
+
+@pytest.mark.parametrize(("opacity", "count", "left"), [(0.9, 1, 0.1), (0.8, 2, 0.04), (0.9, 2, 0.0), (0.7, 3, 0.0)])
+def test_light_passes_until_less_than_three_percent_is_left(opacity: float, count: int, left: float) -> None:
+    """Through surfels one behind another over the middle of a plane."""
+    floor = sheet(1, 0.1, 0.0, UP)
+    veils = floor
+    for place in range(count):
+        veil = sheet(1, 0.1, 2.0 + 0.1 * place, normalize(torch.tensor([1e-4, 0.0, -1.0]), dim=0))
+        veil.opacity_logit = torch.full((1,), inverse_sigmoid(opacity))
+        veils = joined(veils, veil)
+    assert sight(veils, 0, UP) == pytest.approx(left, abs=1e-3)
