@@ -83,12 +83,20 @@ def run_tests(folder: Path, tests: Iterable[str], *options: str) -> tuple[int, s
     """Pytest's exit status and output on a copy."""
     path = os.pathsep.join(str(folder / room) for room in ROOMS)
     command = [sys.executable, "-m", "pytest", "-q", *options, *tests]
-    environment = {**os.environ, "PYTHONPATH": path}
+    # Compiled once, as a copy is used for many mutants: a third of the time that a single test takes.
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     try:
-        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=LONGEST)
+        done = subprocess.run(
+            command, cwd=folder, env=kept | {"PYTHONPATH": path}, capture_output=True, text=True, timeout=LONGEST
+        )
     except subprocess.TimeoutExpired:
         return 1, f"not done after {LONGEST:g} s"
     return done.returncode, done.stdout + done.stderr
+
+
+def without_parts(tests: set[str]) -> list[str]:
+    """Sorted, and no node id of a file that is there as a whole."""
+    return sorted(test for test in tests if "::" not in test or test.partition("::")[0] not in tests)
 
 
 @contextmanager
@@ -138,11 +146,10 @@ def check(mutants: Sequence[Mutant], root: Path, jobs: int) -> int:
         folders = [Path(temporary) / str(job) for job in range(jobs)]
         for folder in folders:
             copy_tracked(root, folder)
-        tests = sorted({test for mutant in mutants for test in mutant.tests})
+        tests = without_parts({test for mutant in mutants for test in mutant.tests})
         begun = time.monotonic()
-        status, output = run_tests(
-            folders[0], tests, "--numprocesses", str(jobs if jobs > 1 else 0), "--dist", "loadfile"
-        )
+        in_parallel = ("--numprocesses", str(jobs), "--dist", "loadfile") if jobs > 1 else ()
+        status, output = run_tests(folders[0], tests, *in_parallel)
         if status:
             say(output, f"the tests do not pass without any mutant (exit status {status}): nothing can be said")
             return 1
