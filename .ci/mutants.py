@@ -104,11 +104,18 @@ def mutated(mutant: Mutant, folder: Path) -> Iterator[None]:
     """The copy with the mutant in it. Raises ValueError where it does not apply."""
     file = folder / mutant.file
     text = file.read_text()
-    file.write_text(mutant.applied(text))
+    rewrite(file, mutant.applied(text))
     try:
         yield
     finally:
-        file.write_text(text)
+        rewrite(file, text)
+
+
+def rewrite(file: Path, text: str) -> None:
+    """Write a source, and forget what it was compiled to: Python tells versions apart by size and whole seconds."""
+    file.write_text(text)
+    for compiled in (file.parent / "__pycache__").glob(f"{file.stem}.*"):
+        compiled.unlink()
 
 
 def tried(mutant: Mutant, folder: Path) -> Outcome:
