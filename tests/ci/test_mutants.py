@@ -1,0 +1,123 @@
+"""The list of mutants is true, and the check of them tells what lives from what dies, on a house of one function."""
+
+import importlib.util
+import re
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / ".ci" / "mutants.py"
+
+
+@pytest.fixture(scope="module")
+def mutants() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("mutants", SCRIPT)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    # Dataclasses look their module up by name.
+    sys.modules["mutants"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_every_mutant_still_applies_once_and_its_tests_are_there(mutants: ModuleType) -> None:
+    for mutant in mutants.listed():
+        assert mutant.applied((ROOT / mutant.file).read_text()) != (ROOT / mutant.file).read_text()
+        assert mutant.tests, mutant.name
+        for test in mutant.tests:
+            file, _, function = test.partition("::")
+            assert re.search(rf"^def {function}\(" if function else "^def test_", (ROOT / file).read_text(), re.M), test
+
+
+def test_names_are_names(mutants: ModuleType) -> None:
+    names = [mutant.name for mutant in mutants.listed()]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(("text", "times"), [("a = 2\n", 0), ("a = 1\nb = a = 1\n", 2)])
+def test_a_mutant_applies_once_or_not_at_all(text: str, times: int, mutants: ModuleType) -> None:
+    mutant = mutants.Mutant("m", "f.py", "a = 1", "a = 3", ())
+    assert mutant.applied("a = 1\n") == "a = 3\n"
+    with pytest.raises(ValueError, match=f"m: the text before occurs {times} times in f.py"):
+        mutant.applied(text)
+
+
+HOUSE = {
+    "house.py": "def half(x):\n    return x / 2\n\n\ndef unseen():\n    return 1\n",
+    "test_house.py": "import house\n\n\ndef test_half():\n    assert house.half(4) == 2\n",
+    "test_wrong.py": "def test_wrong():\n    assert False\n",
+}
+
+
+@pytest.fixture
+def house(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    # None is needed there, and they take seconds to load.
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    root = tmp_path / "house"
+    root.mkdir()
+    for name, text in HOUSE.items():
+        (root / name).write_text(text)
+    subprocess.run(["git", "init", "-q"], cwd=root, check=True)
+    subprocess.run(["git", "add", "."], cwd=root, check=True)
+    (root / "conftest.py").write_text("raise RuntimeError('it is not tracked')\n")
+    return root
+
+
+def list_of(folder: Path, *entries: tuple[str, str, str, str]) -> Path:
+    path = folder / "mutants.toml"
+    path.write_text(
+        "".join(
+            f'[[mutant]]\nname = "{name}"\nfile = "house.py"\nbefore = "{before}"\nafter = "{after}"\n'
+            f'tests = ["{test}"]\n'
+            for name, before, after, test in entries
+        )
+    )
+    return path
+
+
+def test_what_lives_what_dies_and_what_cannot_be_tried(
+    house: Path, tmp_path: Path, mutants: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = list_of(
+        tmp_path,
+        ("dead", "x / 2", "x / 3", "test_house.py"),
+        ("alive", "return 1", "return 2", "test_house.py::test_half"),
+        ("lost", "x / 4", "x / 5", "test_house.py"),
+        ("broken", "return x", "return x x", "test_house.py"),
+    )
+    assert mutants.main(["--jobs", "1"], house, file) == 1
+    said = capsys.readouterr().out
+    for name, verdict in (
+        ("dead", "killed"), ("alive", "SURVIVED"), ("lost", "DOES NOT APPLY"), ("broken", "CANNOT RUN"),
+    ):  # fmt: skip
+        assert re.search(rf"^{verdict} +[\d.]+ s  {name}$", said, re.M), said
+    assert "1 of 4 mutants killed" in said
+    assert (house / "house.py").read_text() == HOUSE["house.py"]
+    assert mutants.main(["--jobs", "1", "--only", "dead"], house, file) == 0
+    assert "1 of 1 mutants killed" in capsys.readouterr().out
+
+
+def test_a_test_that_fails_anyway_kills_nothing(
+    house: Path, tmp_path: Path, mutants: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = list_of(tmp_path, ("dead", "x / 2", "x / 3", "test_wrong.py"))
+    assert mutants.main(["--jobs", "1"], house, file) == 1
+    said = capsys.readouterr().out
+    assert "do not pass without any mutant" in said
+    assert "killed" not in said
+
+
+def test_names_are_listed_and_an_unknown_one_is_refused(
+    house: Path, tmp_path: Path, mutants: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = list_of(tmp_path, ("dead", "x / 2", "x / 3", "test_house.py"))
+    assert mutants.main(["--list"], house, file) == 0
+    assert capsys.readouterr().out.split() == ["dead", "house.py"]
+    with pytest.raises(SystemExit) as stopped:
+        mutants.main(["--only", "deaf"], house, file)
+    assert stopped.value.code == 2

@@ -1,0 +1,183 @@
+"""A known ball under two other lights, alone and over a plate, against quadrature of the rendering equation."""
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+import torch
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from hard_cases.constructions import joined
+from known_ball import CPU, SCENE
+from radiogs.budget import PRESETS
+from radiogs.model import Model
+from radiogs.relighting import relight
+from radiogs.variant import Relighting, Variant
+from radiogs_core.contract import Run
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_datasets.generate.catalogue import Box, Material, Solid, Sphere
+from reference.quadrature import sphere_quadrature
+from reference.shade import shade
+from scenes import look_at, surfels_over
+
+F64 = torch.float64
+CLAY = Material((0.5, 0.35, 0.25), 0.5)
+PAINT = Material((0.3, 0.6, 0.7), 0.8)
+BALL = Sphere((0.0, 0.0, 0.0), 1.0, CLAY)
+TOP, HALF_SIDE = -1.4, 2.0
+PLATE = Box((-HALF_SIDE, -HALF_SIDE, TOP - 0.1), (HALF_SIDE, HALF_SIDE, TOP), PAINT)
+CAMERA = look_at(torch.tensor([4.0, 0.6, -0.3]), torch.zeros(3), 20, 28.0)
+SCALES = [(1.0, 1.0, 1.0), (1.2, 0.7, 0.4)]
+BUDGET = replace(PRESETS["smoke"], relight_hemisphere_samples=128, relight_light_samples=32, finetune_iterations=100,
+                 finetune_surfels=400, finetune_samples=48)  # fmt: skip
+
+
+def gradient(low: tuple[float, ...], high: tuple[float, ...], towards: tuple[float, ...]) -> EnvironmentMap:
+    """A light that goes from one colour to another across the sky; ``high`` is where it looks ``towards``."""
+    share = (1 + texel_directions(16, 32) @ normalize(torch.tensor(towards, dtype=F64), dim=0)) / 2
+    colours = torch.tensor([low, high], dtype=F64)
+    return EnvironmentMap((colours[0] + share[..., None].square() * (colours[1] - colours[0])).float())
+
+
+def constant(*colour: float) -> EnvironmentMap:
+    return EnvironmentMap(torch.tensor(colour).expand(8, 16, 3).contiguous())
+
+
+EVENING = gradient((0.1, 0.15, 0.3), (1.5, 0.8, 0.3), (1.0, 0.5, 0.2))
+NOON = gradient((0.1, 0.1, 0.05), (0.4, 0.7, 1.1), (0.2, -0.4, 1.0))
+AMBER, TEAL = constant(0.9, 0.5, 0.1), constant(0.1, 0.5, 0.6)
+
+
+@cache
+def model_of(*solids: Solid) -> Model:
+    """Grey radiance of one half and a light of one: what they were trained under says nothing of the lights below."""
+    first, *rest = solids
+    surfels = surfels_over([first], 0.12)
+    for solid in rest:
+        surfels = joined(surfels, surfels_over([solid], 0.2))
+    return Model(surfels, torch.zeros(8, 16, 3))
+
+
+def maps(model: Model, light: EnvironmentMap, scale: tuple[float, ...], mode: Relighting = "pbr") -> dict[str, Tensor]:
+    run = Run(SCENE, Variant(relighting=mode), BUDGET, 0, CPU)
+    return relight(model, light, torch.tensor(scale), run).render(CAMERA)
+
+
+@cache
+def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
+    """Pixels of the ball well inside its silhouette, as a mask; their points on it, and directions to the camera."""
+    rays = normalize(CAMERA.ray_directions().double(), dim=-1)
+    origin = CAMERA.centre.double()
+    along = -(rays @ origin)
+    discriminant = along.square() - origin.square().sum() + 1
+    inside = discriminant > 0.35
+    point = origin + rays[inside] * (along - discriminant.clamp(min=0).sqrt())[inside, None]
+    return inside, point, -rays[inside]
+
+
+def under(light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool) -> tuple[Tensor, Tensor]:
+    """Direct and indirect radiance of those pixels; light that the plate sends on is of one bounce, and constant."""
+    _, normal, outgoing = seen_of_the_ball()
+    direction, weight = (each.expand(len(normal), *each.shape) for each in sphere_quadrature(48))
+    arrives = torch.zeros_like(direction)
+    seen = torch.ones_like(weight)
+    if over_plate:
+        # Where the ray from the ball's point goes through the plane of the plate's upper side.
+        far = (TOP - normal[:, None, 2]) / direction[..., 2]
+        at = normal[:, None] + far[..., None] * direction
+        hits = (far > 0) & (at[..., :2].abs() < HALF_SIDE).all(-1)
+        seen = (~hits).to(F64)
+        arrives = torch.where(hits[..., None], sent_by_the_plate(light, scale, -direction[..., 2]), 0.0)
+    parts = shaded(CLAY, scale, normal, outgoing, direction, weight, seen, arrives, light)
+    return parts[:, 0] + parts[:, 2], parts[:, 1] + parts[:, 3]
+
+
+def sent_by_the_plate(light: EnvironmentMap, scale: tuple[float, ...], cosine: Tensor) -> Tensor:
+    """Radiance of the plate under a constant light, unoccluded, by cosine between its normal and the ray."""
+    grid = (torch.arange(32, dtype=F64) + 0.5) / 32
+    views = torch.stack([(1 - grid.square()).sqrt(), torch.zeros_like(grid), grid], -1)
+    up = torch.tensor([0.0, 0.0, 1.0], dtype=F64).expand_as(views)
+    direction, weight = (each.expand(len(grid), *each.shape) for each in sphere_quadrature(96))
+    nothing = torch.zeros_like(direction)
+    table = shaded(PAINT, scale, up, views, direction, weight, torch.ones_like(weight), nothing, light).sum(1)
+    return table[(cosine * 32).long().clamp(0, 31)]
+
+
+def shaded(
+    material: Material, scale: tuple[float, ...], normal: Tensor, outgoing: Tensor,
+    direction: Tensor, weight: Tensor, seen: Tensor, arrives: Tensor, light: EnvironmentMap,
+) -> Tensor:  # fmt: skip
+    albedo = torch.tensor(material.albedo, dtype=F64) * torch.tensor(scale, dtype=F64)
+    rough = torch.full((len(normal),), material.roughness, dtype=F64)
+    rows = [
+        shade(
+            normal[i : i + 1], albedo[None], rough[i : i + 1], outgoing[i : i + 1, None],
+            direction[i : i + 1], weight[i : i + 1], seen[i : i + 1], arrives[i : i + 1], light.radiance.double(),
+        )[:, 0]
+        for i in range(len(normal))
+    ]  # fmt: skip
+    return torch.cat(rows)
+
+
+def on_the_ball(found: dict[str, Tensor], name: str) -> Tensor:
+    """What those pixels show, where surfels let a little through as if they did not."""
+    inside, _, _ = seen_of_the_ball()
+    return (found[name] / found["alpha"])[inside].double()
+
+
+def off(found: Tensor, expected: Tensor) -> tuple[float, float]:
+    """Largest error of a channel's mean, and mean error of the pixels, which surfels blur; shares of the true mean."""
+    mean = expected.mean(0)
+    return float(((found.mean(0) - mean) / mean).abs().max()), float(((found - expected).abs().mean(0) / mean).max())
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("light", [EVENING, NOON], ids=["evening", "noon"])
+def test_a_ball_alone_is_lit_by_the_new_light(light: EnvironmentMap, scale: tuple[float, ...]) -> None:
+    found = maps(model_of(BALL), light, scale)
+    mean, pixels = off(on_the_ball(found, "direct"), under(light, scale, over_plate=False)[0])
+    assert mean < 0.03
+    assert pixels < 0.06
+    assert float(found["indirect"].max()) < 1e-3
+
+
+@pytest.mark.parametrize("scale", SCALES)
+@pytest.mark.parametrize("light", [AMBER, TEAL], ids=["amber", "teal"])
+def test_a_plate_below_hides_the_light_and_sends_on_the_new_one(
+    light: EnvironmentMap, scale: tuple[float, ...]
+) -> None:
+    found = maps(model_of(BALL, PLATE), light, scale)
+    direct, indirect = under(light, scale, over_plate=True)
+    assert float(indirect.mean()) > 0.05 * float(direct.mean())
+    mean, pixels = off(on_the_ball(found, "direct"), direct)
+    assert mean < 0.03
+    assert pixels < 0.06
+    mean, pixels = off(on_the_ball(found, "indirect"), indirect)
+    assert mean < 0.07
+    assert pixels < 0.15
+
+
+def test_the_image_is_direct_and_indirect_light_together() -> None:
+    found = maps(model_of(BALL, PLATE), AMBER, SCALES[0])
+    image = srgb_encode(on_the_ball(found, "direct") + on_the_ball(found, "indirect"))
+    assert off(on_the_ball(found, "image"), image)[1] < 0.02
+
+
+def test_what_was_learnt_under_the_old_light_does_not_show() -> None:
+    """Neither the surfels' own radiance nor the recovered light is part of the result."""
+    model = model_of(BALL, PLATE)
+    brighter = Surfels.of(model.surfels.parameters() | {"sh": model.surfels.sh + 0.4})
+    first, second = (maps(each, AMBER, SCALES[1]) for each in (model, Model(brighter, model.log_environment + 1)))
+    for name, value in first.items():
+        assert torch.equal(value, second[name]), name
+
+
+@pytest.mark.parametrize(("mode", "tolerance"), [("finetuned", 0.025), ("surfels", 0.05)])
+def test_fine_tuned_radiance_is_that_of_the_new_light_and_the_scaled_albedo(mode: Relighting, tolerance: float) -> None:
+    """A hundred steps are enough to see it by; the surfels' own radiance still has their noise."""
+    direct, indirect = under(AMBER, SCALES[1], over_plate=True)
+    found = on_the_ball(maps(model_of(BALL, PLATE), AMBER, SCALES[1], mode), "image")
+    assert float((found - srgb_encode(direct + indirect)).mean(0).abs().max()) < tolerance

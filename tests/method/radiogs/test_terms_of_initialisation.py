@@ -1,0 +1,226 @@
+"""Every term of stage 1's losses: what raises it, which weight is its own, and from when on it counts."""
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+
+import pytest
+import torch
+
+from known_ball import BALL, COLOUR, SCENE, WHITE, changed, initialisation, noise, tilted
+from radiogs.learning import SplitSumLearning
+from radiogs.variant import Variant
+from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, GeometryWeights
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+
+EARLY, LATE = 0.2, 0.9
+"""Shares of the stage at which all terms count, before and after what changes on the way."""
+
+IMAGES = {"radiance", "shaded"}
+TERMS: Mapping[str, set[str]] = {
+    "absolute": IMAGES,
+    "similarity": IMAGES,
+    "normal": {"normal"},
+    "distortion": {"distortion"},
+    "mask": {"mask"},
+    "normal_smoothness": {"normal smoothness"},
+}
+"""What each field of ``GeometryWeights`` weighs; a further field weighs the term that begins its name."""
+
+
+def weighing(**weights: float) -> Variant:
+    return Variant(geometry=GeometryLearning(weights=replace(GeometryWeights(), **weights)))
+
+
+def worn() -> Surfels:
+    """Wrong in every respect, so that no term is zero."""
+    surfels = tilted(20.0)
+    return changed(
+        rotation=surfels.rotation,
+        centre=BALL.centre * (1 + noise(BALL.opacity_logit, 0.05))[:, None],
+        opacity_logit=torch.zeros_like(BALL.opacity_logit),
+        albedo_logit=BALL.albedo_logit + noise(BALL.albedo_logit, 1.0),
+    )
+
+
+def terms_of(field: str) -> set[str]:
+    return TERMS[field] if field in TERMS else TERMS[field.split("_")[0]]
+
+
+def test_every_term_has_a_positive_value_and_there_is_none_without_a_weight() -> None:
+    losses = initialisation(worn(), LATE).step()
+    assert set(losses) == {"consistency"}.union(*TERMS.values())
+    assert all(value > 0 for value in losses.values()), losses
+
+
+@pytest.mark.parametrize("field", [each.name for each in fields(GeometryWeights)])
+def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> None:
+    surfels, own, ever = worn(), terms_of(field), set[str]()
+    other = "similarity" if field == "absolute" else "absolute"
+    alone = {other: 0.0} if own == IMAGES else {}
+    weight = getattr(GeometryWeights(), field)
+    for share in (EARLY, LATE):
+        none, once, twice = (
+            initialisation(surfels, share, weighing(**alone, **{field: factor * weight})).step()
+            for factor in (0.0, 1.0, 2.0)
+        )
+        assert once.keys() == twice.keys()
+        moved = {name for name, value in once.items() if twice[name] != value}
+        assert moved <= own
+        for name in moved:
+            assert twice[name] == pytest.approx(2 * once[name], rel=1e-5)
+            assert none.get(name, 0.0) == 0.0
+        ever |= moved
+    assert ever == own
+
+
+def test_the_weight_of_the_consistency_is_a_factor_of_it_alone() -> None:
+    surfels = worn()
+    weight = SplitSumLearning().consistency
+    none, once, twice = (
+        initialisation(surfels, LATE, Variant(split_sum=SplitSumLearning(consistency=factor * weight))).step()
+        for factor in (0.0, 1.0, 2.0)
+    )
+    assert {name for name in once if twice[name] != once[name]} == {"consistency"}
+    assert twice["consistency"] == pytest.approx(2 * once["consistency"], rel=1e-5)
+    assert none["consistency"] == 0.0 < once["consistency"]
+
+
+def half_there() -> torch.Tensor:
+    return torch.zeros_like(BALL.opacity_logit)
+
+
+def spread() -> Surfels:
+    generator = torch.Generator().manual_seed(0)
+    return changed(centre=BALL.centre * (1 - 0.3 * torch.rand(len(BALL), 1, generator=generator)),
+                   opacity_logit=half_there())  # fmt: skip
+
+
+def glowing(factor: float) -> Surfels:
+    sh = BALL.sh.clone()
+    sh[:, 0] = radiance_to_sh(factor * torch.tensor([COLOUR]))
+    return changed(sh=sh)
+
+
+@pytest.mark.parametrize(
+    ("term", "before", "after"),
+    [
+        ("normal", BALL, tilted(35.0)),
+        ("normal smoothness", BALL, tilted(35.0)),
+        ("mask", BALL, changed(opacity_logit=half_there() - 2)),
+        ("mask", BALL, changed(centre=1.3 * BALL.centre)),
+        ("mask", BALL, changed(centre=0.8 * BALL.centre)),
+        ("distortion", changed(opacity_logit=half_there()), spread()),
+        ("radiance", BALL, glowing(2.0)),
+        ("radiance", BALL, glowing(0.5)),
+        ("shaded", BALL, changed(albedo_logit=BALL.albedo_logit + 1)),
+        ("shaded", BALL, changed(albedo_logit=BALL.albedo_logit - 1)),
+        ("consistency", BALL, glowing(2.0)),
+        ("consistency", BALL, glowing(0.5)),
+        ("consistency", BALL, changed(albedo_logit=BALL.albedo_logit + 1)),
+    ],
+)
+def test_what_is_wrong_costs_more(term: str, before: Surfels, after: Surfels) -> None:
+    right, wrong = (initialisation(surfels, LATE).step()[term] for surfels in (before, after))
+    assert wrong > 1.2 * right
+
+
+def test_the_light_of_the_split_sum_is_the_one_that_is_learnt() -> None:
+    for term in ("shaded", "consistency"):
+        right, *wrong = (initialisation(BALL, LATE, light=WHITE + shift).step()[term] for shift in (0.0, 0.7, -0.7))
+        assert min(wrong) > 1.2 * right
+
+
+def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
+    """What has the display values as its linear radiance and albedo is too bright."""
+    display = srgb_encode(torch.tensor(COLOUR))
+    bright = glowing(1.0)
+    bright.sh[:, 0] = radiance_to_sh(display[None])
+    bright.albedo_logit = torch.logit(display).expand(len(BALL), 3).contiguous()
+    right, wrong = (initialisation(surfels, LATE).step() for surfels in (BALL, bright))
+    for term in IMAGES:
+        assert right[term] < 0.5 * wrong[term]
+
+
+def test_what_is_missing_costs_its_contrast_to_white_and_to_black_in_turn() -> None:
+    """L1 alone, of one view, where no surfel can be seen: the mean of |image - background|."""
+    nothing = changed(opacity_logit=torch.full_like(BALL.opacity_logit, -20.0))
+    variant = replace(weighing(absolute=1.0, similarity=0.0), view_share=0.01, initialise="nvs")
+    stage = initialisation(nothing, EARLY, variant)
+    assert len(stage.views) == 1
+    covered, display = stage.views[0].mask.mean(), srgb_encode(torch.tensor(COLOUR))
+    found = [initialisation(nothing, EARLY + step / 1000, variant).step()["radiance"] for step in range(4)]
+    on_white, on_black = (float(covered * (display - background).abs().mean()) for background in (1.0, 0.0))
+    assert found == pytest.approx([on_white, on_black] * 2, rel=1e-4)
+
+
+def test_similarity_is_of_the_images_structure() -> None:
+    """A ball that is a little too dark everywhere has its structure; one that is speckled has not."""
+    variant = replace(weighing(absolute=0.0, similarity=1.0), initialise="nvs")
+    speckled = BALL.sh.clone()
+    speckled[:, 0] += noise(speckled[:, 0], 0.7)
+    right, darker, rough = (
+        initialisation(each, LATE, variant).step()["radiance"] for each in (BALL, glowing(0.8), changed(sh=speckled))
+    )
+    assert right > 0
+    assert darker < 1.2 * right
+    assert 2 * right < rough <= 1
+    absolute = replace(weighing(absolute=1.0, similarity=0.0), initialise="nvs")
+    right, darker = (initialisation(each, LATE, absolute).step()["radiance"] for each in (BALL, glowing(0.8)))
+    assert darker > 1.1 * right
+
+
+@pytest.mark.parametrize(
+    ("term", "variant"),
+    [
+        ("distortion", Variant(geometry=GeometryLearning(schedule=GeometrySchedule(distortion_from=0.4)))),
+        ("consistency", Variant(split_sum=SplitSumLearning(consistency_from=0.4))),
+    ],
+)
+def test_terms_set_in_at_their_share_of_the_stage(term: str, variant: Variant) -> None:
+    before, after = (initialisation(worn(), share, variant).step() for share in (0.39, 0.4))
+    assert term not in before
+    assert after[term] > 0
+    assert set(after) - set(before) == {term}
+
+
+def test_at_the_start_neither_distortion_nor_consistency_counts() -> None:
+    """Both would hold on to what is not there yet."""
+    assert not {"distortion", "consistency"} & set(initialisation(worn(), 0.0).step())
+
+
+def test_harmonics_take_part_degree_by_degree() -> None:
+    """Before its share of the stage a degree neither shows nor moves."""
+    schedule = GeometrySchedule(degrees_from=(0.2, 0.4, 0.6))
+    variant = Variant(geometry=GeometryLearning(schedule=schedule))
+    sh = BALL.sh.clone()
+    sh[:, 1:] = noise(sh[:, 1:], 0.2)
+    for degree, share in enumerate((0.1, 0.3, 0.5, 0.7)):
+        known = (degree + 1) ** 2
+        stage = initialisation(changed(sh=sh), share, variant)
+        found = stage.step()
+        still = (stage.optimiser.tensors["sh_rest"] == sh[:, 1:]).all(-1).all(0)
+        assert still.tolist() == [place >= known for place in range(1, COEFFICIENTS)]
+        for kept in {known, degree**2}:
+            cut = sh.clone()
+            cut[:, kept:] = 0
+            same = initialisation(changed(sh=cut), share, variant).step()["radiance"] == found["radiance"]
+            assert same == (kept == known)
+
+
+def test_by_default_radiance_depends_on_no_direction_at_first_and_on_all_degrees_in_the_end() -> None:
+    sh = BALL.sh.clone()
+    sh[:, 1:] = noise(sh[:, 1:], 0.2)
+    for share, shows in ((0.0, False), (LATE, True)):
+        found, flat = (initialisation(changed(sh=each), share).step()["radiance"] for each in (sh, BALL.sh))
+        assert (found != flat) == shows
+
+
+def test_the_scene_is_what_the_ball_shows() -> None:
+    """The known surfels are nearly the truth: their images are as far off as their soft silhouette."""
+    stage = initialisation(BALL, LATE)
+    losses = stage.step()
+    assert losses["radiance"] < 0.05
+    assert losses["shaded"] < 0.05
+    assert len(stage.views) == len(SCENE.train)
