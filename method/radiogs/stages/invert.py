@@ -26,6 +26,7 @@ from radiogs_core.transport.splatting import own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
+from ..given import Start, replaced
 from ..learning import MaterialStart
 from ..model import Model, constant_light
 from ..profile import START_RADIANCE
@@ -55,17 +56,19 @@ class InverseRendering:
         start = variant.materials.start
         surfels = surfels_of(initialised, device).made_of(start.albedo, start.roughness)
         radiance = START_RADIANCE if "start-light" in variant.deviations else white_light(self.views, start)
-        light = {"log_environment": constant_light(budget.light_height, radiance, device)}
-        self.optimiser = SurfelOptimiser(surfels, light, rates_of(variant, scene.extent))
+        light = constant_light(budget.light_height, radiance, device)
+        self.start = replaced(Start(surfels, light, rates_of(variant, scene.extent)), variant.given, scene, seed)
+        light_start = {"log_environment": self.start.log_environment}
+        self.optimiser = SurfelOptimiser(self.start.surfels, light_start, self.start.rates)
         self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
-        self.shader = shader_of(variant, budget, seed, surfels, self.generator)
+        self.shader = shader_of(variant, budget, seed, self.start, self.generator)
         self.initialised = initialised
 
     @property
     def model(self) -> Model:
         """What is learnt so far."""
-        shader = self.shader
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], shader.plan, shader.evidence)
+        light, shader = self.optimiser.tensors["log_environment"], self.shader
+        return Model(self.optimiser.surfels, light, shader.plan, shader.evidence, self.start.indirect)
 
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
