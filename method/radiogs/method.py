@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, Part, Probe, require_truth
+from radiogs_core.capabilities import PARTS, Probe, require_truth
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -61,7 +61,7 @@ class RadioGS:
             ),
         )
 
-    def with_given(self, variant: Variant, parts: tuple[Part, ...]) -> Variant:
+    def with_given(self, variant: Variant, parts: tuple[str, ...]) -> Variant:
         """The variant whose stage 2 begins with these parts of the truth; stage 1 is the same for all."""
         return replace(variant, given=parts)
 

@@ -3,7 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from radiogs_core.capabilities import PARTS, Part
+from radiogs_core.capabilities import PARTS
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.transport.plan import Effects, checked_effects
@@ -54,7 +54,7 @@ class Variant:
     relighting: Relighting = "pbr"
     deviations: tuple[str, ...] = ()
     effects: Effects = "all"
-    given: tuple[Part, ...] = ()
+    given: tuple[str, ...] = ()
     geometry: GeometryLearning = field(default_factory=GeometryLearning)
     split_sum: SplitSumLearning = field(default_factory=SplitSumLearning)
     materials: MaterialLearning = field(default_factory=MaterialLearning)

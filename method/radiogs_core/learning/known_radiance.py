@@ -58,7 +58,7 @@ def known_radiance(known: KnownScene, seed: int) -> KnownRadiance:
     normal = surfels.frame[..., 2]
     towards, _ = hemisphere_directions(normal, VIEWS, generator)
     directions = relighting_directions(normal, LightSampler(equation.light), SPREAD, DRAWN, generator)
-    fit = _harmonics_from(towards)
+    fit = harmonics_from(towards)
     dark = radiance_to_sh(torch.zeros_like(surfels.albedo))[:, None]
     surfels = replace(surfels, sh=torch.cat([dark, torch.zeros_like(surfels.sh[:, 1:])], 1))
     before = 0.0
@@ -104,7 +104,7 @@ def _sent(
     return reflected if equation.emission is None else reflected + equation.emission[index][:, None]
 
 
-def _harmonics_from(towards: Float[Tensor, "surfels views 3"]) -> Float[Tensor, "surfels coefficients views"]:
+def harmonics_from(towards: Float[Tensor, "surfels views 3"]) -> Float[Tensor, "surfels coefficients views"]:
     """The matrix that fits harmonics to values in these directions: least squares with ``RIDGE``."""
     count = len(towards)
     columns = []
