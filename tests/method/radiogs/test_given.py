@@ -24,7 +24,7 @@ from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import Box, Material, Sphere
@@ -136,6 +136,21 @@ def test_given_indirect_light_is_that_of_the_furnace_wherever_the_surfel_has_sun
     assert torch.equal(incident.visibility, torch.ones(2, 64))  # the model has no walls of its own
     below = tracer.incident(index, *hemisphere_directions(-sunk.frame[..., 2], 64, None))
     assert not bool(below.radiance.any())
+
+
+def test_a_surfel_below_the_surface_is_lit_as_if_it_lay_on_it() -> None:
+    floor, wall = Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT), Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT)
+    true = surfels_on(surfaces_of([floor, wall], 0.1))
+    true.sh[:, 0] = radiance_to_sh(true.albedo)
+    up = torch.tensor([[0.0, 0.0, 1.0]])
+    on, sunk = (surfels_facing(torch.tensor([[-0.7, 0.0, height]]), up) for height in (0.0, -0.03))
+    direction, weight = hemisphere_directions(up, 256, None)
+    index = torch.arange(1)
+    lit, below = (KnownIndirectTracer(each, true).incident(index, direction, weight).radiance for each in (on, sunk))
+    assert torch.equal(lit, below)
+    bright = lit[0, :, 2] > 0.5  # the wall is blue
+    assert 0.2 < float(bright.float().mean()) < 0.45
+    assert float(lit[0, direction[0, :, 0] > 0].abs().max()) < 0.05
 
 
 def test_given_indirect_light_means_the_same_in_training_and_when_shown(initialised: dict[str, Any]) -> None:
