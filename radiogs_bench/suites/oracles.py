@@ -15,7 +15,7 @@ def _without(*left: Part) -> Row:
 
 ORACLES = Suite(
     name="oracles",
-    title="What each part is responsible for: parts of the truth given",
+    title="What each part of the truth is worth",
     published=None,
     reference="none",
     rows=(
