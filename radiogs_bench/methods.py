@@ -6,7 +6,7 @@ A package offers a method by an entry point of the group ``radiogs_bench.methods
 """
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
@@ -14,6 +14,7 @@ from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
 
+from radiogs_core.capabilities import PARTS, TakesGiven
 from radiogs_core.contract import Method
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import from_plain
@@ -79,6 +80,27 @@ def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
     Values are plain, as a suite's file or a stored result has them: lists for tuples, tables for nested settings.
     """
     return from_plain(of.variant, given, f"variant of {of.name}")
+
+
+def why_not_given(of: Method, parts: Sequence[str]) -> str:
+    """Why a method cannot be given these parts of the truth, in words; empty if it can."""
+    if not parts:
+        return ""
+    if not isinstance(of, TakesGiven):
+        return f"{of.name} takes no part of the truth as given"
+    lacks = [part for part in parts if part not in of.given_parts]
+    return f"{of.name} does not take {' and '.join(lacks)} as given" if lacks else ""
+
+
+def with_given(of: Method, variant: Any, parts: Sequence[str]) -> Any:
+    """The method's variant to which these parts of the truth are given. Raises UsageError where it cannot take them."""
+    if not parts:
+        return variant
+    refusal = why_not_given(of, parts)
+    if refusal or not isinstance(of, TakesGiven):
+        raise UsageError(refusal, f"Parts: {', '.join(PARTS)}.", "How a method offers it: docs/your_own_method.md")
+    with calling(of.name, "with_given()"):
+        return of.with_given(variant, tuple(parts))
 
 
 def budget_of(of: Method, preset: str) -> Any:

@@ -8,7 +8,6 @@ the cosine-weighted hemisphere of the surfels is blocked, how bright what blocks
 
 import sys
 from collections.abc import Mapping
-from copy import deepcopy
 from dataclasses import replace
 from typing import Any
 
@@ -21,26 +20,13 @@ from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.metrics import protocol
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 
-SPACING = 0.06
 CPU = torch.device("cpu")
 SCORES = ("nvs/psnr", "indirect/psnr", "albedo/psnr", "relight/psnr", "roughness/mse")
-
-
-def over_the_solids(scene: Scene, state: dict[str, Any]) -> dict[str, Any]:
-    """A state of stage 1 with true geometry and the mean radiance that stage 1 found nearby."""
-    surfels = surfels_on(scene.true_surfaces(SPACING))
-    learnt = state["optimiser"]["tensors"]
-    nearest = torch.cdist(surfels.centre, learnt["centre"]).argmin(1)
-    tensors = surfels.parameters() | {"log_environment": learnt["log_environment"]}
-    tensors |= {"sh": learnt["sh"].detach()[nearest], "sh_rest": torch.zeros(len(surfels), 15, 3)}
-    return {"optimiser": {"tensors": tensors}}
 
 
 @torch.no_grad()
@@ -76,11 +62,12 @@ def main(name: str = "convex", seed: str = "0", samples: str = "32", preset: str
     cost = replace(RADIOGS.presets[preset], incident_samples=int(samples))
     run = Run(load_scene(name), Variant(), cost, int(seed), CPU)
     first = product_of(0, run, {})
-    starts = {"reconstruction": first, "true solids": over_the_solids(run.scene, first)}
-    for geometry, start in starts.items():
-        for weight in (Variant().radiometric_weight, 0.0):
-            varied = replace(run, variant=Variant(radiometric_weight=weight))
-            trained = RADIOGS.restore(varied, product_of(1, varied, deepcopy(start)))
+    full = Variant()
+    starts = {"reconstruction": full, "true solids": RADIOGS.with_given(full, ("geometry",))}
+    for geometry, variant in starts.items():
+        for weight in (full.radiometric_weight, 0.0):
+            varied = replace(run, variant=replace(variant, radiometric_weight=weight))
+            trained = RADIOGS.restore(varied, product_of(1, varied, first))
             rules = protocol("default")
             metrics = evaluate(trained, run.scene, rules, CPU, lambda done, total: None, timed=False).metrics
             scores = ", ".join(f"{key} {metrics[key]['value']:.3f}" for key in SCORES)

@@ -1,9 +1,10 @@
 """RadioGS as the harness knows it: its stages, what each depends on, and its trained model."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from radiogs_core.capabilities import Probe
+from radiogs_core.capabilities import PARTS, Probe, require_truth
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -19,13 +20,15 @@ from .variant import Variant
 class RadioGS:
     """RadioGS (ICLR 2026): see ``radiogs_core.contract.Method``.
 
-    ``profiles`` are named settings of the variant: the paper's formulas, or those of the released code.
+    ``profiles`` are named settings of the variant: the paper's formulas, or those of the released code. Every part of
+    the truth can be given to it (``radiogs_core.capabilities.TakesGiven``).
     """
 
     name = "radiogs"
     title = "RadioGS"
     variant = Variant
     presets: Mapping[str, Budget] = PRESETS
+    given_parts = PARTS
     sources = ("radiogs.trained",)
     profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
 
@@ -54,8 +57,13 @@ class RadioGS:
                 sources=("radiogs.stages.invert",),
                 begin=_invert,
                 compiles=True,
+                uses_surfaces=any(part != "light" for part in variant.given),
             ),
         )
+
+    def with_given(self, variant: Variant, parts: tuple[str, ...]) -> Variant:
+        """The variant whose stage 2 begins with these parts of the truth; stage 1 is the same for all."""
+        return replace(variant, given=parts)
 
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.contract.Probing``."""
@@ -67,6 +75,7 @@ class RadioGS:
 
 
 def _initialise(run: Run, before: Mapping[str, Any]) -> Stage:
+    require_truth(run.scene, run.variant.given)  # not only when stage 1 is done
     return Initialisation(run.scene, run.variant, run.budget, run.seed, run.device)
 
 

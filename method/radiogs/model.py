@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.learning.known_radiance import KnownRadiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, everything
 
@@ -17,12 +18,14 @@ class Model:
     """Surfels and the logarithm of the environment's radiance [height, 2 height, 3] (see ``light``).
 
     ``plan`` is what was simulated when training ended, ``evidence`` the records of the decisions that led to it.
+    ``indirect`` is where L_ind under the training light comes from if it was given (``given``).
     """
 
     surfels: Surfels
     log_environment: Float[Tensor, "height width 3"]
     plan: EffectPlan = field(default_factory=everything)
     evidence: tuple[Mapping[str, Any], ...] = ()
+    indirect: KnownRadiance | None = None
 
     @property
     def environment(self) -> Float[Tensor, "height width 3"]:
@@ -33,7 +36,9 @@ class Model:
         """The model as plain tensors and values, without gradient history."""
         surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
         effects = {"plan": self.plan.state(), "evidence": [dict(each) for each in self.evidence]}
-        return {"surfels": surfels, "log_environment": self.log_environment.detach(), "effects": effects}
+        light = {"log_environment": self.log_environment.detach()}
+        given = {} if self.indirect is None else {"indirect": _plain(self.indirect)}
+        return {"surfels": surfels, **light, "effects": effects, **given}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
@@ -44,7 +49,16 @@ class Model:
             tensors["log_environment"],
             EffectPlan(**effects["plan"]),
             tuple(effects["evidence"]),
+            _known(tensors["indirect"]) if "indirect" in tensors else None,
         )
+
+
+def _plain(known: KnownRadiance) -> dict[str, Any]:
+    return {"surfels": known.surfels.parameters(), "residual": known.residual}
+
+
+def _known(stored: Mapping[str, Any]) -> KnownRadiance:
+    return KnownRadiance(Surfels.of(stored["surfels"]), stored["residual"])
 
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:

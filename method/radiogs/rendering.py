@@ -17,14 +17,15 @@ class Renderer:
     """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
 
     For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel; what the
-    model's plan left out stays out. Surfels that kept their light in training are traced with all others.
+    model's plan left out stays out. Surfels that kept their light in training are traced with all others. Indirect
+    light that was given in training is given here too.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
         self.model, self.incident = model, None
         if variant.shading == "monte-carlo":
             with torch.no_grad():
-                rays, surfels = Rays.of(variant), model.surfels
+                rays, surfels = Rays.of(variant, model.indirect), model.surfels
                 self.incident = gather_incident(
                     rays.tracer(surfels), surfels, samples, None, rays.floor, model.plan.at_once
                 )

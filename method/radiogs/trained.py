@@ -49,11 +49,15 @@ class TrainedRadioGS:
         """``surfels``: how many. ``effects``: the plan when training ended, and the evidence for it, oldest first.
 
         ``metrics``: ``plan/bound`` and ``plan/worst``, dB that the plan costs at most, by the probe that says most; 0
-        where no probe has left anything out. ``remarks``: what is not simulated, in words.
+        where no probe has left anything out. ``remarks``: what is not simulated, in words. ``given``: the parts of the
+        truth that training was given, and how far the given indirect light is from solved (``KnownRadiance``).
         """
         plan, evidence = self.model.plan, [dict(each) for each in self.model.evidence]
         measured = [each["measured"] for each in evidence if each["effect"] == "plan" and each["measured"] is not None]
+        indirect, parts = self.model.indirect, list(self.run.variant.given)
+        residual = {} if indirect is None else {"indirect_residual": indirect.residual}
         return {
+            **({"given": {"parts": parts, **residual}} if parts else {}),
             "surfels": len(self.model.surfels),
             "effects": {"plan": plan.plain(), "evidence": evidence},
             "metrics": {

@@ -3,6 +3,7 @@
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
+from radiogs_core.capabilities import PARTS
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.transport.plan import Effects, checked_effects
@@ -37,6 +38,9 @@ class Variant:
     any other.
     effects: what stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see
     ``effects``), or the names of the effects that are on. Raises UsageError for what is no effect.
+    given: parts of the truth that stage 2 begins with and holds (``given``), in any order; the variant keeps them in
+    that of ``PARTS``. Raises UsageError for what is no part, for a choice of effects beside it, and for indirect light
+    where shading has none.
     geometry, split_sum: weights, rates, schedule and starting values of stage 1, of the surfels and of their shading.
     materials: those of stage 2.
     """
@@ -50,6 +54,7 @@ class Variant:
     relighting: Relighting = "pbr"
     deviations: tuple[str, ...] = ()
     effects: Effects = "all"
+    given: tuple[str, ...] = ()
     geometry: GeometryLearning = field(default_factory=GeometryLearning)
     split_sum: SplitSumLearning = field(default_factory=SplitSumLearning)
     materials: MaterialLearning = field(default_factory=MaterialLearning)
@@ -72,6 +77,25 @@ class Variant:
                 "a choice of effects for split-sum shading",
                 "It has neither visibility nor indirect light, and draws no samples: there is nothing to leave out.",
                 'Use effects = "all" with it, or shading = "monte-carlo".',
+            )
+        self._check_given()
+
+    def _check_given(self) -> None:
+        unknown = set(self.given) - set(PARTS)
+        if unknown:
+            raise UsageError(f"there is no part '{sorted(unknown)[0]}' to be given", f"Parts: {', '.join(PARTS)}.")
+        object.__setattr__(self, "given", tuple(part for part in PARTS if part in self.given))
+        if self.given and self.effects != "all":
+            raise UsageError(
+                "a choice of effects where parts of the truth are given",
+                "What is given says what the rest is responsible for only if all of light transport is simulated.",
+                'Use effects = "all" with it.',
+            )
+        if "indirect" in self.given and self.shading == "split-sum":
+            raise UsageError(
+                "indirect light that is given to split-sum shading",
+                "It has no indirect light.",
+                'Give other parts, or use shading = "monte-carlo".',
             )
 
     def of_initialisation(self) -> dict[str, Any]:

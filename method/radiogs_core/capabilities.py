@@ -3,13 +3,23 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 from jaxtyping import Float
 from torch import Tensor
 
 from .contract import Run, Trained
+from .errors import DataError
 from .scene.light import EnvironmentMap
+from .scene.scene import Scene
+
+Part = Literal["geometry", "light", "albedo", "roughness", "indirect"]
+PARTS: tuple[Part, ...] = get_args(Part)
+"""What may be given to a method as the truth has it: the shape of the surfaces, the distant light of the training
+views, the two materials, and the light that arrives from other surfaces (L_ind)."""
+
+FROM_LIGHT: tuple[Part, ...] = ("light", "indirect")
+"""Parts for which the true light has to be known; for all but ``light``, the true surfaces."""
 
 
 @runtime_checkable
@@ -103,3 +113,40 @@ class Probing(Protocol):
         Without a trained model, the scene is probed as it truly is. Raises DataError for a scene whose surfaces and
         light are not known.
         """
+
+
+@runtime_checkable
+class TakesGiven(Protocol):
+    """A method that can be told parts of the truth instead of finding them: the rungs of suite ``oracles``."""
+
+    @property
+    def given_parts(self) -> tuple[str, ...]:
+        """Which of ``PARTS`` it can take."""
+
+    def with_given(self, variant: Any, parts: tuple[str, ...]) -> Any:
+        """The variant to which these parts are given and all others are not.
+
+        What is given is held: training does not change it, and the trained model is shown with it. Under another light
+        a model keeps given geometry, albedo and roughness; light and indirect light are those of the training views.
+        ``require_truth`` says whether a scene has it. Raises UsageError for a part that it cannot take.
+        """
+
+
+def require_truth(scene: Scene, parts: tuple[str, ...]) -> None:
+    """Raise DataError unless the truth of all these parts is known of a scene."""
+    for part in parts:
+        lacks = [
+            name
+            for name, absent, needed in (
+                ("surfaces", scene.surfaces is None, part != "light"),
+                ("light", scene.training_light is None, part in FROM_LIGHT),
+            )
+            if absent and needed
+        ]
+        if lacks:
+            raise DataError(
+                f"the true {' and '.join(lacks)} of scene '{scene.name}' are not known: '{part}' cannot be given",
+                "Scenes that were generated know both: those that come with the package, and those of"
+                " `radiogs-bench datasets generate`. TensoIR's scenes know their light; captures know neither.",
+                "Choose among them (`radiogs-bench datasets list`), or leave out what gives this part.",
+            )

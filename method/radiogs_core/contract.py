@@ -97,7 +97,8 @@ class StageSpec:
     their files, and those of all modules that they import, decide its outcome too.
     begin: makes the stage from a run and the product of the stage before it (empty for the first). compiles: whether
     its first step compiles kernels, so that one is taken beforehand and no cell is charged. keeps_files: whether what
-    it makes lies in ``Run.workspace``, so that the stages after it must run on the same machine.
+    it makes lies in ``Run.workspace``, so that the stages after it must run on the same machine. uses_surfaces: whether
+    it reads the scene's true surfaces; the modules that compute those then decide its outcome as well.
     """
 
     name: str
@@ -109,6 +110,7 @@ class StageSpec:
     begin: Callable[[Run, Mapping[str, Any]], Stage]
     compiles: bool = False
     keeps_files: bool = False
+    uses_surfaces: bool = False
 
 
 @dataclass(frozen=True)

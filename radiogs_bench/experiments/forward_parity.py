@@ -7,7 +7,6 @@ solved for by minimising L_rad alone and compared with the path tracer's. Nothin
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -16,14 +15,12 @@ from jaxtyping import Bool
 from torch import Tensor
 from torch.nn.functional import max_pool2d
 
-from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
+from radiogs_core.learning.known_scene import OFFSET, KnownScene, known_scene
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import relighting_directions
@@ -52,9 +49,6 @@ from .result import EVALUATE, add_stage, empty_result
 SPACING = 0.03
 """World units between surfels; the scenes are 2 to 3 across."""
 
-OFFSET = 0.1
-"""Ray offset in standard deviations: for surfels exactly on a surface, little more than rounding is needed."""
-
 SPREAD_SAMPLES, LIGHT_SAMPLES = 192, 192
 """Directions for shading images: over the hemisphere, and drawn from the light. Without the latter, the same few
 directions would represent the sun at every surfel of a face."""
@@ -74,42 +68,6 @@ SOLVE, SOLVING = "solve", "solving for the radiance"
 """Name of the single stage in results, and its title on progress bars."""
 
 
-@dataclass(frozen=True)
-class Setup:
-    """Surfels and light, before the radiance is solved for."""
-
-    surfels: Surfels
-    equation: RenderingEquation
-
-    def to(self, device: torch.device) -> "Setup":
-        """A copy on another device."""
-        surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
-        emission = self.equation.emission
-        return Setup(
-            surfels,
-            replace(
-                self.equation,
-                light=EnvironmentMap(self.equation.light.radiance.to(device)),
-                albedo=self.equation.albedo.to(device),
-                emission=None if emission is None else emission.to(device),
-            ),
-        )
-
-
-def setup(scene: Scene, spacing: float) -> Setup:
-    """Surfels on the true surfaces of a scene. Raises DataError if these or the light are not known."""
-    if scene.training_light is None:
-        raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
-    samples = scene.true_surfaces(spacing)
-    surfels = surfels_on(samples)
-    equation = RenderingEquation(scene.training_light, surfels.albedo)
-    if samples.emission is not None:
-        equation = replace(equation, emission=samples.emission.float())
-    if not samples.specular:
-        equation = replace(equation, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
-    return Setup(surfels, equation)
-
-
 def effort_of(budget: Any) -> SolverBudget:
     """The solver's effort under a budget: that of RadioGS's fine-tuning for a new light."""
     return SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
@@ -117,7 +75,7 @@ def effort_of(budget: Any) -> SolverBudget:
 
 def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Solve for the radiance, compare it on every test view, store the result."""
-    made = setup(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
+    made = known_scene(scene, cell.settings.get("spacing", SPACING)).to(bench.device)
     reset_peaks(bench.device)
     started = time.perf_counter()
     with recording() as solving:
@@ -139,7 +97,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     bench.store.put_result(result, arrays)
 
 
-def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[RadianceSolver, Trail, dict[str, float]]:
+def solved(bench: Bench, cell: Cell, scene: Scene, made: KnownScene) -> tuple[RadianceSolver, Trail, dict[str, float]]:
     """The finished solver, the trail of its losses, and the last losses."""
     started = time.perf_counter()
     cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
@@ -156,7 +114,7 @@ def solved(bench: Bench, cell: Cell, scene: Scene, made: Setup) -> tuple[Radianc
 
 
 def compared_views(
-    bench: Bench, cell: Cell, scene: Scene, made: Setup, solver: RadianceSolver
+    bench: Bench, cell: Cell, scene: Scene, made: KnownScene, solver: RadianceSolver
 ) -> tuple[MetricsByView, dict[str, np.ndarray]]:
     """Metrics of every test view, and the maps of the first one."""
     values = MetricsByView(protocol(cell.protocol), [view.name for view in scene.test])

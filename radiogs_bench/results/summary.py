@@ -19,7 +19,7 @@ from radiogs_reports.summary import (
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.suite import MEASURES, Metric
-from ..suites.sweep import Place, Sweep, state_of
+from ..suites.sweep import Line, Place, Sweep, state_of
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]
@@ -43,12 +43,9 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         seeds=sweep["seeds"],
         reference=sweep["reference"],
         columns=[column_summary(Metric.of(key)) for key in sweep["columns"]],
-        rows=[
-            RowSummary(key=row["key"], latex=row["latex"], text=row["text"], seconds=row_seconds(cells, row["key"]))
-            for row in sweep["rows"]
-        ],
+        rows=[row_summary(cells, row) for row in sweep["rows"]],
         cells={
-            row["key"]: {column: cell_summary(cells, sweep, row["key"], column) for column in sweep["columns"]}
+            row["key"]: {column: cell_summary(cells, sweep, row, column) for column in sweep["columns"]}
             for row in sweep["rows"]
         },
         published={row: dict(values) for row, values in published.items()},
@@ -76,12 +73,21 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def cell_summary(cells: Finished, sweep: Sweep, row: str, column: str) -> CellSummary:
+def row_summary(cells: Finished, line: Line) -> RowSummary:
+    """A row's labels, its mean seconds, and which parts of the truth it was given."""
+    row = RowSummary(key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"]))
+    if "given" in line:
+        row["given"], row["method"] = line["given"], line["method"]
+    return row
+
+
+def cell_summary(cells: Finished, sweep: Sweep, line: Line, column: str) -> CellSummary:
     """The mean of a metric over a row's cells, and its paired difference to the reference row."""
+    row = line["key"]
     mine, reason = sample(cells, row, column)
     mean = estimate(list(mine.values()))
     if mean is None:
-        return CellSummary(mean=None, count=0, difference=None, reason=reason)
+        return CellSummary(mean=None, count=0, difference=None, reason=line.get("refused", reason))
     difference = None
     reference = sweep["reference"]
     if reference is not None and row != reference:

@@ -137,6 +137,8 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
                 "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
                 "code": code_digest(*spec.sources),
             }
+            if spec.uses_surfaces:
+                depends |= {"surfaces": code_digest(*scene.surfaces_by)}
         if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
             depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
         stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends)))

@@ -8,6 +8,7 @@ from radiogs_core.errors import UsageError
 from .cost import COST_OF_ACCURACY, FINETUNE
 from .data_sets import DATA_SET_SUITES
 from .effects import EFFECTS_SUITE
+from .oracles import ORACLES
 from .paper import (
     ABLATIONS,
     EFFICIENCY,
@@ -28,7 +29,7 @@ SUITES: Mapping[str, Suite] = {
     suite.name: suite
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FINETUNE,
-        COST_OF_ACCURACY, EFFECTS_SUITE, FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
+        COST_OF_ACCURACY, EFFECTS_SUITE, ORACLES, FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
     )
 }  # fmt: skip
 

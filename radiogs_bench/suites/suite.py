@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
+from radiogs_core.capabilities import Part
 from radiogs_core.errors import UsageError
 
 from ..methods import DEFAULT, method, variant_of
@@ -111,6 +112,8 @@ class Row:
     ``variant`` holds the fields that differ from the full method, as plain values.
     ``budget`` holds factors for fields of the preset, so that a row is the same share of the work in each preset.
     ``settings`` are those of the experiment, if it has any.
+    ``given`` are the parts of the truth that the method is given (``radiogs_core.capabilities.TakesGiven``); empty for
+    the row of a ladder that is given nothing, None for a row of no ladder.
     """
 
     key: str
@@ -120,6 +123,7 @@ class Row:
     budget: Mapping[str, float] = field(default_factory=dict)
     settings: Mapping[str, float] = field(default_factory=dict)
     method: str = DEFAULT
+    given: tuple[Part, ...] | None = None
 
 
 @dataclass(frozen=True)
@@ -182,6 +186,8 @@ def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
 def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
     """The suite for these methods: their rows in the suite, and one row for each method that has none.
 
+    In a suite that gives parts of the truth, a method without rows gets one for each choice of parts.
+
     Differences are taken against the suite's reference row if it remains, else against the first row.
     """
     rows: list[Row] = []
@@ -189,10 +195,18 @@ def of_methods(suite: Suite, names: Sequence[str]) -> Suite:
         found = method(name)
         own = [row for row in suite.rows if row.method in (name, found.name)]
         key = re.sub(r"[^\w.-]", "-", found.name)
-        rows += own or [Row(key, "", found.title, method=name)]
+        rows += own or _rungs(suite, name, key, found.title) or [Row(key, "", found.title, method=name)]
     keys = [row.key for row in rows]
     reference = suite.reference if suite.reference in keys else keys[0]
     return replace(suite, rows=tuple(rows), reference=reference)
+
+
+def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
+    """The suite's choices of given parts as rows of another method's full form."""
+    choices = {row.given: row for row in suite.rows if row.given is not None}
+    return [
+        Row(f"{key}-{row.key}", "", f"{title}, {row.text}", method=name, given=given) for given, row in choices.items()
+    ]
 
 
 def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:

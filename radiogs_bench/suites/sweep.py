@@ -4,13 +4,14 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypedDict, cast
+from typing import NotRequired, TypedDict, cast
 
+from radiogs_core.capabilities import require_truth
 from radiogs_core.contract import Method, scaled
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
-from ..methods import budget_of, variant_of
+from ..methods import budget_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name, strict_json
@@ -31,6 +32,20 @@ class Place(TypedDict):
     """The keys of its stages, in order; empty for an experiment that trains nothing."""
 
 
+class Line(TypedDict):
+    """A row: its key, and its labels in LaTeX and in plain text."""
+
+    key: str
+    latex: str
+    text: str
+    method: NotRequired[str]
+    """The method's title, in rows that give parts of the truth."""
+    given: NotRequired[list[str]]
+    """The parts that are given, in such rows."""
+    refused: NotRequired[str]
+    """Why the row has no cells: the method does not take these parts."""
+
+
 class Sweep(TypedDict):
     """The manifest of a folder's last ``run``: enough to rebuild its table without the code that ran it."""
 
@@ -39,8 +54,8 @@ class Sweep(TypedDict):
     title: str
     published: str | None
     reference: str | None
-    rows: list[dict[str, str]]
-    """``key``, ``latex`` and ``text`` (labels) of each row, in order."""
+    rows: list[Line]
+    """In order."""
     columns: list[str]
     """Metrics as ``task/measure``, in order."""
     preset: str
@@ -70,9 +85,27 @@ class Request:
     method: Callable[[str], Method] = find_method
 
     def cells(self) -> list[tuple[Place, Cell]]:
-        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early."""
-        seeds = range(self.seeds)
-        return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in self.suite.rows]
+        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.
+
+        Rows that give parts of the truth which their method does not take have none. Raises UsageError where a method
+        takes none of the parts of any of its rows, DataError for a scene whose truth is not known.
+        """
+        refused, seeds = self.refused(), range(self.seeds)
+        rows = [row for row in self.suite.rows if row.key not in refused]
+        return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in rows]
+
+    def refused(self) -> dict[str, str]:
+        """Why rows cannot be run, by key. Raises UsageError where nothing is left of a method's ladder."""
+        giving = [row for row in self.suite.rows if row.given]
+        refused = {row.key: why for row in giving if (why := why_not_given(self.method(row.method), row.given or ()))}
+        for name in dict.fromkeys(row.method for row in giving):
+            if all(row.key in refused for row in giving if row.method == name):
+                raise UsageError(
+                    f"{self.method(name).name} takes no part of the truth that suite '{self.suite.name}' gives",
+                    "Its rows replace parts of what a method finds; without them they would all be the same.",
+                    "How a method offers it: docs/your_own_method.md",
+                )
+        return refused
 
     def own_cells(self) -> list[tuple[Place, Cell]]:
         """The cells of this shard. Cells that share their first stage are in the same shard."""
@@ -83,8 +116,9 @@ class Request:
 
     def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
         used = self.method(row.method)
+        require_truth(self.scenes[scene], row.given or ())
         work = Work(
-            variant=variant_of(used, row.variant),
+            variant=with_given(used, variant_of(used, row.variant), row.given or ()),
             budget=scaled(budget_of(used, self.preset), row.budget),
             seed=seed,
             device=self.device,
@@ -96,6 +130,15 @@ class Request:
         keys = [stage.key for stage in cell.stages]
         return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
+    def _line(self, row: Row) -> Line:
+        line = Line(key=row.key, latex=row.latex, text=row.text)
+        if row.given is not None:
+            line["method"], line["given"] = self.method(row.method).title, list(row.given)
+        refusal = self.refused().get(row.key)
+        if refusal is not None:
+            line["refused"] = refusal
+        return line
+
     def manifest(self, places: Sequence[Place]) -> Sweep:
         """The request as stored in the folder."""
         suite = self.suite
@@ -105,7 +148,7 @@ class Request:
             "title": suite.title,
             "published": suite.published,
             "reference": suite.reference,
-            "rows": [{"key": row.key, "latex": row.latex, "text": row.text} for row in suite.rows],
+            "rows": [self._line(row) for row in suite.rows],
             "columns": [metric.key for metric in suite.columns],
             "preset": self.preset,
             "protocol": self.protocol,

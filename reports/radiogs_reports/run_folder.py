@@ -5,6 +5,7 @@ from pathlib import Path
 
 from .analysis.audit import audit_report
 from .analysis.cost import cost_report
+from .analysis.ladder import ladder_report
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
@@ -14,6 +15,7 @@ from .summary import Summary, read_summary
 from .write.audit import audit_csv, audit_latex, audit_markdown
 from .write.cost import cost_csv, cost_latex, cost_markdown
 from .write.document import report_document
+from .write.ladder import ladder_csv, ladder_latex, ladder_markdown
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
@@ -55,7 +57,7 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
 
 
 def _tables(summary: Summary) -> dict[str, str]:
-    """Tables of the paper, of the cost report and of the audit, by file name."""
+    """Tables of the paper, of the cost report, of the audit and of the oracle ladder, by file name."""
     made = {}
     for table in summary["paper"]:
         name = f"tables/{table['key']}"
@@ -72,4 +74,9 @@ def _tables(summary: Summary) -> dict[str, str]:
         made["tables/audit.tex"] = audit_latex(summary, audit)
         made["tables/audit.md"] = audit_markdown(summary, audit)
         made["tables/audit.csv"] = audit_csv(audit)
+    ladder = ladder_report(summary)
+    if ladder is not None:
+        made["tables/ladder.tex"] = ladder_latex(summary, ladder)
+        made["tables/ladder.md"] = ladder_markdown(summary, ladder)
+        made["tables/ladder.csv"] = ladder_csv(ladder)
     return made

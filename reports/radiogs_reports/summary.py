@@ -55,6 +55,10 @@ class RowSummary(TypedDict):
     latex: str
     text: str
     seconds: float | None
+    given: NotRequired[list[str]]
+    """In a ladder of oracles: the parts of the truth that the row was given, none of them or several."""
+    method: NotRequired[str]
+    """The title of the method that they were given to."""
 
 
 class SheetSummary(TypedDict):

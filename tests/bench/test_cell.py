@@ -29,6 +29,7 @@ OTHER_VALUES: Mapping[str, Any] = {
     "relighting": "surfels",
     "deviations": PROFILES["released"],
     "effects": "auto",
+    "given": ("light",),
     "geometry": replace(Variant().geometry, weights=replace(Variant().geometry.weights, normal=0.1)),
     "split_sum": replace(Variant().split_sum, consistency=0.1),
     "materials": replace(Variant().materials, weights=replace(Variant().materials.weights, mask=0.1)),

@@ -10,7 +10,7 @@ import torch
 from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
-from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity, setup
+from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity
 from radiogs_bench.methods import method
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.cell import Work, cell_of
@@ -18,6 +18,7 @@ from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.progress import LogProgress
 from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError
+from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.transport.splatting import SOLID_ALPHA
 from radiogs_datasets import load_scene
 from radiogs_datasets.registry import FORWARD, forward_names
@@ -62,7 +63,7 @@ def test_the_larger_views_show_the_scene_that_it_says_it_has(name: str) -> None:
     from radiogs_core.transport.splatting import splat
 
     scene = load_scene(name)
-    surfels = setup(scene, 0.06).surfels
+    surfels = known_scene(scene, 0.06).surfels
     for view in scene.test:
         seen = splat(view.camera.to(CPU, torch.float32), surfels, {}, depth_unit=1.0)
         kept = clear_of_silhouettes(view)
@@ -84,9 +85,9 @@ def test_metadata_and_names_of_the_larger_views() -> None:
 def test_a_scene_whose_surfaces_or_light_are_not_known_is_refused() -> None:
     scene = load_scene("corner-128")
     with pytest.raises(DataError, match="surfaces of scene 'corner-128' are not known"):
-        setup(replace(scene, surfaces=None), 0.5)
+        known_scene(replace(scene, surfaces=None), 0.5)
     with pytest.raises(DataError, match="is not known"):
-        setup(replace(scene, training_light=None), 0.5)
+        known_scene(replace(scene, training_light=None), 0.5)
 
 
 def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+import torch
 
 from bench.chain_method import Chain
 from bench.fake_method import SCENE, asked
@@ -18,7 +19,8 @@ from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite, of_methods,
 from radiogs_bench.suites.sweep import Request
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
-from radiogs_datasets import known_names
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_datasets import known_names, load_scene
 
 OTHER_METHODS = {"tensoir", "gs-ir", "gi-gs", "r3dg", "irgs", "svg-ir"}
 WHOLE_TABLES = {
@@ -98,7 +100,7 @@ def test_every_published_column_that_a_run_measures_by_itself_is_a_column() -> N
 
 def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
     for each in SUITES.values():
-        runs = [(row.method, row.variant, row.budget, row.settings) for row in each.rows]
+        runs = [(row.method, row.variant, row.budget, row.settings, row.given) for row in each.rows]
         assert not [run for run in runs if runs.count(run) > 1], each.name
 
 
@@ -106,7 +108,8 @@ def test_no_two_rows_of_a_suite_run_the_same_thing() -> None:
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_row_runs_under_every_preset_and_differs_there(each: Suite, preset: str) -> None:
     """Rounding must not make two rows one cell."""
-    scene = replace(SCENE, name=each.scenes[0])
+    light, samples = EnvironmentMap(torch.ones(2, 4, 3)), load_scene("convex").surfaces
+    scene = replace(SCENE, name=each.scenes[0], training_light=light, surfaces=samples)
     request = Request(each, {scene.name: scene}, 1, preset, each.protocol, "cpu")
     assert len({cell.key for _, cell in request.cells()}) == len(each.rows)
 

@@ -1,7 +1,6 @@
 """Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11)."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import torch
@@ -19,22 +18,18 @@ from radiogs_core.learning.losses import (
     reconstruction,
 )
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
-from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import HIGHEST_DEGREE
 from radiogs_core.transport.splatting import displayed, own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
-from ..learning import MaterialStart
-from ..model import Model, constant_light
-from ..profile import START_RADIANCE
+from ..model import Model
 from ..variant import Variant
 from .initialise import geometry_of
-from .light_start import light_and_albedo
 from .shaders import shader_of
+from .starting_values import start_of
 
 
 class InverseRendering:
@@ -57,29 +52,19 @@ class InverseRendering:
         self.views = load(chosen_views(scene, variant.view_share, seed), device)
         self.depth_unit = mean_distance(self.views, scene.centre)
         self.generator = torch.Generator(device).manual_seed(seed)
-        surfels, log_light = self._start(surfels_of(initialised, device), budget.light_height)
-        light = {"log_environment": log_light}
-        self.optimiser = SurfelOptimiser(surfels, light, rates_of(variant, scene.extent))
+        learnt = surfels_of(initialised, device)
+        self.start = start_of(scene, variant, budget.light_height, self.views, learnt, seed, self.generator)
+        light = {"log_environment": self.start.log_environment}
+        self.optimiser = SurfelOptimiser(self.start.surfels, light, self.start.rates)
         self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
-        self.shader = shader_of(variant, budget, seed, surfels, self.generator)
+        self.shader = shader_of(variant, budget, seed, self.start, self.generator)
         self.initialised = initialised
-
-    def _start(self, learnt: Surfels, rows: int) -> tuple[Surfels, Tensor]:
-        """The surfels with the materials they start with, and the logarithm of the light."""
-        start = self.variant.materials.start
-        surfels = learnt.made_of(start.albedo, start.roughness)
-        if "start-light" in self.variant.deviations:
-            return surfels, constant_light(rows, START_RADIANCE, self.device)
-        if start.light == "constant":
-            return surfels, constant_light(rows, white_light(self.views, start), self.device)
-        light, albedo = light_and_albedo(learnt, self.views, rows, start.search, self.generator)
-        return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
 
     @property
     def model(self) -> Model:
         """What is learnt so far."""
-        shader = self.shader
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], shader.plan, shader.evidence)
+        light, shader = self.optimiser.tensors["log_environment"], self.shader
+        return Model(self.optimiser.surfels, light, shader.plan, shader.evidence, self.start.indirect)
 
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
@@ -167,26 +152,3 @@ class InverseRendering:
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
         self.shader.restore(state["shader"])
-
-
-def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units."""
-    rates, before = variant.materials.rates, variant.geometry.rates
-    return {
-        "centre": rates.geometry * (before.position * extent),
-        "rotation": rates.geometry * before.rotation,
-        "log_scale": rates.geometry * before.scale,
-        "opacity_logit": rates.geometry * before.opacity,
-        "sh": rates.radiance,
-        "sh_rest": rates.radiance_rest,
-        "albedo_logit": rates.albedo,
-        "roughness_logit": rates.roughness,
-        "log_environment": rates.light,
-    }
-
-
-def white_light(views: tuple[TrainingView, ...], start: MaterialStart) -> float:
-    """Constant radiance under which the brightest surfaces of the views are white paint."""
-    seen = torch.cat([srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views])
-    brightest = float(seen.quantile(start.brightest)) if len(seen) else 0.0
-    return max(brightest, LINEAR_KNEE) / start.white

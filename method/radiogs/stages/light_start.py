@@ -1,10 +1,10 @@
 """The light that stage 2 starts with: the one under which what the images show needs the least variation of albedo.
 
-Points that training pixels see send out R = albedo (T E / pi + B): E is the light, texel by texel, T the diffuse
-transport from it (visibility, cosine), and B the indirect irradiance over pi, from the radiance that stage 1 has learnt.
-Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought for
-which this albedo differs least, in l1 of its logarithm, between neighbouring points. Neighbours of another chromaticity
-are probably of another paint and count less.
+Points that training pixels see send out R = albedo (T E + B): E is the light, texel by texel, T the diffuse transport
+from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance that stage 1 has learnt.
+Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought
+for which this albedo differs least, in l1 of its logarithm, between neighbouring points. Neighbours of another
+chromaticity are probably of another paint and count less.
 
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
 """
@@ -71,7 +71,7 @@ class SeenPoints:
 
 @dataclass(frozen=True)
 class Transport:
-    """How light reaches points: the radiance that a white Lambert surface there sends out is ``direct`` E + ``indirect``.
+    """How light reaches points: a white Lambert surface there sends out the radiance ``direct`` E + ``indirect``.
 
     direct: from each texel (row * columns + column) of a light of ``rows`` rows. indirect: linear radiance.
     """
@@ -100,7 +100,8 @@ def light_and_albedo(
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
     """The surfels' own linear radiance, averaged over the cameras that they face; along the normal where none does."""
     normal = surfels.frame[..., 2]
-    total, count = surfel_radiance(surfels.sh, normal[:, None])[:, 0] * NEVER_SEEN, NEVER_SEEN
+    total = surfel_radiance(surfels.sh, normal[:, None])[:, 0] * NEVER_SEEN
+    count = torch.full_like(normal[:, :1], NEVER_SEEN)
     for view in views:
         outgoing = towards(view.camera, surfels)
         facing = ((outgoing * normal).sum(-1, keepdim=True) > 0).to(normal.dtype)

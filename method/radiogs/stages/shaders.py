@@ -14,7 +14,6 @@ from torch import Tensor
 from radiogs_core.instruments import part
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.splatting import shade_surfels, towards
@@ -25,6 +24,7 @@ from ..consistency import RadiometricConsistency, split_sum_consistency_loss
 from ..effects.decide.planner import Planner
 from ..effects.decide.staleness import Staleness, staleness
 from ..effects.measure.step_cost import Step
+from ..given import Start
 from ..model import Model
 from ..tracing import Rays
 from ..variant import Variant
@@ -105,19 +105,17 @@ class SplitSum:
 class MonteCarlo:
     """Eq. 8 over traced rays: L_rad from rays of N_g random surfels, L_PBR from the light that was cached of all.
 
-    ``surfels``: as stage 2 begins with them. ``generator``: draws surfels and directions.
+    ``start``: what stage 2 begins with. ``generator``: draws surfels and directions.
     """
 
-    def __init__(
-        self, variant: Variant, budget: Budget, seed: int, surfels: Surfels, generator: torch.Generator
-    ) -> None:
+    def __init__(self, variant: Variant, budget: Budget, seed: int, start: Start, generator: torch.Generator) -> None:
         self.budget, self.seed, self.generator = budget, seed, generator
         self.radiometric = RadiometricConsistency.of(variant)
         self.planner = Planner(variant.effects, seed, budget.inverse_iterations, budget.incident_samples)
         # Before the first step it may be decided that few rays are needed: none are traced for nothing.
         plan = NO_RAYS if self.planner.due(0) else self.plan
         policy = incident_policy(variant.incident)
-        self.cache = IncidentCache(surfels, Rays.of(variant), policy, budget, generator, plan)
+        self.cache = IncidentCache(start.surfels, Rays.of(variant, start.indirect), policy, budget, generator, plan)
 
     @property
     def plan(self) -> EffectPlan:
@@ -182,7 +180,7 @@ class MonteCarlo:
 
 
 def shader_of(
-    variant: Variant, budget: Budget, seed: int, surfels: Surfels, generator: torch.Generator
+    variant: Variant, budget: Budget, seed: int, start: Start, generator: torch.Generator
 ) -> MonteCarlo | SplitSum:
     """The variant's way of shading."""
-    return SplitSum() if variant.shading == "split-sum" else MonteCarlo(variant, budget, seed, surfels, generator)
+    return SplitSum() if variant.shading == "split-sum" else MonteCarlo(variant, budget, seed, start, generator)

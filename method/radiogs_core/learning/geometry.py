@@ -46,8 +46,8 @@ class GeometrySchedule:
     normal_late_from: float = 0.3
     """Share after which normals and depth are held together by ``GeometryWeights.normal_late``."""
     decay_from: float = 0.5
-    """Share from which the rates of all but positions fall, geometrically, to ``SurfelRates.end_share`` of theirs. Short
-    runs take long steps; constant ones leave the surfels trembling about what they have found."""
+    """Share from which the rates of all but positions fall, geometrically, to ``SurfelRates.end_share`` of theirs.
+    Short runs take long steps; constant ones leave the surfels trembling about what they have found."""
     position_decay_until: float = 30_000 / 40_000
     """Share at which the rate of positions has fallen to ``SurfelRates.position_end``."""
 

@@ -37,7 +37,7 @@ def one_sided_normals(
         (step, bend), (other, other_bend) = (_side(points, inverse, solid, axis, sign) for sign in (1, -1))
         steps.append(torch.where((bend <= other_bend)[..., None], step, other))
         known = known & torch.isfinite(torch.minimum(bend, other_bend))
-    return torch.where(known[..., None], _facing(*steps, points, toward), 0.0)
+    return torch.where(known[..., None], _facing(steps[0], steps[1], points, toward), 0.0)
 
 
 def _side(points: Tensor, inverse: Tensor, solid: Tensor, axis: int, sign: int) -> tuple[Tensor, Tensor]:

@@ -19,9 +19,9 @@ are the same surface seen twice, not occluders."""
 
 
 BACK_OFFSET = 4.0
-"""Rays meet surfels from behind, too, this many standard deviations of their own surfel on. What no camera has seen of a
-solid has no surfels: a ray that enters it there must not leave it again on the other side. Nearer, it is the surfels of
-the ray's own surface that are met from behind: reconstructed ones lie as a layer about as thick as they are wide."""
+"""Rays meet surfels from behind, too, this many standard deviations of their own surfel on. What no camera has seen
+of a solid has no surfels: a ray that enters it there must not leave it again on the other side. Nearer, it is the
+surfels of the ray's own surface that are met from behind: they lie as a layer about as thick as they are wide."""
 
 
 EVERYTHING = everything()

@@ -31,6 +31,13 @@ def name_item(text: str) -> Item:
     return Item(text, text)
 
 
+def plain_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
+    """Mean without a sign and half-width of the interval, or n/a."""
+    if estimate is None:
+        return Item("n/a", None, reason)
+    return Item(plus_minus(f"{estimate.mean:.{decimals}f}", estimate.half_width, decimals), estimate.mean)
+
+
 def estimate_item(estimate: Estimate | None, decimals: int, reason: str = UNKNOWN) -> Item:
     """Signed mean and half-width of the interval, or n/a."""
     if estimate is None:

@@ -11,6 +11,7 @@ from .environment import environment_figures
 from .finetuning import finetuning_figures
 from .illumination import illumination_figures
 from .knobs import knob_figures
+from .ladder import ladder_figures
 from .qualitative import qualitative_figures
 from .relighting import relighting_figures
 from .stability import stability_figure
@@ -23,6 +24,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
     figures = [
         *(knob_figures(summary) or cost_figures(summary)),
         *audit_figure(summary),
+        *ladder_figures(summary),
         *convergence_figures(summary),
         *finetuning_figures(summary, out),
         *qualitative_figures(summary, out),

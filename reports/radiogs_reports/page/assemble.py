@@ -13,6 +13,7 @@ from markupsafe import Markup
 from .. import maps
 from ..analysis.audit import audit_report
 from ..analysis.cost import cost_report
+from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import Summary
@@ -40,7 +41,7 @@ def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] 
 
 def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
     """The page as text; ``figures`` are data addresses and captions."""
-    cost, audit = cost_report(summary), audit_report(summary)
+    cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
     templates = Environment(
@@ -58,6 +59,8 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
         audit=audit,
         audit_table=None if audit is None else grid_table(audit.grid),
+        ladder=ladder,
+        ladder_table=None if ladder is None else grid_table(ladder.grid),
         figures=figures,
         note=run_note(summary),
         missing=missing(summary),

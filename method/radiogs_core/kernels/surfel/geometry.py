@@ -1,8 +1,9 @@
 """What the rasterizer and the tracer share: the surfel as a kernel sees it, and its cut-offs.
 
 A surfel is the Gaussian exp(-(u^2 + v^2) / 2) on a plane; (u, v) of a point x are axis_u . (x - centre) and
-axis_v . (x - centre); for a traced surfel axis_u = t_u / s_u and axis_v = t_v / s_v, the tangents over the scales. As a
-camera sees it, widened by the footprint of a pixel, the axes need not be perpendicular. A ray o + t d meets the plane at t = n . (centre - o) / (n . d).
+axis_v . (x - centre). For a traced surfel axis_u = t_u / s_u and axis_v = t_v / s_v, the tangents over the scales. As a
+camera sees it, widened by the footprint of a pixel, the axes need not be perpendicular. A ray o + t d meets the plane
+at t = n . (centre - o) / (n . d).
 """
 
 from dataclasses import dataclass, fields

@@ -1,0 +1,70 @@
+"""What stage 2 starts from: surfels and radiance of stage 1, new materials, a new light, and the rates of them all."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels
+
+from ..given import Start, given_geometry, replaced
+from ..learning import MaterialStart
+from ..model import constant_light
+from ..profile import START_RADIANCE
+from ..variant import Variant
+from .light_start import light_and_albedo
+
+
+def start_of(
+    scene: Scene,
+    variant: Variant,
+    rows: int,
+    views: tuple[TrainingView, ...],
+    learnt: Surfels,
+    seed: int,
+    generator: torch.Generator,
+) -> Start:
+    """The start with a light of ``rows`` rows, and what is given as the truth in the place of what was learnt."""
+    surfels = given_geometry(learnt, variant.given, scene)
+    surfels, log_light = _materials_and_light(surfels, variant, rows, views, generator)
+    return replaced(Start(surfels, log_light, rates_of(variant, scene.extent)), variant.given, scene, seed)
+
+
+def _materials_and_light(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> tuple[Surfels, Tensor]:
+    """The surfels with the materials that they start with, and the logarithm of the light."""
+    start, device = variant.materials.start, learnt.centre.device
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    if "start-light" in variant.deviations:
+        return surfels, constant_light(rows, START_RADIANCE, device)
+    if start.light == "constant":
+        return surfels, constant_light(rows, white_light(views, start), device)
+    light, albedo = light_and_albedo(learnt, views, rows, start.search, generator)
+    return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units."""
+    rates, before = variant.materials.rates, variant.geometry.rates
+    return {
+        "centre": rates.geometry * (before.position * extent),
+        "rotation": rates.geometry * before.rotation,
+        "log_scale": rates.geometry * before.scale,
+        "opacity_logit": rates.geometry * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }
+
+
+def white_light(views: tuple[TrainingView, ...], start: MaterialStart) -> float:
+    """Constant radiance under which the brightest surfaces of the views are white paint."""
+    seen = torch.cat([srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views])
+    brightest = float(seen.quantile(start.brightest)) if len(seen) else 0.0
+    return max(brightest, LINEAR_KNEE) / start.white

@@ -1,0 +1,55 @@
+"""A scene whose truth is known, as surfels: geometry and materials that are exact, and the rendering equation there."""
+
+from dataclasses import dataclass, replace
+
+import torch
+
+from ..errors import DataError
+from ..scene.light import EnvironmentMap
+from ..scene.scene import Scene
+from ..surfels.known_surfaces import surfels_on
+from ..surfels.surfels import Surfels
+from ..transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT
+from .radiance_solver import RenderingEquation
+
+OFFSET = 0.1
+"""Ray offset in standard deviations: for surfels exactly on a surface, little more than rounding is needed."""
+
+
+@dataclass(frozen=True)
+class KnownScene:
+    """Surfels on the true surfaces with the true materials, before their radiance is solved for; float32."""
+
+    surfels: Surfels
+    equation: RenderingEquation
+
+    def to(self, device: torch.device) -> "KnownScene":
+        """A copy on another device."""
+        surfels = Surfels.of({name: value.to(device) for name, value in self.surfels.parameters().items()})
+        emission = self.equation.emission
+        return KnownScene(
+            surfels,
+            replace(
+                self.equation,
+                light=EnvironmentMap(self.equation.light.radiance.to(device)),
+                albedo=self.equation.albedo.to(device),
+                emission=None if emission is None else emission.to(device),
+            ),
+        )
+
+
+def known_scene(scene: Scene, spacing: float) -> KnownScene:
+    """Surfels about ``spacing`` world units apart on the true surfaces of a scene, under its true light.
+
+    Raises DataError if surfaces or light are not known.
+    """
+    if scene.training_light is None:
+        raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
+    samples = scene.true_surfaces(spacing)
+    surfels = surfels_on(samples)
+    equation = RenderingEquation(scene.training_light, surfels.albedo)
+    if samples.emission is not None:
+        equation = replace(equation, emission=samples.emission.float())
+    if not samples.specular:
+        equation = replace(equation, parts=(DIFFUSE_DIRECT, DIFFUSE_INDIRECT))
+    return KnownScene(surfels, equation)

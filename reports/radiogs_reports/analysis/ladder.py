@@ -1,0 +1,179 @@
+"""The oracle ladder: what each part of the truth is responsible for, metric by metric."""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from ..statistics import Estimate, Pair, estimate, paired_difference
+from ..summary import ColumnSummary, Summary
+from ..wording import heading, label_with_unit, signed
+from .grid import Grid, Item, estimate_item, name_item, plain_item
+from .samples import values_of
+
+ALL_SCENES = "all scenes"
+
+OWN: Mapping[str, str] = {
+    "geometry": "normal", "light": "environment", "albedo": "albedo", "roughness": "roughness",
+}  # fmt: skip
+"""The task of the metrics that measure a part itself: giving the part settles them, whatever the others are."""
+
+WHAT_THEY_MEAN = (
+    "First in: what a metric gains when this part alone is given, compared with nothing given. Last out: what it loses"
+    " when this part alone is left out, compared with everything given. Both are positive where the truth of the part"
+    " makes the metric better, in the metric's own unit. They are the two ends of what a part is responsible for: first"
+    " in, all other parts are as wrong as the method leaves them; last out, all others are right. A part that is worth"
+    " more last out is held back by the others; one that is worth more first in makes up for their errors, or they for"
+    " its. The values of the parts do not add up to the whole difference. Where a metric measures a part itself, giving"
+    " that part settles it: everything given then means all but that part, which has its own values in parentheses."
+)
+
+
+class Share(NamedTuple):
+    """What one part is responsible for (``WHAT_THEY_MEAN``); None where a row that it takes has no values."""
+
+    first_in: Estimate | None
+    last_out: Estimate | None
+
+
+class Rung(NamedTuple):
+    """A metric on a scene, or over all: its value with nothing and with everything given, and the parts' shares.
+
+    ``everything`` leaves out the part that the metric measures itself (``OWN``).
+    """
+
+    method: str
+    scene: str
+    column: ColumnSummary
+    nothing: Estimate | None
+    everything: Estimate | None
+    parts: dict[str, Share]
+
+
+class LadderReport(NamedTuple):
+    """The rungs, sentences about them, and the grid that shows them."""
+
+    rungs: list[Rung]
+    sentences: list[str]
+    grid: Grid
+
+
+def ladder_report(summary: Summary) -> LadderReport | None:
+    """The report of a run; None unless its rows give parts of the truth and one of them is finished."""
+    rungs = ladder_rungs(summary)
+    if not rungs:
+        return None
+    several = len({rung.method for rung in rungs}) > 1
+    shown = [rung for rung in rungs if rung.scene == ALL_SCENES or len(summary["scenes"]) == 1]
+    sentences = [sentence for rung in shown if (sentence := _sentence(rung, several))]
+    return LadderReport(rungs, [WHAT_THEY_MEAN, *sentences], _grid(rungs, several))
+
+
+def ladder_rungs(summary: Summary) -> list[Rung]:
+    """Method by method and scene by scene (then over all scenes, if there are several), a rung for each metric."""
+    scenes: list[tuple[str, ...]] = [(scene,) for scene in summary["scenes"]]
+    if len(scenes) > 1:
+        scenes.append(tuple(summary["scenes"]))
+    columns = [column for column in summary["columns"] if column["direction"] in ("up", "down")]
+    found = []
+    for method, rows in _ladders(summary).items():
+        for chosen in scenes:
+            for column in columns:
+                values = {given: _within(values_of(summary, row, column["key"]), chosen) for given, row in rows.items()}
+                if any(values.values()):
+                    name = chosen[0] if len(chosen) == 1 else ALL_SCENES
+                    found.append(_rung(method, name, column, values))
+    return found
+
+
+def is_own(part: str, column: ColumnSummary) -> bool:
+    """Whether a metric measures the part itself."""
+    return column["key"].partition("/")[0] == OWN.get(part)
+
+
+def _ladders(summary: Summary) -> dict[str, dict[frozenset[str], str]]:
+    """By method, the row of every choice of given parts, smaller choices first."""
+    ladders: dict[str, dict[frozenset[str], str]] = {}
+    for row in summary["rows"]:
+        if "given" in row:
+            ladders.setdefault(row.get("method", ""), {})[frozenset(row["given"])] = row["key"]
+    return ladders
+
+
+def _within(values: Mapping[Pair, float], scenes: Sequence[str]) -> dict[Pair, float]:
+    return {pair: value for pair, value in values.items() if pair[0] in scenes}
+
+
+def _rung(
+    method: str, scene: str, column: ColumnSummary, values: Mapping[frozenset[str], Mapping[Pair, float]]
+) -> Rung:
+    none, whole = frozenset[str](), frozenset[str]().union(*values)
+    own = frozenset(part for part in whole if is_own(part, column))
+
+    def gain(better: frozenset[str], worse: frozenset[str]) -> Estimate | None:
+        pair = (values.get(better, {}), values.get(worse, {}))
+        return paired_difference(*(pair if column["direction"] == "up" else reversed(pair)))
+
+    singles = [part for given in values if len(given) == 1 for part in given]
+    return Rung(
+        method,
+        scene,
+        column,
+        estimate(list(values.get(none, {}).values())),
+        estimate(list(values.get(whole - own, {}).values())),
+        {
+            part: Share(gain(frozenset({part}), none), gain(whole - (own - {part}), whole - own - {part}))
+            for part in singles
+        },
+    )
+
+
+def _sentence(rung: Rung, several: bool) -> str | None:
+    """The parts that are worth most at both ends, those aside that the metric measures itself."""
+    if rung.nothing is None or rung.everything is None:
+        return None
+    decimals = rung.column["decimals"]
+    others = {part: share for part, share in rung.parts.items() if not is_own(part, rung.column)}
+    most = []
+    for name, ends in (
+        ("first in", {part: share.first_in for part, share in others.items()}),
+        ("last out", {part: share.last_out for part, share in others.items()}),
+    ):
+        known = {part: end.mean for part, end in ends.items() if end is not None}
+        part = max(known, key=lambda each: known[each], default=None)
+        if part is not None and round(known[part], decimals) > 0:
+            most.append(f"{name}, {part} counts most ({signed(known[part], decimals)})")
+        elif part is not None:
+            most.append(f"{name}, no other part makes it better")
+    own = " and ".join(f"but {part}" for part in rung.parts if is_own(part, rung.column))
+    values = f"{rung.nothing.mean:.{decimals}f} with nothing given, {rung.everything.mean:.{decimals}f} with everything"
+    values = f"{values} {own}".rstrip()
+    return f"{_place(rung, several)}, {label_with_unit(rung.column)}: {'; '.join([values, *most])}."
+
+
+def _grid(rungs: Sequence[Rung], several: bool) -> Grid:
+    parts = list(dict.fromkeys(part for rung in rungs for part in rung.parts))
+    heads = ["scene", "metric", "nothing given"]
+    for part in parts:
+        heads += [f"{part}, first in", f"{part}, last out"]
+    rows = []
+    for rung in rungs:
+        decimals, line = rung.column["decimals"], [name_item(_place(rung, several)), name_item(heading(rung.column))]
+        line.append(plain_item(rung.nothing, decimals))
+        for part in parts:
+            for end in rung.parts.get(part, Share(None, None)):
+                line.append(_end(end, decimals, is_own(part, rung.column)))
+        rows.append([*line, plain_item(rung.everything, decimals)])
+    note = (
+        f"{WHAT_THEY_MEAN} Paired over seeds (and scenes, for all of them); ± is the half-width of the 95 % t interval."
+        " n/a: a row that the value is made from has not been run."
+    )
+    title = "What each part is responsible for"
+    return Grid("ladder", title, note, [*heads, "everything given"], rows)
+
+
+def _end(end: Estimate | None, decimals: int, own: bool) -> Item:
+    item = estimate_item(end, decimals)
+    return item._replace(text=f"({item.text})") if own and end is not None else item
+
+
+def _place(rung: Rung, several: bool) -> str:
+    return f"{rung.scene}, {rung.method}" if several else rung.scene

@@ -1,0 +1,252 @@
+"""What is given to stage 2 is the truth, is held, and means the same in training and in what is shown."""
+
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs.given import DARKEST, HELD, SPACING, Start, log_radiance, replaced
+from radiogs.known_indirect import KnownIndirectTracer, Nearest
+from radiogs.method import RADIOGS
+from radiogs.model import Model
+from radiogs.relighting import RelitByRays
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.trained import TrainedRadioGS, _Own, _Relit
+from radiogs.variant import Variant
+from radiogs_bench.suites.cell import Work, cell_of
+from radiogs_core.capabilities import PARTS, Part, TakesGiven, require_truth
+from radiogs_core.contract import Run
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.learning.known_radiance import KnownRadiance, known_radiance
+from radiogs_core.learning.known_scene import known_scene
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_datasets.furnace import furnace
+from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from radiogs_datasets.generate.surfaces import surfaces_of
+from scenes import surfels_facing
+from short_training import BUDGET, CPU, SCENE, through_a_file
+
+LEFT, RIGHT = Material((0.8, 0.1, 0.1), 0.3), Material((0.1, 0.1, 0.8), 0.9)
+SOLIDS = [Sphere((-0.5, 0.0, 0.0), 0.45, LEFT), Sphere((0.5, 0.0, 0.0), 0.45, RIGHT)]
+SUNNY = EnvironmentMap(torch.rand(8, 16, 3, generator=torch.Generator().manual_seed(3)) * 5)
+KNOWN = replace(SCENE, surfaces=partial(surfaces_of, SOLIDS), training_light=SUNNY, surfaces_by=("radiogs_datasets",))
+
+
+@pytest.fixture(scope="module")
+def initialised() -> dict[str, Any]:
+    stage = Initialisation(KNOWN, Variant(), BUDGET, 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    return through_a_file(stage.product())
+
+
+def inverse(initialised: dict[str, Any], *given: Part) -> InverseRendering:
+    return InverseRendering(KNOWN, Variant(given=given), BUDGET, 0, CPU, initialised)
+
+
+def learnt(*places: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
+    centre = torch.tensor(places)
+    surfels = surfels_facing(centre, torch.nn.functional.normalize(centre, dim=-1))
+    return surfels.made_of(albedo, 0.6)
+
+
+def start_of(surfels: Surfels) -> Start:
+    names = [*surfels.parameters(), "sh_rest", "log_environment"]
+    return Start(surfels, torch.zeros(4, 8, 3), dict.fromkeys(names, 0.01))
+
+
+@pytest.mark.parametrize("part", [*PARTS, None])
+def test_what_is_given_is_held_and_the_rest_is_learnt(initialised: dict[str, Any], part: Part | None) -> None:
+    stage = inverse(initialised, *([part] if part else []))
+    before = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
+    for _ in range(4):
+        stage.step()
+    held = set(HELD.get(part or "", ()))
+    for name, value in stage.optimiser.tensors.items():
+        assert torch.equal(value, before[name]) == (name in held), name
+
+
+def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() -> None:
+    surfels = learnt((-1.0, 0.01, 0.0), (1.0, 0.01, 0.0))
+    surfels.sh[0, 0], surfels.sh[1, 0] = 1.0, 2.0
+    surfels.sh[:, 1:] = 9.0
+    given = replaced(start_of(surfels), ("geometry",), KNOWN, 0).surfels
+    middle = torch.tensor([0.5, 0.0, 0.0]) * given.centre[:, :1].sign()
+    assert torch.allclose((given.centre - middle).norm(dim=-1), torch.tensor(0.45), atol=1e-5)
+    outwards = torch.nn.functional.normalize(given.centre - middle, dim=-1)
+    assert torch.allclose(given.frame[..., 2], outwards, atol=1e-4)
+    assert torch.allclose(given.scale, torch.full_like(given.scale, 0.65 * SPACING * KNOWN.extent), rtol=0.02)
+    ends = given.centre[:, 0].abs() > 0.7
+    expected = torch.where(given.centre[:, 0] < 0, 1.0, 2.0)
+    assert torch.equal(given.sh[ends, 0, 0], expected[ends])
+    assert not bool(given.sh[:, 1:].any())
+    assert torch.allclose(given.albedo, torch.tensor(0.3))
+    assert torch.allclose(given.roughness, torch.tensor(0.6))
+
+
+def test_given_light_is_the_true_one_at_its_own_resolution_and_zeros_are_raised(initialised: dict[str, Any]) -> None:
+    stage = inverse(initialised, "light")
+    stage.step()
+    assert torch.allclose(stage.model.environment, SUNNY.radiance, rtol=1e-5)
+    dark = SUNNY.radiance.clone()
+    dark[0] = 0
+    raised = log_radiance(EnvironmentMap(dark)).exp()
+    assert torch.allclose(raised[0], DARKEST * dark.max(), rtol=1e-4)
+    assert torch.allclose(raised[1:], dark[1:], rtol=1e-5)
+    assert bool(torch.isfinite(log_radiance(EnvironmentMap(torch.zeros(2, 4, 3)))).all())
+
+
+@pytest.mark.parametrize("with_geometry", [False, True])
+def test_given_materials_are_those_of_the_nearest_true_surface(with_geometry: bool) -> None:
+    start = start_of(learnt((-1.0, 0.0, 0.0), (1.0, 0.1, 0.0), (-0.7, 0.5, 0.2)))
+    given = replaced(start, ("geometry", "albedo") if with_geometry else ("albedo",), KNOWN, 0).surfels
+    for surface, side in ((LEFT, given.centre[:, 0] < 0), (RIGHT, given.centre[:, 0] > 0)):
+        assert torch.allclose(given.albedo[side], torch.tensor(surface.albedo), atol=1e-4)
+    assert torch.allclose(given.roughness, torch.tensor(0.6))  # was not given
+    rough = replaced(start, ("roughness",), KNOWN, 0).surfels
+    assert torch.allclose(rough.roughness, torch.tensor([LEFT.roughness, RIGHT.roughness, LEFT.roughness]), atol=1e-4)
+    assert torch.equal(rough.albedo, start.surfels.albedo)
+
+
+def test_at_a_crease_the_sample_of_the_face_that_looks_the_same_way_is_taken() -> None:
+    floor, wall = (
+        Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT),
+        Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT),
+    )
+    true = surfels_on(surfaces_of([floor, wall], 0.1))
+    near = surfels_facing(torch.tensor([[-0.99, 0.0, 0.03]] * 2), torch.tensor([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    found = true.albedo[Nearest(true, true).of(near)]
+    assert torch.allclose(found, torch.tensor([LEFT.albedo, RIGHT.albedo]), atol=1e-4)
+
+
+def test_given_indirect_light_is_that_of_the_furnace_wherever_the_surfel_has_sunk_to() -> None:
+    """In a furnace of albedo 1/2 that emits 0.1, 0.2 arrives from everywhere."""
+    known = known_scene(furnace("furnace-0.5"), 0.25)
+    true = known_radiance(known, seed=0).surfels
+    sunk = surfels_facing(torch.tensor([[0.1, 0.2, -1.04], [0.0, 0.0, -0.97]]), torch.tensor([[0.0, 0.0, 1.0]] * 2))
+    tracer, index = KnownIndirectTracer(sunk, true), torch.arange(2)
+    incident = tracer.incident(index, *hemisphere_directions(sunk.frame[..., 2], 64, None))
+    assert torch.allclose(incident.radiance, torch.tensor(0.2), rtol=0.06)
+    assert torch.equal(incident.visibility, torch.ones(2, 64))  # the model has no walls of its own
+    below = tracer.incident(index, *hemisphere_directions(-sunk.frame[..., 2], 64, None))
+    assert not bool(below.radiance.any())
+
+
+def test_a_surfel_below_the_surface_is_lit_as_if_it_lay_on_it() -> None:
+    floor, wall = Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), LEFT), Box((-1.1, -1.0, -0.1), (-1.002, 1.0, 1.0), RIGHT)
+    true = surfels_on(surfaces_of([floor, wall], 0.1))
+    true.sh[:, 0] = radiance_to_sh(true.albedo)
+    up = torch.tensor([[0.0, 0.0, 1.0]])
+    on, sunk = (surfels_facing(torch.tensor([[-0.7, 0.0, height]]), up) for height in (0.0, -0.03))
+    direction, weight = hemisphere_directions(up, 256, None)
+    index = torch.arange(1)
+    lit, below = (KnownIndirectTracer(each, true).incident(index, direction, weight).radiance for each in (on, sunk))
+    assert torch.equal(lit, below)
+    bright = lit[0, :, 2] > 0.5  # the wall is blue
+    assert 0.2 < float(bright.float().mean()) < 0.45
+    assert float(lit[0, direction[0, :, 0] > 0].abs().max()) < 0.05
+
+
+def test_given_indirect_light_means_the_same_in_training_and_when_shown(initialised: dict[str, Any]) -> None:
+    stage = inverse(initialised, "indirect")
+    model = Model.of(through_a_file(stage.product()))
+    assert model.indirect is not None
+    cache = stage.shader.cache.incident  # type: ignore[union-attr]
+    kept = KnownIndirectTracer(model.surfels, model.indirect.surfels).incident(
+        torch.arange(len(model.surfels)), cache.direction, cache.weight
+    )
+    assert torch.allclose(kept.radiance, cache.radiance, atol=1e-6)
+    assert float(cache.radiance.sum()) > 0
+    run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
+    shown = TrainedRadioGS(model, run).prepare()
+    without = TrainedRadioGS(replace(model, indirect=None), run).prepare()
+    assert isinstance(shown, _Own)
+    assert isinstance(without, _Own)
+    mine, theirs = shown.renderer.incident, without.renderer.incident
+    assert mine is not None
+    assert theirs is not None
+    assert not torch.allclose(mine.radiance, theirs.radiance, atol=1e-3)
+    assert torch.equal(mine.visibility, theirs.visibility)
+
+
+def test_under_another_light_the_given_indirect_light_is_not_used(initialised: dict[str, Any]) -> None:
+    stage = inverse(initialised, "indirect")
+    run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
+    lit = []
+    for model in (stage.model, replace(stage.model, indirect=None)):
+        relit = TrainedRadioGS(model, run).prepare(SUNNY)
+        assert isinstance(relit, _Relit)
+        assert isinstance(relit.relit, RelitByRays)
+        lit.append(relit.relit.incident.radiance)
+    assert torch.equal(*lit)
+
+
+def test_a_run_with_given_indirect_light_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
+    whole = inverse(initialised, "light", "indirect")
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = inverse(initialised, "light", "indirect")
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    for name, value in whole.optimiser.tensors.items():
+        assert torch.equal(value, resumed.optimiser.tensors[name]), name
+
+
+def test_the_facts_say_what_was_given_and_how_far_the_radiance_is_from_solved(initialised: dict[str, Any]) -> None:
+    model = inverse(initialised).model
+    run = Run(KNOWN, Variant(given=("indirect", "light")), BUDGET, 0, CPU)
+    given = replace(model, indirect=KnownRadiance(model.surfels, 0.25))
+    assert TrainedRadioGS(given, run).facts()["given"] == {"parts": ["light", "indirect"], "indirect_residual": 0.25}
+    assert "given" not in TrainedRadioGS(model, replace(run, variant=Variant())).facts()
+
+
+def test_parts_change_the_key_of_stage_two_alone_and_so_do_the_sources_of_the_surfaces_they_are_read_from() -> None:
+    assert isinstance(RADIOGS, TakesGiven)
+
+    def keys(scene: Scene, *parts: Part) -> list[str]:
+        variant = RADIOGS.with_given(Variant(), parts)
+        return [stage.key for stage in cell_of(RADIOGS, scene, Work(variant, BUDGET)).stages]
+
+    elsewhere = replace(KNOWN, surfaces_by=("radiogs_core.errors",))
+    choices = [(), *((part,) for part in PARTS), PARTS]
+    found = [keys(KNOWN, *parts) for parts in choices]
+    assert len({first for first, _ in found}) == 1
+    assert len({second for _, second in found}) == len(choices)
+    for parts, (first, second) in zip(choices, found, strict=True):
+        there = keys(elsewhere, *parts)
+        assert there[0] == first
+        assert (there[1] == second) == (not set(parts) - {"light"}), parts
+
+
+def test_parts_are_a_set_and_what_contradicts_them_is_refused() -> None:
+    assert Variant(given=("indirect", "light", "light")) == Variant(given=("light", "indirect"))
+    with pytest.raises(UsageError, match="no part 'shape'"):
+        Variant(given=("shape",))  # type: ignore[arg-type]
+    with pytest.raises(UsageError, match="a choice of effects"):
+        Variant(given=("light",), effects="auto")
+    with pytest.raises(UsageError, match="split-sum"):
+        Variant(given=("indirect",), shading="split-sum")
+    assert Variant(given=("light",), shading="split-sum").given == ("light",)
+
+
+@pytest.mark.parametrize(
+    ("part", "lacks"),
+    [("geometry", "surfaces"), ("albedo", "surfaces"), ("roughness", "surfaces"), ("light", "light"),
+     ("indirect", "surfaces and light")],
+)  # fmt: skip
+def test_a_scene_whose_truth_is_not_known_is_refused_before_stage_one(part: Part, lacks: str) -> None:
+    captured = replace(KNOWN, surfaces=None, training_light=None)
+    run = Run(captured, Variant(given=(part,)), BUDGET, 0, CPU)
+    with pytest.raises(DataError, match=f"the true {lacks} of scene 'sphere' .* '{part}' cannot be given"):
+        RADIOGS.stages(run.variant, run.budget)[0].begin(run, {})
+    require_truth(captured, ())
+    require_truth(KNOWN, PARTS)
