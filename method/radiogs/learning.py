@@ -43,7 +43,7 @@ class MaterialWeights:
     """Cross-entropy between coverage and the mask."""
     normal_smoothness: float = 0.01
     """Slopes of the normals where the image has no edges."""
-    albedo_smoothness: float = 0.2
+    albedo_smoothness: float = 1.0
     """Slopes of the albedo where the image has no edges."""
     roughness_smoothness: float = 0.1
     """Slopes of the roughness where the image has no edges."""
@@ -55,19 +55,19 @@ class MaterialWeights:
 
 @dataclass(frozen=True)
 class MaterialRates:
-    """Adam's learning rates in stage 2.
+    """Adam's learning rates in stage 2. Albedo and roughness: the paper's.
 
-    Albedo must learn faster than light. Where light is faster it takes over what differs between surfaces, and albedo
-    stays at its start: on ``corner`` after 300 to 400 iterations, rates of albedo and light of 0.005 and 0.01 (paper)
-    give 17.7 dB of albedo, 0.0075 and 0.03 17.6, 0.015 and 0.03 19.2, 0.03 and 0.005 22.6.
+    The light, once found (``LightStart``), learns slowly. What single surfels receive is noisier than what pixels see
+    of them, and a faster light takes that noise in: on ``corner`` its error rises from 0.36 to 0.61 in 800 steps at a
+    rate of 0.002 and to 0.44 at 0.0005. From a constant light the paper's 0.01 finds no sun either.
     """
 
-    albedo: float = 0.03
+    albedo: float = 0.005
     """Rate of the albedo's logits."""
-    roughness: float = 0.01
+    roughness: float = 0.005
     """Rate of the roughness' logits."""
-    light: float = 0.005
-    """Rate of the light's log-radiance."""
+    light: float = 0.0005
+    """Rate of the light's log-radiance (paper: 0.01)."""
     radiance: float = 0.005
     """Rate of the surfels' harmonics of degree 0."""
     radiance_rest: float = 0.0025 / 20
@@ -98,7 +98,7 @@ class LightStart:
     white: float = 0.75
     """Albedo of white paint."""
     brightest: float = 0.95
-    """Quantile of albedo that counts as the brightest."""
+    """Quantile of the largest channel of albedo that counts as the brightest."""
     mean_albedo: float = 0.4
     """Albedo of all points under the constant light that the search starts from."""
     turned: float = 0.5

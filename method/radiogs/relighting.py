@@ -35,6 +35,7 @@ from .effects.decide.probe import Findings
 from .effects.measure.image_share import image_share
 from .effects.measure.probe_scene import ProbeScene, ProbeView, Viewpoints
 from .model import Model
+from .tracing import Rays
 
 
 @runtime_checkable
@@ -89,26 +90,28 @@ def relight(
     if mode != "pbr":
         surfels = fine_tuned(surfels, RenderingEquation(light, albedo), run, after_step)
     if mode == "surfels":
-        return RelitBySurfels(surfels)
-    generator, budget = torch.Generator(device).manual_seed(run.seed), run.budget
+        return RelitBySurfels(surfels, run.variant.straight)
+    generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, Rays.of(run.variant)
     with torch.no_grad():
         direction, weight = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
             budget.relight_hemisphere_samples, budget.relight_light_samples if plan.light_sampling else 0, generator,
+            rays.floor,
         )  # fmt: skip
-        tracer = SurfelTracer(surfels)
+        tracer = rays.tracer(surfels)
         if mode == "pbr":
             incident = split_sum_incident(tracer, albedo, light, direction, weight, plan)
         else:
             incident = incident_along(tracer, direction, weight, plan)
-    return RelitByRays(surfels, albedo, light, incident, plan)
+    return RelitByRays(surfels, albedo, light, incident, plan, run.variant.straight)
 
 
 def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_step: Callable[[], None]) -> Surfels:
     """The surfels with the radiance that solves ``equation``, as far as the run's budget goes."""
     budget, cameras = run.budget, [view.camera for view in run.scene.train]
     effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
-    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed)
+    rays = Rays.of(run.variant)
+    solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor)
     while solver.iteration < solver.iterations:
         solver.step()
         after_step()
@@ -160,27 +163,31 @@ class RelitByRays:
         light: EnvironmentMap,
         incident: Incident,
         plan: EffectPlan = EVERYTHING,
+        straight: bool = True,
     ) -> None:
         self.surfels, self.albedo, self.light, self.incident = surfels, albedo, light, incident
+        self.straight = straight
         self.specular = plan.specular_among(albedo)
         self.evidence: tuple[Evidence, ...] = ()
 
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """The maps of ``Renderer.render``, under the new light."""
-        return shaded_maps(camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular)
+        return shaded_maps(
+            camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular, self.straight
+        )
 
 
 class RelitBySurfels:
     """The radiance that fine-tuning has left in the surfels, rendered_views: no ray, no shading."""
 
-    def __init__(self, surfels: Surfels) -> None:
-        self.surfels = surfels
+    def __init__(self, surfels: Surfels, straight: bool = True) -> None:
+        self.surfels, self.straight = surfels, straight
         self.evidence: tuple[Evidence, ...] = ()
 
     @torch.no_grad()
     def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
         """``image`` and ``alpha``: what light is direct and what indirect, surfels do not know."""
-        return radiance_maps(camera, self.surfels)
+        return radiance_maps(camera, self.surfels, self.straight)
 
 
 def split_sum_incident(

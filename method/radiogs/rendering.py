@@ -22,7 +22,7 @@ class Renderer:
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
-        self.model, self.incident = model, None
+        self.model, self.incident, self.straight = model, None, variant.straight
         if variant.shading == "monte-carlo":
             with torch.no_grad():
                 rays, surfels = Rays.of(variant, model.indirect), model.surfels
@@ -43,6 +43,6 @@ class Renderer:
         """
         surfels, environment = self.model.surfels, self.model.environment
         if self.incident is None:
-            return split_sum_maps(camera, surfels, environment)
+            return split_sum_maps(camera, surfels, environment, self.straight)
         specular_at = self.model.plan.specular_among(surfels.albedo)
-        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at)
+        return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at, self.straight)

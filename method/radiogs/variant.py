@@ -1,6 +1,6 @@
 """What an ablation changes: every row of the paper's ablations is a value of these fields, not a code path."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
 from radiogs_core.capabilities import PARTS
@@ -97,6 +97,21 @@ class Variant:
                 "It has no indirect light.",
                 'Give other parts, or use shading = "monte-carlo".',
             )
+
+    @property
+    def surfel_learning(self) -> GeometryLearning:
+        """``geometry`` with the deviations of the released code that are reproduced."""
+        learning = self.geometry
+        if "display-radiance" in self.deviations:
+            learning = replace(learning, colour="display")
+        if "premultiplied-encoding" in self.deviations:
+            learning = replace(learning, encoding="premultiplied")
+        return learning
+
+    @property
+    def straight(self) -> bool:
+        """Whether images are encoded for display by ``straight`` radiance (see ``splatting.displayed``)."""
+        return self.surfel_learning.encoding == "straight"
 
     def of_initialisation(self) -> dict[str, Any]:
         """The fields that decide stage 1, as plain values."""

@@ -7,6 +7,7 @@ solved for by minimising L_rad alone and compared with the path tracer's. Nothin
 import math
 import time
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,7 +35,7 @@ from radiogs_core.transport.splatting import (
     splat,
     towards,
 )
-from radiogs_core.transport.tracer import incident_along
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
 from ..evaluation.metrics_by_view import MetricsByView
 from ..evaluation.scoring import Image, coverage, displayed, truth
@@ -101,7 +102,9 @@ def solved(bench: Bench, cell: Cell, scene: Scene, made: KnownScene) -> tuple[Ra
     """The finished solver, the trail of its losses, and the last losses."""
     started = time.perf_counter()
     cameras, offset = [view.camera for view in scene.train], cell.settings.get("offset", OFFSET)
-    solver = RadianceSolver(made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, offset)
+    solver = RadianceSolver(
+        made.surfels, made.equation, cameras, effort_of(cell.budget), cell.seed, partial(SurfelTracer, offset=offset)
+    )
     trail, losses = Trail(solver.iterations, [], {}, scored=False), dict[str, float]()
     while solver.iteration < solver.iterations:
         losses = dict(solver.step())

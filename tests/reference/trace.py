@@ -29,19 +29,20 @@ def harmonics(d: Tensor) -> Tensor:
 
 def trace(
     centre: Tensor, axis_u: Tensor, axis_v: Tensor, normal: Tensor, opacity: Tensor, sh: Tensor, features: Tensor,
-    origin: Tensor, direction: Tensor, t_min: Tensor, stop: float,
+    origin: Tensor, direction: Tensor, t_min: Tensor, stop: float, back_from: float = math.inf,
 ) -> tuple[Tensor, Tensor, Tensor, Tensor]:  # fmt: skip
-    """Radiance, transmittance, features and depth of every ray."""
+    """Radiance, transmittance, features and depth of every ray; from ``back_from`` on it meets black backs, too."""
     rows = []
     for o, d, nearest in zip(origin, direction, t_min, strict=True):
         facing = normal @ d
         front = facing < 0
-        t = ((centre - o) * normal).sum(-1) / torch.where(front, facing, -1.0)
+        t = ((centre - o) * normal).sum(-1) / torch.where(facing != 0, facing, -1.0)
         point = o + t[:, None] * d - centre
         alpha = opacity * torch.exp(-0.5 * ((axis_u * point).sum(-1) ** 2 + (axis_v * point).sum(-1) ** 2))
-        met = front & (t > nearest) & (alpha >= 1 / 255)
+        met = (front | ((facing > 0) & (t >= back_from))) & (t > nearest) & (alpha >= 1 / 255)
         alpha = alpha.clamp(max=0.99)
         colour = (torch.einsum("k,nkc->nc", harmonics(d)[: sh.shape[1]], sh) + 0.5).clamp(min=0)
+        colour = torch.where(front[:, None], colour, 0.0)
         order = [i for i in torch.argsort(t, stable=True).tolist() if met[i]]
         left = torch.ones((), dtype=centre.dtype)
         radiance, blended, depth = torch.zeros(3).to(centre), torch.zeros(features.shape[1]).to(centre), 0 * left

@@ -1,14 +1,12 @@
 """Stage 1, initialisation: 2DGS reconstruction with split-sum shading and simplified radiometric consistency."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.learning.fit_geometry import FitGeometry, Shading
-from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
@@ -30,7 +28,7 @@ class Initialisation(FitGeometry):
     def __init__(self, scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device) -> None:
         shading_of = SplitSumShading if variant.initialise == "radiometric" else UnseenMaterials
         shading = shading_of(variant.split_sum, budget.light_height, device)
-        super().__init__(scene, geometry_of(variant), budget, variant.view_share, seed, device, shading)
+        super().__init__(scene, variant.surfel_learning, budget, variant.view_share, seed, device, shading)
 
     @property
     def model(self) -> Model:
@@ -68,13 +66,3 @@ class SplitSumShading(UnseenMaterials):
         consistency, shaded = split_sum_consistency_loss(surfels, light, towards(camera, surfels))
         counts = progress >= self.learning.consistency_from
         return {"shaded": shaded}, {"consistency": self.learning.consistency * consistency} if counts else {}
-
-
-def geometry_of(variant: Variant) -> GeometryLearning:
-    """What surfels are learnt by, with the deviations of the released code that the variant reproduces."""
-    geometry = variant.geometry
-    if "display-radiance" in variant.deviations:
-        geometry = replace(geometry, colour="display")
-    if "premultiplied-encoding" in variant.deviations:
-        geometry = replace(geometry, encoding="premultiplied")
-    return geometry

@@ -27,7 +27,6 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 from ..budget import Budget
 from ..model import Model
 from ..variant import Variant
-from .initialise import geometry_of
 from .shaders import shader_of
 from .starting_values import start_of
 
@@ -47,7 +46,7 @@ class InverseRendering:
         initialised: Mapping[str, Any],
     ) -> None:
         self.variant, self.seed, self.device = variant, seed, device
-        self.geometry = geometry_of(variant)
+        self.geometry = variant.surfel_learning
         self.iteration, self.iterations = 0, budget.inverse_iterations
         self.views = load(chosen_views(scene, variant.view_share, seed), device)
         self.depth_unit = mean_distance(self.views, scene.centre)
@@ -114,7 +113,7 @@ class InverseRendering:
         inside = None if geometry.across_silhouettes else view.mask
         allowance = edge_allowance(target, geometry.edge_sharpness, inside)
         blended = torch.stack([images["radiance"], images["shaded"]])
-        pictures = displayed(blended, seen.alpha, geometry.encoding == "straight")
+        pictures = displayed(blended, seen.alpha, self.variant.straight)
         absolute = pictures.new_tensor([weights.absolute, self.shaded_weight])
         radiance, shaded = reconstruction(pictures, target, absolute, weights.similarity)
         losses = {

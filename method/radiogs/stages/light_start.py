@@ -177,7 +177,7 @@ def least_variation_light(
         variation = (weight[:, None] * change.sqrt()).sum() / 3
         around, down = log_light - log_light.roll(1, 1), log_light[1:] - log_light[:-1]
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
-        brightest = log_albedo.mean(-1).quantile(learning.brightest)
+        brightest = log_albedo.amax(-1).quantile(learning.brightest)
         loss = variation + learning.smoothness * (around.square().mean() + down.square().mean())
         loss = loss + learning.colour * colour + learning.white_paint * (brightest - learning.white_log).square()
         adam.zero_grad()

@@ -6,7 +6,7 @@ step moves the radiance towards one more application of the light transport oper
 illumination.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,7 @@ from ..surfels.harmonics import surfel_radiance, unclamped_radiance
 from ..surfels.surfels import Surfels
 from ..transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
 from ..transport.splatting import towards
-from ..transport.tracer import SELF_OFFSET, SurfelTracer
+from ..transport.tracer import SurfelTracer
 from .backward import backward
 
 RATE = 0.3
@@ -62,7 +62,8 @@ class RadianceSolver:
     The ``surfels`` give geometry, roughness and the radiance to start from; only their radiance is learnt. Each step
     draws ``budget.surfels`` surfels without replacement, traces ``budget.samples`` rays from each (three quarters over
     its hemisphere, the rest drawn from the light, joined by the balance heuristic), and takes the l1 residual towards
-    a camera and towards one random direction of its hemisphere. ``offset``: where rays start (see ``SurfelTracer``).
+    a camera and towards one random direction of its hemisphere. ``tracer``: how rays are traced through
+    surfels. ``floor``: see ``hemisphere_directions``.
     """
 
     name = "radiance"
@@ -74,7 +75,8 @@ class RadianceSolver:
         cameras: Sequence[Camera],
         budget: SolverBudget,
         seed: int,
-        offset: float = SELF_OFFSET,
+        tracer: Callable[[Surfels], SurfelTracer] = SurfelTracer,
+        floor: bool = False,
     ) -> None:
         device = surfels.centre.device
         self.fixed = surfels.take(torch.arange(len(surfels), device=device))
@@ -83,7 +85,7 @@ class RadianceSolver:
         self.iteration, self.iterations = 0, budget.iterations
         self.generator = torch.Generator(device).manual_seed(seed)
         self.sampler = LightSampler(equation.light)
-        self.tracer = SurfelTracer(self.fixed, offset)
+        self.tracer, self.floor = tracer(self.fixed), floor
         self.drawn = budget.samples // 4
         self.sh = {"sh": self.fixed.sh[:, :1].clone(), "sh_rest": self.fixed.sh[:, 1:].clone()}
         for value in self.sh.values():
@@ -125,7 +127,7 @@ class RadianceSolver:
         equation, samples = self.equation, self.budget.samples
         normal = self.fixed.frame[index, :, 2]
         direction, weight = relighting_directions(
-            normal, self.sampler, samples - self.drawn, self.drawn, self.generator
+            normal, self.sampler, samples - self.drawn, self.drawn, self.generator, self.floor
         )
         incident = self.tracer.incident(index, direction, weight)
         parts = shade(

@@ -127,12 +127,14 @@ def relighting_directions(
     hemisphere_samples: int,
     light_samples: int,
     generator: torch.Generator,
+    floor: bool = False,
 ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
     """Hemisphere directions joined with directions drawn from the light, by the balance heuristic.
 
-    Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two strategies; zero below the horizon.
+    ``floor``: see ``hemisphere_directions``. Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two
+    strategies; zero below the horizon.
     """
-    spread, _ = hemisphere_directions(normal, hemisphere_samples, generator)
+    spread, _ = hemisphere_directions(normal, hemisphere_samples, generator, floor)
     drawn = sampler.draw(len(normal) * light_samples, generator).view(len(normal), light_samples, 3)
     direction = torch.cat([spread, drawn], 1)
     above = (direction * normal[:, None]).sum(-1) > 0

@@ -71,10 +71,37 @@ def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coeffi
         assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
 
 
+def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
+    given, back_from = random_inputs(60, 100, 3), 0.8
+
+    def ours_of(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+        geometry = SplatGeometry(*(given[name] for name in FIELDS[:5]))
+        backs = torch.full_like(given["t_min"], back_from)
+        hits = trace(
+            SurfelBVH.build(geometry), geometry, given["sh"], given["features"], given["origin"], given["direction"],
+            given["t_min"], back_from=backs,
+        )  # fmt: skip
+        return tuple(getattr(hits, name) for name in OUTPUTS)
+
+    def theirs_of(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+        return dense_trace(*given.values(), 0.03, back_from)
+
+    found, expected, from_the_front = ours_of(given), theirs_of(given), dense(given)
+    for name, ours, theirs in zip(OUTPUTS, found, expected, strict=True):
+        torch.testing.assert_close(ours, theirs, rtol=0, atol=1e-12, msg=name)
+    assert float((found[1] < from_the_front[1] - 0.01).double().mean()) > 0.2, "backs should be met"
+    pulls = [torch.randn_like(value) for value in found]
+    ours, theirs = gradients(ours_of, given, pulls), gradients(theirs_of, given, pulls)
+    for name in FIELDS:
+        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+
+
 def met_by_each(given: dict[str, torch.Tensor]) -> list[list[int]]:
     """The surfels that each ray blends, in order."""
     tree = SurfelBVH.build(splats(given))
-    lists = find_hits(tree, given["origin"], given["direction"], given["t_min"], 0.03)
+    lists = find_hits(
+        tree, given["origin"], given["direction"], given["t_min"], torch.full_like(given["t_min"], torch.inf), 0.03
+    )
     begin, members = lists.begin.tolist(), lists.surfel.tolist()
     place = {ray: slot for slot, ray in enumerate(lists.ray.tolist())}
     return [members[begin[place[ray]] : begin[place[ray] + 1]] for ray in range(len(place))]

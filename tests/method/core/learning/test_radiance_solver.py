@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 import torch
@@ -15,6 +16,7 @@ from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquat
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
+from radiogs_core.transport.tracer import SurfelTracer
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
 from scenes import surfels_of_room, surfels_over
@@ -44,7 +46,9 @@ def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float
     emission = torch.full_like(room.centre, 0.1)
     room.sh[:, 0] = radiance_to_sh(emission)
     equation = RenderingEquation(DARK, room.albedo, emission, parts=(0, 1))
-    found = along_normals(solved(RadianceSolver(room, equation, CAMERAS, steps(120), 0, offset=0.1)))
+    found = along_normals(
+        solved(RadianceSolver(room, equation, CAMERAS, steps(120), 0, partial(SurfelTracer, offset=0.1)))
+    )
     assert float(found.mean()) == pytest.approx(0.1 / (1 - albedo), rel=0.02)
 
 

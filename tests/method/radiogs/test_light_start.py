@@ -1,0 +1,127 @@
+"""The light of least albedo variation: found again where it is known, and the transport that it is found through."""
+
+import math
+
+import pytest
+import torch
+from torch.nn.functional import normalize
+
+from known_ball import BALL, COLOUR, CPU, SCENE
+from radiogs.learning import LightStart
+from radiogs.stages.light_start import (
+    SeenPoints,
+    albedo_under,
+    enlarged,
+    least_variation_light,
+    light_and_albedo,
+    seen_points,
+    transport_to,
+)
+from radiogs_bench.metrics.conventions import Environment
+from radiogs_bench.metrics.environment import environment_error
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.learning.views import load
+from radiogs_core.scene.light import texel_directions
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from scenes import surfels_over
+
+ROWS = 8
+PAINTS = ((0.7, 0.7, 0.7), (0.6, 0.15, 0.1))
+MATTE = Material(PAINTS[0], 0.9)
+
+
+def sky_with_sun() -> torch.Tensor:
+    """A blue sky with a sun 45 degrees high at azimuth +X, 40 times as bright; linear radiance."""
+    sun = torch.tensor([math.sqrt(0.5), 0.0, math.sqrt(0.5)], dtype=torch.float64)
+    lobe = (8.0 * ((texel_directions(ROWS, 2 * ROWS) * sun).sum(-1) - 1)).exp()[..., None]
+    return (torch.tensor([0.5, 0.6, 0.8]) + 20 * lobe * torch.tensor([1.0, 0.95, 0.9])).float()
+
+
+def ball_over_plate() -> tuple[Surfels, SeenPoints, torch.Tensor]:
+    """Black surfels of a ball over a plate, points on both, and the points' paint: two halves of the plate differ."""
+    solids = [Box((-2.0, -2.0, -0.2), (2.0, 2.0, 0.0), MATTE), Sphere((0.0, 0.0, 0.9), 0.6, MATTE)]
+    surfels = surfels_over(solids, 0.15)
+    surfels.sh[:, 0] = radiance_to_sh(torch.zeros(1, 3))
+    normal = surfels.frame[..., 2]
+    seen = torch.nonzero((normal[:, 2] > 0.05) & (surfels.centre[:, 2] > -0.01))[:, 0]
+    centre = surfels.centre[seen]
+    red = (centre[:, 1] > 0.3) & (centre[:, 2] < 0.1)
+    paint = torch.tensor(PAINTS)[red.long()]
+    return surfels, SeenPoints(centre, normal[seen], torch.ones_like(centre)), paint
+
+
+def generator() -> torch.Generator:
+    return torch.Generator().manual_seed(0)
+
+
+def test_a_sun_is_found_through_shadows_and_shading_where_paint_changes_too() -> None:
+    use_threads(1)
+    surfels, points, paint = ball_over_plate()
+    transport = transport_to(points, surfels, ROWS, generator())
+    truth = sky_with_sun()
+    shown = SeenPoints(points.centre, points.normal, paint * transport.white(truth))
+    found = least_variation_light(shown, transport, LightStart())
+    scaled = Environment("factor a channel")
+    assert environment_error(found, truth, scaled) < 0.35
+    assert environment_error(torch.ones_like(truth), truth, scaled) > 0.55
+    brightest = texel_directions(ROWS, 2 * ROWS).reshape(-1, 3)[int(found.sum(-1).argmax())]
+    sun = torch.tensor([math.sqrt(0.5), 0.0, math.sqrt(0.5)], dtype=torch.float64)
+    assert float(brightest @ sun) > math.cos(math.radians(25))
+    albedo = shown.radiance / transport.white(found)
+    for each in PAINTS:
+        chosen = albedo[(paint == torch.tensor(each)).all(-1)].log()
+        assert float(chosen.std(0).max()) < 0.25, "one paint, one albedo, in the sun and in the shadow"
+
+
+def test_a_white_convex_body_sends_out_the_constant_light_and_an_occluder_takes_its_share() -> None:
+    use_threads(1)
+    surfels, points, _ = ball_over_plate()
+    white = transport_to(points, surfels, ROWS, generator()).white(torch.ones(ROWS, 2 * ROWS, 3))[:, 0]
+    above = points.centre[:, 2] > 1.45
+    assert float((white[above] - 1).abs().max()) < 0.02
+    under = points.centre[:, :2].norm(dim=-1) < 0.2
+    under &= points.centre[:, 2] < 0.1
+    # Half-angle of the ball from the plate below its centre: sin = 0.6 / 0.9; the cosine-weighted share that is left.
+    assert float(white[under].mean()) == pytest.approx(1 - (0.6 / 0.9) ** 2, abs=0.05)
+
+
+def test_points_lie_on_the_seen_surface_and_show_its_radiance() -> None:
+    use_threads(1)
+    views = load(SCENE.train, CPU)
+    points = seen_points(BALL, views, generator())
+    assert float((points.centre.norm(dim=-1) - 1).abs().max()) < 0.05
+    assert float((points.normal * normalize(points.centre, dim=-1)).sum(-1).min()) > 0.95
+    torch.testing.assert_close(points.radiance, torch.tensor(COLOUR).expand_as(points.radiance), rtol=0.02, atol=0.002)
+
+
+def test_the_start_explains_the_images_whatever_light_was_found() -> None:
+    use_threads(1)
+    light, albedo = light_and_albedo(BALL, load(SCENE.train, CPU), 16, LightStart(steps=60), generator())
+    assert light.shape == (16, 32, 3)
+    assert bool((light > 0).all())
+    points = seen_points(BALL, load(SCENE.train, CPU), generator())
+    transport = transport_to(points, BALL, 16, generator())
+    nearest = torch.cdist(BALL.centre, points.centre).argmin(1)
+    sent = (albedo * transport.white(light)[nearest]).median(0).values
+    torch.testing.assert_close(sent, torch.tensor(COLOUR), rtol=0.1, atol=0.0)
+
+
+def test_albedo_is_radiance_over_the_light_of_the_same_side() -> None:
+    surfels, points, _ = ball_over_plate()
+    transport = transport_to(points, surfels, ROWS, generator())
+    light = sky_with_sun()
+    white = transport.white(light)
+    of_points = surfels.take(torch.nonzero((surfels.frame[..., 2, 2] > 0.05) & (surfels.centre[:, 2] > -0.01))[:, 0])
+    found = albedo_under(light, points, transport, of_points, 0.5 * white, LightStart())
+    assert float(((found - 0.5).abs() < 0.1).double().mean()) > 0.9
+
+
+def test_an_enlarged_light_keeps_its_mean_and_its_seam() -> None:
+    light = sky_with_sun()
+    large = enlarged(light, 32)
+    assert large.shape == (32, 64, 3)
+    assert float(large.mean()) == pytest.approx(float(light.mean()), rel=0.02)
+    jump = (large[:, 0] - large[:, -1]).abs().max()
+    assert float(jump) <= float((large[:, 1:] - large[:, :-1]).abs().max())
+    assert enlarged(light, ROWS) is light
