@@ -11,7 +11,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, surfels_at
 from radiogs_datasets.furnace import walls
-from radiogs_datasets.generate.catalogue import Solid
+from radiogs_datasets.generate.solids import Solid
 from radiogs_datasets.generate.surfaces import surfaces_of
 
 

@@ -17,7 +17,8 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.scene.surfaces import SurfaceSamples
 
-from .generate.catalogue import Box, Material
+from .generate.materials import Material
+from .generate.solids import Box
 from .generate.surfaces import surfaces_of, turned
 
 EMISSION = 0.1

@@ -9,7 +9,8 @@ import pytest
 from radiogs_core.errors import UsageError
 from radiogs_datasets.generate import RECIPES, generate_scene, probe
 from radiogs_datasets.generate.cameras import pinhole
-from radiogs_datasets.generate.catalogue import Box, Recipe, Sphere
+from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.solids import Box, Knot, Solid, Sphere
 from radiogs_datasets.generate.environments import LIGHTS, WIDTH
 
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from radiogs_datasets.generate.catalogue import Box, Recipe
+from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.solids import Box, Knot
 
 FAR = 1e9
 

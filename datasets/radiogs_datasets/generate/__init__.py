@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from .catalogue import RECIPES, Pictures, recipe
+from .catalogue import RECIPES, recipe
 from .probe import require_mitsuba
+from .recipe import Pictures
 
 __all__ = ["RECIPES", "Pictures", "generate_scene"]
 

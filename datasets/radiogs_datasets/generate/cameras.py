@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .catalogue import Rig
+from .recipe import Rig
 
 PLASTIC_RATIO = 1.3247179572447460
 """Real root of x^3 = x + 1; its inverse powers generate the R2 low-discrepancy sequence."""

@@ -1,82 +1,16 @@
 """The scenes that can be generated, as data: solids with their materials, cameras, lights.
 
 World units, Z up, everything inside +-1.3. Solids are closed, face outwards, and neither touch nor overlap (a gap
-of 2 mm keeps faces from being coplanar); all are dielectric.
+of 2 mm keeps faces from being coplanar); all are dielectric. Surfaces here have one material each; those with
+patterns are in ``patterned``.
 """
-
-from dataclasses import dataclass
 
 from radiogs_core.errors import UsageError
 
-Colour = tuple[float, float, float]
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Material:
-    """Linear diffuse albedo and perceptual roughness (alpha_GGX = r^2)."""
-
-    albedo: Colour
-    roughness: float
-
-
-@dataclass(frozen=True)
-class Box:
-    """An axis-aligned box between two corners."""
-
-    low: Point
-    high: Point
-    material: Material
-
-
-@dataclass(frozen=True)
-class Sphere:
-    """A sphere."""
-
-    centre: Point
-    radius: float
-    material: Material
-
-
-Solid = Box | Sphere
-
-
-@dataclass(frozen=True)
-class Rig:
-    """Cameras on a patch of a sphere that looks at ``target``; angles in degrees, azimuth from +X to +Y."""
-
-    target: Point
-    radius: float
-    azimuth: tuple[float, float]
-    elevation: tuple[float, float]
-    field_of_view: float = 40.0
-
-
-@dataclass(frozen=True)
-class Pictures:
-    """How many views of a scene are rendered, of how many pixels a side, and how long the paths of light are.
-
-    ``depth`` counts the light as a vertex: 8 ends at the light after seven surfaces. Deep white basins keep on
-    scattering: in ``bowl`` a depth of 8 lacks about 5 % of the indirect light.
-    """
-
-    size: int = 64
-    train: int = 32
-    test: int = 8
-    depth: int = 8
-
-
-@dataclass(frozen=True)
-class Recipe:
-    """One scene: what stands in it, from where it is seen, and what it is for."""
-
-    name: str
-    purpose: str
-    solids: tuple[Solid, ...]
-    rig: Rig
-    training_light: str
-    relight: tuple[str, ...]
-
+from .materials import Material
+from .patterned import RECIPES as PATTERNED
+from .recipe import Recipe, Rig
+from .solids import GAP, Box, Sphere
 
 WHITE = Material((0.75, 0.75, 0.75), 0.7)
 RED = Material((0.65, 0.07, 0.05), 0.8)
@@ -85,9 +19,6 @@ GREY = Material((0.45, 0.45, 0.45), 0.3)
 BLUE = Material((0.08, 0.16, 0.6), 0.5)
 CHALK = Material((0.75, 0.75, 0.75), 0.8)
 SOOT = Material((0.05, 0.05, 0.05), 0.8)
-
-GAP = 0.002
-"""Between neighbours: faces are never coplanar, and no ray starts inside a solid."""
 
 
 def _tiles(side: float, low: float, high: float, materials: tuple[tuple[Material, ...], ...]) -> tuple[Box, ...]:
@@ -122,7 +53,7 @@ def _patches(rows: int) -> tuple[tuple[Material, ...], ...]:
 
 _FOUR = ((RED, WHITE), (GREEN, BLUE))
 
-_RECIPES = (
+_PLAIN = (
     Recipe(
         name="corner",
         purpose="strong coloured inter-reflection between a white floor, two walls and two spheres",
@@ -225,7 +156,7 @@ _RECIPES = (
     ),
 )
 
-RECIPES = {recipe.name: recipe for recipe in _RECIPES}
+RECIPES = {recipe.name: recipe for recipe in (*_PLAIN, *PATTERNED)}
 
 
 def recipe(name: str) -> Recipe:

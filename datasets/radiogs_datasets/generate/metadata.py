@@ -20,7 +20,7 @@ from radiogs_core.scene.colour import srgb_encode
 from ..image_files import read_hdr
 from . import render
 from .cameras import Pinhole
-from .catalogue import Recipe
+from .recipe import Recipe
 
 NOISE_SEEDS = (1_000_000, 1_000_001)
 """Seeds that no view uses."""
@@ -31,7 +31,7 @@ SHARE_SAMPLES = 256
 
 @dataclass(frozen=True)
 class Making:
-    """How a scene was made: bounces, samples a pixel by split, seed; and the share of its energy that is indirect."""
+    """How a scene was made: bounces, samples a pixel by split, seed; the indirect share of its test views' energy."""
 
     depth: int
     samples: Mapping[str, int]
@@ -82,12 +82,12 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: i
     """Parts of the energy that a view sees under a light.
 
     specular: what one surface scatters in its specular lobe (all albedos set to zero), of all light. shadowed: what
-    solids take away from one another's direct light, of the direct light that there would be without; exact because
-    each solid is convex and so does not shadow itself.
+    solids take away from one another's direct light, of the direct light that there would be without; the shadow of a
+    knot on itself does not count.
     """
     whole = render.build(recipe, light)
     full, direct = (_energy(whole, camera, depth) for depth in (depth, render.DIRECT_DEPTH))
-    black = tuple(replace(solid, material=replace(solid.material, albedo=(0.0, 0.0, 0.0))) for solid in recipe.solids)
+    black = tuple(replace(solid, material=solid.material.without_diffuse()) for solid in recipe.solids)
     specular = _energy(render.build(replace(recipe, solids=black), light), camera, render.DIRECT_DEPTH)
     seen = render.surface(whole, camera)
     unshadowed = shadowed = 0.0

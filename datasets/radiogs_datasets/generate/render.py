@@ -10,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import Pinhole
-from .catalogue import Box, Recipe, Sphere
 from .disney_bsdf import PLUGIN, register
+from .materials import Finish, Material
+from .pattern_texture import textures
 from .probe import VARIANT
+from .recipe import Recipe
+from .solids import Box, Knot, Solid, Sphere
+from .trefoil import mesh
 
 DIRECT_DEPTH = 2
 """Mitsuba counts the light as a vertex: depth 2 ends at the light after one surface."""
@@ -22,6 +26,9 @@ NO_ROULETTE = 100
 
 SUBPIXELS = 8
 """Surface maps average SUBPIXELS x SUBPIXELS exact hits a pixel."""
+
+MESH_CELLS = (1024, 96)
+"""Of a knot, along and around: its triangles turn by less than four degrees from one to the next."""
 
 ENVIRONMENT_AXES = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Turns Mitsuba's Y-up map into the Z-up convention: world x = local z, y = local x, z = local y."""
@@ -125,14 +132,37 @@ def vertex_rows(environment: NDArray[np.float32]) -> NDArray[np.float32]:
     return ((1 - share) * environment[above] + share * environment[above + 1]).astype(np.float32)
 
 
-def _solid(solid: Box | Sphere) -> dict[str, object]:
-    bsdf = {
-        "type": PLUGIN,
-        "albedo": {"type": "rgb", "value": list(solid.material.albedo)},
-        "roughness": {"type": "uniform", "value": solid.material.roughness},
-    }
+def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
+    bsdf = _bsdf(solid.material)
     if isinstance(solid, Sphere):
         return {"type": "sphere", "center": list(solid.centre), "radius": solid.radius, "bsdf": bsdf}
-    low, high = np.array(solid.low), np.array(solid.high)
-    placed = mi.ScalarTransform4f().translate(list((low + high) / 2)).scale(list((high - low) / 2))
-    return {"type": "cube", "to_world": placed, "bsdf": bsdf}
+    if isinstance(solid, Box):
+        low, high = np.array(solid.low), np.array(solid.high)
+        placed = mi.ScalarTransform4f().translate(list((low + high) / 2)).scale(list((high - low) / 2))
+        return {"type": "cube", "to_world": placed, "bsdf": bsdf}
+    return _mesh(solid, bsdf)
+
+
+def _mesh(knot: Knot, bsdf: dict[str, object]) -> mi.Mesh:
+    """Shaded with the normals of its triangles, which are what the rays meet: no light leaks at grazing angles."""
+    vertices, triangles = mesh(knot, *MESH_CELLS)
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict(bsdf)
+    properties["face_normals"] = True
+    made = mi.Mesh("knot", len(vertices), len(triangles), properties)
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = mi.Float(vertices.numpy().ravel())
+    parameters["faces"] = mi.UInt32(triangles.numpy().ravel())
+    parameters.update()
+    return made
+
+
+def _bsdf(finish: Finish) -> dict[str, object]:
+    if not isinstance(finish, Material):
+        albedo, roughness = textures(finish)
+        return {"type": PLUGIN, "albedo": albedo, "roughness": roughness}
+    return {
+        "type": PLUGIN,
+        "albedo": {"type": "rgb", "value": list(finish.albedo)},
+        "roughness": {"type": "uniform", "value": finish.roughness},
+    }

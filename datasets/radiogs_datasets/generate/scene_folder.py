@@ -21,11 +21,11 @@ from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
 from . import render
 from .cameras import Pinhole, pinhole
-from .catalogue import Pictures, Recipe
 from .environments import LIGHTS
 from .metadata import Making, describe
+from .recipe import Pictures, Recipe
 
-TRAIN_SAMPLES, TEST_SAMPLES = 1024, 4096
+TRAIN_SAMPLES, TEST_SAMPLES = 256, 1024
 
 
 @dataclass(frozen=True)
@@ -100,34 +100,36 @@ def _write_lights(recipe: Recipe, folder: Path) -> dict[str, mi.Scene]:
 def _write_view(
     lights: Mapping[str, mi.Scene], camera: Pinhole, split: Split, depth: int, seed: int, folder: Path
 ) -> NDArray[np.float64]:
-    """Write one view; returns the sums of its indirect and of its total radiance under the training light."""
-    full, direct = _shoot(lights[TRAINING_LIGHT], camera, split, depth, seed)
+    """Write one view; returns the sums of its indirect and of its total radiance under the training light.
+
+    Zeros for a training view: of that only the image is written, and its direct part is not rendered.
+    """
+    full = render.radiance(lights[TRAINING_LIGHT], camera, split.samples, depth, seed)
     seen = render.surface(lights[TRAINING_LIGHT], camera)
     # One alpha for every map of the view.
     alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
-    indirect = np.where(alpha > 0, full[..., :3] - direct, 0)
     _write_display(folder / "rgba.png", full, alpha)
-    if split.name == "test":
-        write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
-        write_png(folder / "normal.png", np.concatenate([seen.normal * 0.5 + 0.5, alpha], -1))
-        write_png(folder / "roughness.png", seen.roughness)
-        write_exr(folder / "depth.exr", seen.depth)
-        write_exr(folder / "direct.exr", np.where(alpha > 0, direct, 0))
-        write_exr(folder / "indirect.exr", indirect)
-        for light in lights.keys() - {TRAINING_LIGHT}:
-            relit, direct = _shoot(lights[light], camera, split, depth, seed)
-            _write_display(folder / f"rgba_{light}.png", relit, alpha)
-            write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, relit[..., :3] - direct, 0))
+    if split.name != "test":
+        return np.zeros(2)
+    write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
+    write_png(folder / "normal.png", np.concatenate([seen.normal * 0.5 + 0.5, alpha], -1))
+    write_png(folder / "roughness.png", seen.roughness)
+    write_exr(folder / "depth.exr", seen.depth)
+    direct = _direct(lights[TRAINING_LIGHT], camera, split, seed)
+    indirect = np.where(alpha > 0, full[..., :3] - direct, 0)
+    write_exr(folder / "direct.exr", np.where(alpha > 0, direct, 0))
+    write_exr(folder / "indirect.exr", indirect)
+    for light in lights.keys() - {TRAINING_LIGHT}:
+        relit = render.radiance(lights[light], camera, split.samples, depth, seed)
+        _write_display(folder / f"rgba_{light}.png", relit, alpha)
+        relit_indirect = relit[..., :3] - _direct(lights[light], camera, split, seed)
+        write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, relit_indirect, 0))
     return np.array([indirect.sum(), full[..., :3].sum()], dtype=np.float64)
 
 
-def _shoot(
-    scene: mi.Scene, camera: Pinhole, split: Split, depth: int, seed: int
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Radiance with alpha, and the part of it that met one surface only."""
-    full = render.radiance(scene, camera, split.samples, depth, seed)
-    direct = render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)
-    return full, direct[..., :3]
+def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArray[np.float32]:
+    """The part of a view's radiance that met one surface only; the seed of the whole makes the two comparable."""
+    return render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)[..., :3]
 
 
 def _write_display(path: Path, image: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:

@@ -19,10 +19,16 @@ from torch import Tensor
 from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
-from .catalogue import GAP, RECIPES, Box, Solid, Sphere
+from . import trefoil
+from .catalogue import RECIPES
+from .materials import Finish
+from .solids import GAP, Box, Knot, Solid, Sphere
 
 TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
+
+PROBES = 256
+"""Places along a knot at which the speed of its parameter is measured."""
 
 
 def surfaces_of_folder(folder: Path) -> Surfaces | None:
@@ -53,12 +59,13 @@ def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:
                 covered |= _inside(other, patch.centre, TOUCHING)
             parts.append((solid.material, patch.where(~covered)))
     patches = [patch for _, patch in parts]
+    values = torch.cat([_at(finish, patch.centre) for finish, patch in parts])
     return SurfaceSamples(
         centre=torch.cat([patch.centre for patch in patches]),
         frame=torch.cat([patch.frame for patch in patches]),
         size=torch.cat([patch.size for patch in patches]),
-        albedo=torch.cat([_repeated(material.albedo, patch) for material, patch in parts]),
-        roughness=torch.cat([_repeated((material.roughness,), patch)[:, 0] for material, patch in parts]),
+        albedo=values[:, :3],
+        roughness=values[:, 3],
     )
 
 
@@ -84,13 +91,17 @@ class _Patch:
         return _Patch(self.centre, torch.stack([second, first, -normal], -1), self.size.flip(-1))
 
 
-def _repeated(values: Sequence[float], patch: _Patch) -> Float[Tensor, "cells values"]:
-    return torch.tensor([values], dtype=torch.float64).repeat(len(patch.centre), 1)
+def _at(finish: Finish, centre: Float[Tensor, "cells 3"]) -> Float[Tensor, "cells 4"]:
+    """Albedo and roughness at the middles of cells."""
+    x, y, z = centre.unbind(-1)
+    return torch.stack(finish.at(x, y, z, torch), -1)
 
 
 def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Patch]:
     if isinstance(solid, Sphere):
         return [_sphere(solid, spacing)]
+    if isinstance(solid, Knot):
+        return [_tube(solid, spacing)]
     return [_face(solid, others, spacing, axis, side) for axis, side in itertools.product(range(3), (0, 1))]
 
 
@@ -104,6 +115,20 @@ def _sphere(solid: Sphere, spacing: float) -> _Patch:
     step = solid.radius * math.sqrt(4 * math.pi / count)
     centre = torch.tensor(solid.centre, dtype=torch.float64) + solid.radius * normal
     return _Patch(centre, tangent_frame(normal), torch.full((count, 2), step, dtype=torch.float64))
+
+
+def _tube(solid: Knot, spacing: float) -> _Patch:
+    """An even grid over the tube's parameters; its cells are parallelograms, and their sizes those of equal area."""
+    around = math.ceil(2 * math.pi * solid.radius / spacing)
+    speed = trefoil.tangents(solid, *trefoil.grid(PROBES, around))[0].norm(dim=-1).max()
+    along = math.ceil(2 * math.pi * float(speed) / spacing)
+    t, s = trefoil.grid(along, around)
+    by_t, by_s = trefoil.tangents(solid, t, s)
+    normal, second = trefoil.normals(solid, t, s), by_s / solid.radius
+    first = torch.linalg.cross(second, normal)
+    lengths = torch.stack([(by_t * first).sum(-1).abs(), by_s.norm(dim=-1)], -1)
+    size = lengths * (2 * math.pi / torch.tensor([along, around], dtype=torch.float64))
+    return _Patch(trefoil.points(solid, t, s), torch.stack([first, second, normal], -1), size)
 
 
 def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> _Patch:
@@ -150,5 +175,7 @@ def _cells(edges: Sequence[float], spacing: float) -> tuple[Float[Tensor, " cell
 def _inside(solid: Solid, points: Float[Tensor, "points 3"], margin: float) -> Bool[Tensor, " points"]:
     if isinstance(solid, Sphere):
         return (points - torch.tensor(solid.centre, dtype=torch.float64)).norm(dim=-1) < solid.radius + margin
+    if isinstance(solid, Knot):
+        return trefoil.inside(solid, points, margin)
     low, high = (torch.tensor(corner, dtype=torch.float64) for corner in (solid.low, solid.high))
     return ((points > low - margin) & (points < high + margin)).all(-1)

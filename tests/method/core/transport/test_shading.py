@@ -25,7 +25,8 @@ from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.shading import lobe_albedo, shade_materials
 from radiogs_core.transport.splatting import shade_surfels, towards
-from radiogs_datasets.generate.catalogue import Material, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
 from reference.quadrature import lobe_quadrature
 from scenes import look_at, surfels_over
 

@@ -41,7 +41,8 @@ from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.sampling import hemisphere_directions, tangent_frame
 from radiogs_core.transport.splatting import shaded_maps
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
-from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import look_at, sphere_scene, sun_and_sky, surfels_over
 
 SAMPLES = 32

@@ -1,0 +1,67 @@
+"""Scenes whose albedo and roughness vary over surfaces, by patterns of the position; units as in ``catalogue``."""
+
+from .materials import Material, Patterned
+from .patterns import Checker, Noise, Print, Rings, Stripes
+from .recipe import Recipe, Rig
+from .solids import Box, Knot, Sphere
+
+PLASTER = Material((0.8, 0.78, 0.74), 0.8)
+VARNISH = Material((0.62, 0.3, 0.14), 0.35)
+TILE = Material((0.7, 0.69, 0.64), 0.3)
+CLAY = Material((0.66, 0.28, 0.16), 0.75)
+TEAL = Material((0.22, 0.56, 0.55), 0.4)
+PINE = Material((0.08, 0.32, 0.3), 0.65)
+SAND = Material((0.78, 0.66, 0.44), 0.7)
+INK = Material((0.04, 0.04, 0.06), 0.25)
+PAPER = Material((0.76, 0.75, 0.72), 0.85)
+ENAMEL = Material((0.6, 0.1, 0.08), 0.25)
+MARBLE = Material((0.66, 0.66, 0.68), 0.3)
+
+RECIPES = (
+    Recipe(
+        name="niche",
+        purpose="a deep niche with a pattern on every wall: indirect light that lies over varying materials",
+        solids=(
+            Box((-0.8, -0.8, -0.7), (0.8, 0.6, -0.6), Patterned(TILE, CLAY, Checker(0.2, (0.05, 0.03, -0.95)))),
+            Box((-0.8, -0.8, -0.598), (0.8, -0.7, 0.6), Patterned(PLASTER, TEAL, Noise(0.9, 0.25, 0.8, 1))),
+            Box((-0.8, -0.698, -0.598), (-0.7, 0.6, 0.6), Patterned(PLASTER, CLAY, Stripes((0.0, 0.6, 0.8), 0.3, 0.4))),
+            Box((0.7, -0.698, -0.598), (0.8, 0.6, 0.6), Patterned(SAND, PLASTER, Noise(0.6, 0.15, 0.8, 2))),
+            Box((-0.8, -0.8, 0.602), (0.8, -0.2, 0.7), PLASTER),
+            Sphere((0.05, 0.0, -0.238), 0.36, Patterned(MARBLE, ENAMEL, Rings((-0.3, 0.3, 0.3), 0.18, 0.45))),
+        ),
+        rig=Rig(target=(0.0, -0.05, -0.05), radius=4.2, azimuth=(50.0, 130.0), elevation=(5.0, 50.0)),
+        training_light="sky",
+        relight=("sunset", "overcast"),
+    ),
+    Recipe(
+        name="knot",
+        purpose="a knotted mesh before patterned walls: shape, self-shadowing and varying materials at once",
+        solids=(
+            Box((-0.9, -0.9, -0.7), (0.9, 0.9, -0.6), Patterned(TILE, VARNISH, Checker(0.25, (0.03, 0.07, -0.9)))),
+            Box((-0.9, -0.9, -0.598), (-0.8, 0.9, 0.5), Patterned(PLASTER, CLAY, Stripes((0.0, 0.0, 1.0), 0.24, 0.35))),
+            Box((-0.798, -0.9, -0.598), (0.9, -0.8, 0.5), Patterned(SAND, PLASTER, Noise(0.7, 0.15, 0.8, 3))),
+            Knot((-0.05, -0.05, -0.198), 0.44, 0.24, 0.155, Patterned(MARBLE, PINE, Noise(0.55, 0.16, 1.0, 4))),
+        ),
+        rig=Rig(target=(-0.05, -0.05, -0.2), radius=4.4, azimuth=(-5.0, 95.0), elevation=(12.0, 65.0)),
+        training_light="sky",
+        relight=("sunset", "overcast"),
+    ),
+    Recipe(
+        name="print",
+        purpose="glossy ink on matt paper: fine patterns whose roughness changes with the albedo",
+        solids=(
+            Box(
+                (-0.95, -0.95, -0.6), (0.95, 0.95, -0.5),
+                Patterned(PAPER, INK, Print("RADIO", (-0.55, -0.85, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), 0.3, 0.06)),
+            ),
+            Box(
+                (-0.75, -0.1, -0.498), (-0.15, 0.5, 0.1),
+                Patterned(SAND, INK, Print("GS", (-0.7, 0.0, -0.4), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.35, 0.07)),
+            ),
+            Sphere((0.4, 0.3, -0.138), 0.36, Patterned(PAPER, ENAMEL, Rings((0.4, 0.0, 0.2), 0.14, 0.45))),
+        ),
+        rig=Rig(target=(0.0, 0.0, -0.3), radius=4.2, azimuth=(0.0, 360.0), elevation=(20.0, 70.0)),
+        training_light="sunset",
+        relight=("sky", "overcast"),
+    ),
+)  # fmt: skip

@@ -1,0 +1,146 @@
+"""Solid textures: patterns as functions of the world position, each between zero and one.
+
+Every pattern is written once, in arithmetic that ``torch``, ``numpy`` and ``drjit`` share, so that what is rendered and
+what is given as ground truth are the same formula. It needs no coordinates on the surface.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from .strokes import segments
+
+Point = tuple[float, float, float]
+
+Array = Any
+"""Values of one coordinate at many points: a torch or numpy array, or a Dr.Jit ``Float``."""
+
+
+Arithmetic = ModuleType
+"""The library that owns the arrays: ``torch``, ``numpy`` or ``drjit``, of which patterns use what all three have."""
+
+
+@dataclass(frozen=True)
+class Checker:
+    """Cubes of one side length, alternately 0 and 1; one with 0 has its lowest corner at ``origin``.
+
+    No face of a solid may lie in a plane between cubes: rounding would decide.
+    """
+
+    side: float
+    origin: Point
+
+    def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
+        """0 or 1 at world positions."""
+        cell = sum(maths.floor((value - o) / self.side) for value, o in zip((x, y, z), self.origin, strict=True))
+        return cell - 2 * maths.floor(cell / 2)
+
+
+@dataclass(frozen=True)
+class Stripes:
+    """Slabs across ``direction`` (unit length): a part ``duty`` of each ``period`` (world units) is 1, the rest 0."""
+
+    direction: Point
+    period: float
+    duty: float
+
+    def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
+        """0 or 1 at world positions."""
+        u, v, w = self.direction
+        return _periodic((u * x + v * y + w * z) / self.period, self.duty, maths)
+
+
+@dataclass(frozen=True)
+class Rings:
+    """Spherical shells around ``centre``, which planes cut in concentric rings; ``period`` and ``duty`` as stripes."""
+
+    centre: Point
+    period: float
+    duty: float
+
+    def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
+        """0 or 1 at world positions."""
+        u, v, w = (value - o for value, o in zip((x, y, z), self.centre, strict=True))
+        return _periodic(maths.sqrt(u * u + v * v + w * w) / self.period, self.duty, maths)
+
+
+@dataclass(frozen=True)
+class Noise:
+    """A sum of plane waves with random directions and phases, of ``longest`` down to ``shortest`` wavelength.
+
+    Of unit variance before it is scaled by ``contrast`` and clipped around 1/2; a large contrast gives flat patches.
+    """
+
+    longest: float
+    shortest: float
+    contrast: float
+    seed: int
+
+    def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
+        """From 0 to 1 at world positions."""
+        total = 0.0
+        for amplitude, (u, v, w), phase in _waves(self.longest, self.shortest, self.seed):
+            total = total + amplitude * maths.sin(u * x + v * y + w * z + phase)
+        return maths.clip(0.5 + self.contrast * total, 0.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Print:
+    """A line of capital letters, 1 where there is ink, in the plane through ``origin`` along two unit directions.
+
+    ``origin`` is the lower left end of the first letter, ``height`` that of letters and ``thickness`` that of their
+    strokes, in world units. The ink goes all the way through a solid, so that its back bears mirrored letters.
+    """
+
+    text: str
+    origin: Point
+    along: Point
+    upwards: Point
+    height: float
+    thickness: float
+
+    def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
+        """0 or 1 at world positions."""
+        offset = tuple(value - o for value, o in zip((x, y, z), self.origin, strict=True))
+        u, v = (
+            sum(step * part for step, part in zip(direction, offset, strict=True)) / self.height
+            for direction in (self.along, self.upwards)
+        )
+        nearest: Array = u * 0 + math.inf
+        for (u0, v0), (u1, v1) in segments(self.text):
+            du, dv = u1 - u0, v1 - v0
+            place = maths.clip(((u - u0) * du + (v - v0) * dv) / (du * du + dv * dv), 0.0, 1.0)
+            off_u, off_v = u - u0 - place * du, v - v0 - place * dv
+            nearest = maths.minimum(nearest, off_u * off_u + off_v * off_v)
+        half = 0.5 * self.thickness / self.height
+        return 1 - maths.clip(maths.floor(nearest / half**2), 0.0, 1.0)
+
+
+Pattern = Checker | Stripes | Rings | Noise | Print
+
+
+def _periodic(phase: Array, duty: float, maths: Arithmetic) -> Array:
+    """1 in the last part ``duty`` of each period of length one, else 0."""
+    return maths.floor(phase - maths.floor(phase) + duty)
+
+
+WAVES = 24
+
+
+@lru_cache
+def _waves(longest: float, shortest: float, seed: int) -> tuple[tuple[float, Point, float], ...]:
+    """Amplitude, wave vector (radian per world unit) and phase of each wave; amplitudes grow with the wavelength."""
+    random = np.random.default_rng(seed).random((WAVES, 3))
+    length = longest * (shortest / longest) ** (np.arange(WAVES) / (WAVES - 1))
+    amplitude = np.sqrt(2 * length / length.sum())
+    height, azimuth = 2 * random[:, 0] - 1, 2 * math.pi * random[:, 1]
+    flat = np.sqrt(1 - height**2)
+    vector = np.stack([flat * np.cos(azimuth), flat * np.sin(azimuth), height], -1) * (2 * math.pi / length)[:, None]
+    return tuple(
+        (float(a), (float(u), float(v), float(w)), float(2 * math.pi * phase))
+        for a, (u, v, w), phase in zip(amplitude, vector, random[:, 2], strict=True)
+    )
