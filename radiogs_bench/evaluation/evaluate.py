@@ -180,7 +180,7 @@ class _Evaluator:
             further = ("incident",) if wanted and "incident" in prepared.offers else ()
             maps = self.rendered(prepared, view, *further)
             self.given |= maps.keys()
-            score_view(self.scores, view, maps)
+            score_view(self.scores, view, maps, self.scene.extent)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}

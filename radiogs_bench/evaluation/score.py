@@ -39,7 +39,7 @@ def score_predictions(
     for done, view in enumerate(scene.test, start=1):
         maps = predictions.read(view, coverage(view))
         for each in by_protocol:
-            score_view(each, view, maps)
+            score_view(each, view, maps, scene.extent)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
     measures: dict[str, tuple[str, ...]] = {}

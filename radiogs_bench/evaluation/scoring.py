@@ -25,14 +25,20 @@ MULTIPLIED = ("normal", "depth", "direct", "indirect")
 """Maps that a scene stores as they appear on black; the others are straight."""
 
 
-def score_view(scores: MetricsByView, view: View, maps: Maps) -> None:
-    """Score one view's image, normals, roughness and indirect light, where both the map and its truth exist."""
+def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> None:
+    """Score one view's image, normals, depth, roughness and indirect light, where both the map and its truth exist.
+
+    ``extent``: the scene's, world units.
+    """
     rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
     indirect = compared_indirect(rules)
     if "image" in maps and view.has("image"):
         scores.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
     if "normal" in maps and view.has("normal"):
         scores.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
+    if rules.depth_offset is not None and "depth" in maps and view.has("depth"):
+        offset = rules.score_depth_offset(maps["depth"], truth(view, "depth"), mask, extent)
+        scores.add("depth", view.name, offset)
     if "roughness" in maps and view.has("roughness"):
         scores.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
     if indirect in maps and view.has("indirect"):

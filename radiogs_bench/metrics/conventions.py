@@ -136,6 +136,16 @@ class Depth:
 
 
 @dataclass(frozen=True)
+class DepthOffset:
+    """Mean absolute difference of z-depth where the truth covers more than ``covered`` of a pixel, without a scale.
+
+    In percent of the scene's extent (``Scene.extent``).
+    """
+
+    covered: float = 0.5
+
+
+@dataclass(frozen=True)
 class Environment:
     """Squared error of the recovered light over the squared true light, each texel weighted by its solid angle."""
 

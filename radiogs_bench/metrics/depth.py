@@ -7,7 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .conventions import Depth
+from .conventions import Depth, DepthOffset
 
 Map = Float[Tensor, "height width 1"]
 
@@ -33,6 +33,16 @@ def depth_errors(
         float((scale * ours - theirs).square().sum()) / mask.numel() if len(ours) else math.nan
         for scale, (ours, theirs), mask in zip(scales, pairs, masks, strict=True)
     ]
+
+
+def depth_offset(depth: Map, target: Map, mask: Map, extent: float, rules: DepthOffset) -> float:
+    """Mean |z - z*| in percent of ``extent`` (world units); NaN where nothing is covered.
+
+    A pixel that the prediction leaves empty has depth 0: it counts as that, an error of the whole distance.
+    """
+    inside = mask > rules.covered
+    difference = (depth[inside].double() - target[inside].double()).abs()
+    return 100 * float(difference.mean()) / extent if len(difference) else math.nan
 
 
 def _inside(depth: Map, target: Map, mask: Map) -> tuple[Float[Tensor, " pixels"], Float[Tensor, " pixels"]]:

@@ -10,8 +10,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from .albedo import PER_CHANNEL_MEDIAN, albedo_scale, encoded
-from .conventions import Albedo, Depth, Environment, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim, Task
-from .depth import depth_errors
+from .conventions import (
+    Albedo,
+    Depth,
+    DepthOffset,
+    Environment,
+    Indirect,
+    Lpips,
+    Normal,
+    Picture,
+    Psnr,
+    Roughness,
+    Ssim,
+    Task,
+)
+from .depth import depth_errors, depth_offset
 from .environment import environment_error
 from .lpips import ALEX, SMALLEST_SIDE, lpips
 from .normals import IN_MASK, normal_mae
@@ -50,6 +63,7 @@ class Protocol:
     roughness: Roughness | None = SOLID_ROUGHNESS
     indirect: Indirect | None = OUTGOING
     depth: Depth | None = None
+    depth_offset: DepthOffset | None = None
     environment: Environment = FACTOR_A_CHANNEL
 
     def describe(self) -> dict[str, Any]:
@@ -130,6 +144,12 @@ class Protocol:
         if self.depth is None:
             return [{"simse": self._not_compared("depth")} for _ in depths]
         return [{"simse": inside(error)} for error in depth_errors(depths, targets, masks, self.depth)]
+
+    def score_depth_offset(self, depth: Image, target: Image, mask: Mask, extent: float) -> Scores:
+        """``offset`` of one view's z-depth, in percent of the scene's ``extent``."""
+        if self.depth_offset is None:
+            return {"offset": self._not_compared("depth")}
+        return {"offset": inside(depth_offset(depth, target, mask, extent, self.depth_offset))}
 
     def score_environment(
         self, estimate: Float[Tensor, "height width 3"], truth: Float[Tensor, "rows columns 3"]

@@ -6,14 +6,14 @@ from difflib import get_close_matches
 
 from radiogs_core.errors import UsageError
 
-from .conventions import Albedo, Bits, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
+from .conventions import Albedo, Bits, DepthOffset, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
 from .protocol import Protocol
 from .stanford_orb_protocol import STANFORD_ORB
 
 BYTES: Bits = "8 bit rounded"
 CUT_BYTES: Bits = "8 bit truncated"
 
-DEFAULT = Protocol("default")
+DEFAULT = Protocol("default", depth_offset=DepthOffset())
 
 MASKED = Picture(prediction="times true coverage")
 MASKED_TWICE = Picture(prediction="times true coverage", target="times coverage again", clipped=False)

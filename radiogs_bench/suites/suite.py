@@ -36,6 +36,7 @@ MEASURES: Mapping[str, Measure] = {
     "psnr_l": Measure("PSNR-L", "dB", "up", 2),
     "cosine": Measure("cosine distance", "", "down", 4),
     "simse": Measure("SI-MSE", "sq. unit", "down", 5),
+    "offset": Measure("offset", "% of extent", "down", 2),
     "chamfer": Measure("chamfer", "sq. unit", "down", 6),
     # The network beside a protocol's first one is named.
     "lpips_alex": Measure("LPIPS (AlexNet)", "", "down", 3),
