@@ -109,6 +109,11 @@ GUARDS = (
         "no threshold: the sum of its power is zero",
     ),
     Guard(
+        "lights_not_sought",
+        "stage 2's first light from being sought in too few points: it is constant then",
+        "64 points of all training views: fewer are left by surfels that are hardly solid anywhere",
+    ),
+    Guard(
         "broken_lights",
         "drawing from a map with a texel that is no number, which would take every draw",
         "no threshold: every texel must be finite",

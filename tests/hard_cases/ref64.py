@@ -32,16 +32,22 @@ def splats(surfels: Surfels, camera: Camera | None = None) -> dict[str, Tensor]:
     turned = rotations(surfels.rotation)
     scale = surfels.log_scale.double().exp()
     opacity = 1 / (1 + torch.exp(-surfels.opacity_logit.double()))
+    to_plane = torch.diag_embed(1 / scale)
     if camera is not None:
-        depth = (surfels.centre.double() - camera.centre.double()) @ camera.axes[:, 2].double()
-        pixel = depth.abs() / ((camera.fx + camera.fy) / 2)
-        widened = (scale**2 + pixel[:, None] ** 2 / 12).sqrt()
-        opacity = opacity * (scale / widened).prod(-1)
-        scale = widened
+        offset = surfels.centre.double() - camera.centre.double()
+        pixel = (offset @ camera.axes[:, 2].double()).abs() / ((camera.fx + camera.fy) / 2)
+        view = offset / offset.norm(dim=-1, keepdim=True)
+        across = (turned[..., :2] * view[..., None]).sum(1)
+        cosine = (turned[..., 2] * view).sum(-1).abs().clamp(min=0.05)
+        stretched = torch.eye(2).double() + across[:, :, None] * across[:, None] / cosine[:, None, None] ** 2
+        covariance = torch.diag_embed(scale**2) + pixel[:, None, None] ** 2 / 12 * stretched
+        to_plane = torch.linalg.inv(torch.linalg.cholesky(covariance))
+        opacity = opacity * scale.prod(-1) / torch.linalg.det(covariance).sqrt()
+    axes = turned[..., :2] @ to_plane.mT
     return {
         "centre": surfels.centre.double(),
-        "axis_u": turned[..., 0] / scale[:, :1],
-        "axis_v": turned[..., 1] / scale[:, 1:],
+        "axis_u": axes[..., 0],
+        "axis_v": axes[..., 1],
         "normal": turned[..., 2],
         "opacity": opacity,
     }

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d, normalize
 
+from radiogs_core.instruments import fire
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
@@ -34,6 +35,9 @@ ROWS = 16
 
 POINTS = 4800
 """Points that the training views are asked for, all together."""
+
+FEWEST_POINTS = 64
+"""Points without which no light is sought: surfels that leave hardly a pixel solid say nothing about it."""
 
 DIRECTIONS = 128
 """Rays from each point."""
@@ -87,10 +91,17 @@ class Transport:
 
 def light_and_albedo(
     surfels: Surfels, views: tuple[TrainingView, ...], rows: int, learning: LightStart, generator: torch.Generator
-) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
-    """A light map of ``rows`` rows and the surfels' albedo under it, both linear."""
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]] | None:
+    """A light map of ``rows`` rows and the surfels' albedo under it, both linear.
+
+    None, counted as ``lights_not_sought``, where fewer than ``FEWEST_POINTS`` points are seen whole.
+    """
     surfels = surfels.take(torch.arange(len(surfels), device=surfels.centre.device))
     points = seen_points(surfels, views, generator)
+    too_few = len(points.centre) < FEWEST_POINTS
+    fire(lights_not_sought=int(too_few))
+    if too_few:
+        return None
     transport = transport_to(points, surfels, min(rows, ROWS), generator)
     light = least_variation_light(points, transport, learning)
     radiance = mean_radiance(surfels, views)

@@ -41,9 +41,12 @@ def _materials_and_light(
     surfels = learnt.made_of(start.albedo, start.roughness)
     if "start-light" in variant.deviations:
         return surfels, constant_light(rows, START_RADIANCE, device)
-    if start.light == "constant":
+    found = None
+    if start.light == "least-variation":
+        found = light_and_albedo(learnt, views, rows, start.search, generator)
+    if found is None:
         return surfels, constant_light(rows, white_light(views, start), device)
-    light, albedo = light_and_albedo(learnt, views, rows, start.search, generator)
+    light, albedo = found
     return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
 
 

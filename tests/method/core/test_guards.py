@@ -11,13 +11,18 @@ import torch
 import radiogs
 import radiogs_core
 from hard_cases.constructions import ball_of_surfels, cast, drawn, facing, looking_along_z, rays_along_z, with_radiance
+from known_ball import BALL, SCENE
+from radiogs.learning import LightStart
+from radiogs.stages.light_start import light_and_albedo
 from radiogs_core.errors import ExplainedError
 from radiogs_core.guards import GUARDS
 from radiogs_core.instruments import recording
 from radiogs_core.instruments.finite import require_finite
 from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
+from radiogs_core.learning.views import load
 from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import LightSampler
 from scenes import look_at
 
@@ -59,6 +64,12 @@ def too_deep() -> object:
         return topology.sah_topology(corner, corner)
 
 
+def nothing_to_seek_light_in() -> object:
+    elsewhere = Surfels.of(BALL.parameters() | {"centre": BALL.centre + 1000.0})
+    views = load(SCENE.train, torch.device("cpu"))
+    return light_and_albedo(elsewhere, views, 8, LightStart(), torch.Generator().manual_seed(0))
+
+
 OPAQUE = facing(torch.tensor([2.0, 3.0]), 1.0)
 CASES = {
     "degenerate_surfels": (broken("centre"), 1),
@@ -67,6 +78,7 @@ CASES = {
     "full_rays": (lambda: cast(with_radiance(facing(torch.tensor([2.0, 3.0]), 0.9), 1), rays_along_z(5)), 5),
     "deep_trees": (too_deep, 1),
     "black_lights": (lambda: LightSampler(EnvironmentMap(torch.zeros(2, 4, 3))), 1),
+    "lights_not_sought": (nothing_to_seek_light_in, 1),
     "broken_lights": (lambda: LightSampler(EnvironmentMap(torch.full((2, 4, 3), torch.nan))), 1),
     "blind_lenses": (lambda: replace(CAMERA, fx=0.0), 1),
     "bent_poses": (lambda: replace(CAMERA, camera_to_world=2 * torch.eye(4)), 1),

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.given import DARKEST, HELD, SPACING, Start, log_radiance, replaced
+from radiogs.given import DARKEST, HELD, SPACING, Start, given_geometry, log_radiance, replaced
 from radiogs.known_indirect import KnownIndirectTracer, Nearest
 from radiogs.method import RADIOGS
 from radiogs.model import Model
@@ -76,7 +76,7 @@ def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() ->
     surfels = learnt((-1.0, 0.01, 0.0), (1.0, 0.01, 0.0))
     surfels.sh[0, 0], surfels.sh[1, 0] = 1.0, 2.0
     surfels.sh[:, 1:] = 9.0
-    given = replaced(start_of(surfels), ("geometry",), KNOWN, 0).surfels
+    given = given_geometry(surfels, ("geometry",), KNOWN)
     middle = torch.tensor([0.5, 0.0, 0.0]) * given.centre[:, :1].sign()
     assert torch.allclose((given.centre - middle).norm(dim=-1), torch.tensor(0.45), atol=1e-5)
     outwards = torch.nn.functional.normalize(given.centre - middle, dim=-1)
@@ -133,7 +133,8 @@ def test_given_indirect_light_is_that_of_the_furnace_wherever_the_surfel_has_sun
     tracer, index = KnownIndirectTracer(sunk, true), torch.arange(2)
     incident = tracer.incident(index, *hemisphere_directions(sunk.frame[..., 2], 64, None))
     assert torch.allclose(incident.radiance, torch.tensor(0.2), rtol=0.06)
-    assert torch.equal(incident.visibility, torch.ones(2, 64))  # the model has no walls of its own
+    # The model has no walls of its own; the lower surfel sees the back of the other.
+    assert torch.equal(incident.visibility[1], torch.ones(64))
     below = tracer.incident(index, *hemisphere_directions(-sunk.frame[..., 2], 64, None))
     assert not bool(below.radiance.any())
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.learning import MaterialLearning
+from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
@@ -27,11 +27,22 @@ OTHER = {
     "geometry.density.clone_scale": 1.0,
     "geometry.density.largest_scale": 0.05,
     "geometry.density.opacity_floor": 0.6,
+    "geometry.schedule.decay_from": 0.1,
+    "geometry.schedule.normal_late_from": 0.1,
     "geometry.start.candidates": 64,
+    "geometry.start.consistent_share": 0.3,
+    "geometry.normal_target": "central",
+    "geometry.across_silhouettes": True,
+    "geometry.encoding": "premultiplied",
     "geometry.start.opacity": 0.3,
     "geometry.backgrounds": (0.5,),
     "geometry.colour": "display",
     "split_sum.consistency_from": 0.5,
+    "materials.start.light": "constant",
+    "materials.start.search.steps": 5,
+    "materials.start.search.neighbours": 3,
+    "materials.start.search.brightest": 0.5,
+    "materials.start.search.albedo_range": (0.1, 0.3),
     "materials.start.white": 0.4,
     "materials.start.brightest": 0.5,
     "materials.normal_from": 0.4,
@@ -68,6 +79,10 @@ def at(tree: Any, path: str) -> Any:
         tree = tree[name]
     return tree
 
+
+CONSTANT = replace(BASE, materials=MaterialLearning(start=MaterialStart(light="constant")))
+OF_A_CONSTANT_START = ("materials.start.albedo", "materials.start.white", "materials.start.brightest")
+"""Fields that are read where the light is not sought."""
 
 LEAVES = dict(leaves(BASE))
 OF_STAGE_ONE = [path for path in LEAVES if path.startswith(("geometry.", "split_sum."))]
@@ -115,8 +130,10 @@ def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str,
 def test_each_field_of_materials_changes_stage_two_and_is_not_read_before(
     first: dict[str, Any], second: dict[str, torch.Tensor], path: str
 ) -> None:
-    value = other(path, LEAVES[path])
-    variant = turned(BASE, path, value)
+    value, base = other(path, LEAVES[path]), BASE
+    if path in OF_A_CONSTANT_START:
+        base, second = CONSTANT, inverted(first, CONSTANT)
+    variant = turned(base, path, value)
     assert differ(second, inverted(first, variant))
     assert at(variant.of_training(), path) == value
     assert variant.of_initialisation() == BASE.of_initialisation()

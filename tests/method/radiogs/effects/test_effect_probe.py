@@ -126,8 +126,10 @@ def test_a_cavity_of_a_few_surfels_keeps_its_rays() -> None:
     plan = found(made).plan
     assert plan.traces
     if plan.traced is not None:
-        inside = torch.arange(len(made.surfels)) >= len(floor)
-        assert bool(plan.traced[inside].all())
+        # The ring hides the sky from the floor about it, too: what is traced lies there.
+        near = made.surfels.centre.norm(dim=-1) < 0.2
+        assert bool(plan.traced[near].any())
+        assert not bool(plan.traced[~near].any())
         assert float(plan.traced.float().mean()) < 0.1
 
 
