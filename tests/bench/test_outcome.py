@@ -1,0 +1,52 @@
+"""What a training of about a minute has to find: shape, light and materials, and not the pixels alone.
+
+Bounds are what was measured, and a margin for other machines; the values of a run as short as this are no benchmark.
+"""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from radiogs.method import RADIOGS
+from radiogs.variant import Variant
+from radiogs_bench.evaluation.evaluate import evaluate
+from radiogs_bench.metrics import protocol
+from radiogs_core.contract import Run
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_datasets import load_scene
+
+CPU = torch.device("cpu")
+BUDGET = replace(
+    RADIOGS.presets["tiny"], initialise_iterations=600, initial_surfels=3000, maximum_surfels=3000,
+    inverse_iterations=120, relight_hemisphere_samples=32, relight_light_samples=32,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, float]:
+    use_threads(1)
+    run = Run(load_scene("corner"), Variant(), BUDGET, 0, CPU)
+    product: dict[str, object] = {}
+    for spec in RADIOGS.stages(run.variant, run.budget):
+        stage = spec.begin(run, product)
+        while stage.iteration < stage.iterations:
+            stage.step()
+        product = stage.product()
+    trained = RADIOGS.restore(run, product)
+    scored = evaluate(trained, run.scene, protocol("default"), CPU, lambda done, total: None, timed=False)
+    return {name: each["value"] for name, each in scored.metrics.items() if each["value"] is not None}
+
+
+AT_LEAST = {"nvs/psnr": 35.0, "albedo/psnr": 22.8, "relight/psnr": 26.8, "indirect/psnr": 25.5}
+AT_MOST = {"normal/mae": 14.5, "depth/offset": 1.4, "environment/error_scaled": 0.65, "roughness/mse": 0.04}
+
+
+@pytest.mark.parametrize("name", AT_LEAST)
+def test_a_decibel_value_reaches_its_bound(found: dict[str, float], name: str) -> None:
+    assert found[name] >= AT_LEAST[name]
+
+
+@pytest.mark.parametrize("name", AT_MOST)
+def test_an_error_stays_below_its_bound(found: dict[str, float], name: str) -> None:
+    assert found[name] <= AT_MOST[name]
