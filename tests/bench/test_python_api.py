@@ -26,7 +26,7 @@ def test_the_walk_of_the_documentation_runs_as_it_stands(
     for block in blocks:
         exec(compile(block, str(WALK), "exec"), names)
     said = capsys.readouterr().out
-    assert "corner 32 training views" in said
+    assert "corner 48 training views" in said
     assert "detach-surfel" in said
     assert (tmp_path / "out" / "no-rad" / "surfels.ply").exists()
     again = rb.train("radiogs", "corner", preset="smoke", variant={"radiometric_weight": 0.0}, out="out/no-rad")

@@ -1,6 +1,7 @@
 """What Mitsuba renders is what the conventions and formulas say; skipped where Mitsuba cannot render."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,12 @@ import torch
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets import load_scene
-from radiogs_datasets.generate import RECIPES, generate_scene
+from radiogs_datasets.generate import RECIPES, Pictures, generate_scene
+from radiogs_datasets.generate.materials import Material, Patterned
+from radiogs_datasets.generate.patterns import Stripes
 from radiogs_datasets.generate.probe import mitsuba_failure
+from radiogs_datasets.generate.solids import Sphere
+from radiogs_datasets.generate.surfaces import surfaces_of
 from radiogs_datasets.image_files import read_hdr, read_png
 from radiogs_datasets.registry import TINY
 
@@ -105,15 +110,65 @@ def test_brdf_samples_average_to_its_quadrature_and_its_density_to_one(roughness
     np.testing.assert_allclose(np.array(value), wanted, rtol=1e-3, atol=1e-5)
 
 
+@pytest.mark.parametrize("name", ["niche", "knot", "print"])
+def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None:
+    """Patterns, and the normals of the knot's mesh: at the samples' middles, met from half a millimetre above."""
+    import mitsuba as mi
+
+    from radiogs_datasets.generate import render
+
+    recipe = RECIPES[name]
+    scene = render.build(recipe, np.ones((4, 8, 3), np.float32))
+    samples = surfaces_of(recipe.solids, 0.03)
+    normal = samples.frame[..., 2].numpy()
+    start = samples.centre.numpy() + 5e-4 * normal
+    hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(*start.T), mi.Vector3f(*-normal.T)))
+    # A ray along the diagonal of a box's face may slip between its two triangles.
+    met = np.abs(np.array(hit.t) - 5e-4) < 2e-4
+    assert met.mean() > 0.998
+    assert (np.array(hit.n).T * normal).sum(-1)[met].min() > math.cos(math.radians(4))
+    np.testing.assert_allclose(np.array(hit.sh_frame.n), np.array(hit.n), atol=1e-6)
+    material = hit.bsdf()
+    found = np.concatenate(
+        [
+            np.array(material.eval_attribute_3("albedo", hit)),
+            np.array(material.eval_attribute_1("roughness", hit))[None],
+        ]
+    )
+    expected = np.concatenate([samples.albedo.numpy(), samples.roughness.numpy()[:, None]], -1).T
+    # The mesh lies up to 0.1 mm below the tube, and single precision decides otherwise at an edge.
+    assert (np.abs(found - expected).max(0)[met] > 5e-3).mean() < 2e-3
+
+
+@pytest.mark.parametrize("place", [0, 4])
+def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(place: int) -> None:
+    """A ball with 0 and 1 halves, under an even light: each pixel is one of two plain balls."""
+    from radiogs_datasets.generate import render
+    from radiogs_datasets.generate.cameras import pinhole
+
+    one, other = Material((0.7, 0.2, 0.1), 0.3), Material((0.1, 0.3, 0.6), 0.8)
+    finishes = (one, other, Patterned(one, other, Stripes((1.0, 0.0, 0.0), 4.0, 0.5)))
+    recipe = RECIPES["convex"]
+    camera = pinhole(recipe.rig, place, 24)
+    light = np.ones((4, 8, 3), np.float32)
+    scenes = [render.build(replace(recipe, solids=(Sphere((0.0, 0.0, 0.0), 1.0, each),)), light) for each in finishes]
+    plain, second, patterned = (render.radiance(scene, camera, 64, 3, 0) for scene in scenes)
+    seen = render.surface(scenes[2], camera)
+    for chosen, expected in ((0.3, plain), (0.8, second)):
+        whole = (seen.coverage[..., 0] == 1) & (np.abs(seen.roughness[..., 0] - chosen) < 1e-6)
+        assert whole.sum() > 20
+        np.testing.assert_allclose(patterned[whole], expected[whole], atol=2e-5)
+
+
 @pytest.mark.slow
 def test_the_committed_image_is_what_the_generator_renders(tmp_path: Path) -> None:
     from radiogs_datasets.generate import render, scene_folder
     from radiogs_datasets.generate.cameras import pinhole
 
-    recipe = RECIPES["convex"]
+    recipe, pictures = RECIPES["convex"], Pictures()
     lights = {"training": render.build(recipe, read_hdr(TINY / "convex/envmaps/training.hdr"))}
-    split = scene_folder.Split("train", 0, 32, scene_folder.TRAIN_SAMPLES)
-    scene_folder._write_view(lights, pinhole(recipe.rig, 0, 64), split, 8, 0, tmp_path)
+    split = scene_folder.Split("train", 0, pictures.train, scene_folder.TRAIN_SAMPLES)
+    scene_folder._write_view(lights, pinhole(recipe.rig, 0, pictures.size), split, pictures.depth, 0, tmp_path)
     difference = np.abs(read_png(tmp_path / "rgba.png") - read_png(TINY / "convex/train_000/rgba.png"))
     # On the machine that made it, not a bit differs; elsewhere a fused multiply-add may round otherwise.
     assert difference.max() < 2.5 / 255

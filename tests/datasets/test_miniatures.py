@@ -11,7 +11,7 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene, scene_names
-from radiogs_datasets.generate import RECIPES
+from radiogs_datasets.generate import RECIPES, Pictures
 from radiogs_datasets.generate.environments import LIGHTS
 from radiogs_datasets.registry import TINY
 from reference.shade import environment_radiance
@@ -45,14 +45,36 @@ def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
     return solid, depth, normal, whole
 
 
+def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Albedo and roughness [pixels, 4] of the whole pixels of ``interior``, and how much they vary within each.
+
+    Means over the generator's 8 x 8 rays, which meet the surface's tangent plane at the pixel's centre.
+    """
+    solid, depth, normal, whole = found
+    camera = view.camera.to(dtype=torch.float64)
+    middle, origin = camera.ray_directions().numpy()[whole], camera.centre.numpy()
+    right, down = (camera.axes[:, axis].numpy() / camera.fx for axis in (0, 1))
+    step = (np.arange(8) + 0.5) / 8 - 0.5
+    rays = middle[:, None, None] + step[:, None, None] * right + step[:, None] * down
+    across = [(way * normal[whole][:, None, None]).sum(-1) for way in (middle[:, None, None], rays)]
+    points = origin + (depth[whole][:, None, None] * across[0] / across[1])[..., None] * rays
+    values = np.empty((*points.shape[:-1], 4))
+    for number, shape in enumerate(RECIPES[scene.name].solids):
+        on = points[solid[whole] == number]
+        values[solid[whole] == number] = np.stack(shape.material.at(*np.moveaxis(on, -1, 0), np), -1)
+    return values.mean((1, 2)), np.ptp(values, axis=(1, 2))
+
+
 def test_the_miniatures_come_with_the_package_and_are_small() -> None:
-    assert {"corner", "convex", "occluder", "red_white"} <= set(scene_names()) <= set(RECIPES)
-    for name in scene_names():
-        assert sum(path.stat().st_size for path in (TINY / name).rglob("*")) < 3_000_000
+    assert set(scene_names()) == set(RECIPES)
+    sizes = [sum(path.stat().st_size for path in (TINY / name).rglob("*")) for name in scene_names()]
+    assert max(sizes) < 3_000_000
+    assert sum(sizes) < 40_000_000
 
 
 def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
-    assert (len(scene.train), len(scene.test)) == (32, 8)
+    pictures = Pictures()
+    assert (len(scene.train), len(scene.test)) == (pictures.train, pictures.test) == (48, 8)
     assert set(scene.lights) == set(RECIPES[scene.name].relight)
     assert scene.training_light is not None
     wanted = {"image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"}
@@ -61,24 +83,22 @@ def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
         assert set(view.sources) == wanted
         for name in wanted:
             channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert view.read(name).shape == (64, 64, channels)
+            assert view.read(name).shape == (pictures.size, pictures.size, channels)
             assert view.read(name).dtype == torch.float32
 
 
 def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
-    materials = [solid.material for solid in RECIPES[scene.name].solids]
-    albedo = np.array([material.albedo for material in materials])
-    roughness = np.array([[material.roughness] for material in materials])
     for view in scene.test:
-        solid, depth, normal, whole = interior(scene, view)
-        assert whole.sum() > 400
-        # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each.
-        off = np.abs(view.read("albedo").numpy() - albedo[solid])[whole].max(-1)
-        assert np.quantile(off, 0.995) <= HALF_LEVEL + 1e-6
-        assert off.max() < 0.05
-        off = np.abs(view.read("roughness").numpy() - roughness[solid])[whole].max(-1)
-        assert np.quantile(off, 0.995) <= HALF_LEVEL + 1e-6
-        assert off.max() < 0.05
+        found = interior(scene, view)
+        _, depth, normal, whole = found
+        assert whole.sum() > 900
+        stored = np.concatenate([view.read(name).numpy()[whole] for name in ("albedo", "roughness")], -1)
+        expected, uneven = materials_of_pixels(scene, view, found)
+        # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each. Where
+        # an edge of a pattern crosses a pixel of a curved surface, it does so a little beside the tangent plane.
+        off = np.maximum(np.abs(stored - expected) - uneven / 32, 0)
+        assert np.quantile(off.max(-1), 0.99) <= HALF_LEVEL + 1e-6
+        assert off.max() < 0.08
         cosine = (view.read("normal").numpy() * normal).sum(-1)[whole]
         # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
@@ -152,6 +172,9 @@ PURPOSES = {
     "glossy": {"specular_share": (0.045, 1.0)},
     "mirror": {"specular_share": (0.055, 1.0)},
     "wire": {"shadowed_share": (0.1, 1.0), "indirect_share": (0.0, 0.06)},
+    "niche": {"indirect_share": (0.15, 0.25)},
+    "knot": {"indirect_share": (0.15, 0.25)},
+    "print": {"indirect_share": (0.0, 0.1), "specular_share": (0.03, 1.0)},
     "patchwork": {"indirect_share": (0.0, 0.003), "shadowed_share": (0.0, 0.001)},
 }
 
@@ -166,8 +189,8 @@ def test_each_scene_shows_the_effect_that_it_is_for(name: str) -> None:
 def test_the_stated_share_of_indirect_light_is_that_of_the_maps(scene: Scene) -> None:
     sums = [sum(float(view.read(kind).sum()) for view in scene.test) for kind in ("indirect", "direct")]
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
-    # Stated over all views, of which these are a fifth.
-    assert sums[0] / sum(sums) == pytest.approx(metadata["indirect_share"], rel=0.25, abs=1e-3)
+    # The maps have half floats, the statement four digits; what is seen beside a solid is not in the maps.
+    assert sums[0] / sum(sums) == pytest.approx(metadata["indirect_share"], rel=2e-3, abs=1e-4)
 
 
 def test_red_light_falls_on_the_white_box() -> None:
@@ -207,8 +230,10 @@ def test_convex_images_are_the_quadrature_of_the_brdf_under_the_stored_light(lig
     )
     image = view.read("image" if light == "training" else f"relit/{light}")[chosen[:, 0], chosen[:, 1]]
     assert len(chosen) > 8
-    # A pixel's mean over its area, eight bits, and path tracing's noise.
-    torch.testing.assert_close(image.double(), srgb_encode(expected), atol=0.006, rtol=0)
+    # A pixel's mean over its area, eight bits, and path tracing's noise, of which the mean over pixels has least.
+    error = image.double() - srgb_encode(expected)
+    assert float(error.abs().max()) < 0.012
+    assert float(error.mean(0).abs().max()) < 0.001
 
 
 def sphere_radiance(normal: torch.Tensor, view: torch.Tensor, material, environment: EnvironmentMap) -> torch.Tensor:
@@ -242,7 +267,7 @@ def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
 def test_metadata_says_how_the_scene_was_made(scene: Scene) -> None:
     metadata = json.loads((TINY / scene.name / "metadata.json").read_text())
     assert metadata["scene"] == scene.name
-    assert metadata["samples"] == {"train": 1024, "test": 4096}
-    assert metadata["noise_floor_db"] > 45
+    assert metadata["samples"] == {"train": 256, "test": 1024}
+    assert metadata["noise_floor_db"] > 43
     assert (metadata["indirect_share"] > 0) == (scene.name != "convex")
     assert set(metadata["lights"]) == {"training", *RECIPES[scene.name].relight}

@@ -5,27 +5,30 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from radiogs_core.errors import UsageError
-from radiogs_datasets.generate import RECIPES, generate_scene, probe
+from radiogs_datasets.generate import RECIPES, generate_scene, probe, trefoil
 from radiogs_datasets.generate.cameras import pinhole
-from radiogs_datasets.generate.recipe import Recipe
-from radiogs_datasets.generate.solids import Box, Knot, Solid, Sphere
 from radiogs_datasets.generate.environments import LIGHTS, WIDTH
+from radiogs_datasets.generate.recipe import Recipe
+from radiogs_datasets.generate.solids import Box, Knot, Solid
+from reference.solids import knot_curve
 
 
-def gap(first: Box | Sphere, second: Box | Sphere) -> float:
+def gap(first: Solid, second: Solid) -> float:
     """Distance between two solids; zero or less where they touch or overlap."""
     low, high, radius = zip(*(bounds(solid) for solid in (first, second)), strict=True)
-    apart = np.maximum(np.maximum(low[0] - high[1], low[1] - high[0]), 0)
-    return float(np.linalg.norm(apart)) - sum(radius)
+    apart = np.maximum(np.maximum(low[0][:, None] - high[1], low[1] - high[0][:, None]), 0)
+    return float(np.linalg.norm(apart, axis=-1).min()) - sum(radius)
 
 
-def bounds(solid: Box | Sphere) -> tuple[np.ndarray, np.ndarray, float]:
-    """A box of its own, or a sphere as a point with a radius around it."""
+def bounds(solid: Solid) -> tuple[np.ndarray, np.ndarray, float]:
+    """A box of its own, a sphere as a point and a knot as points on its curve, with a radius around them."""
     if isinstance(solid, Box):
-        return np.array(solid.low), np.array(solid.high), 0.0
-    return np.array(solid.centre), np.array(solid.centre), solid.radius
+        return np.array([solid.low]), np.array([solid.high]), 0.0
+    middle = knot_curve(solid, 4000) if isinstance(solid, Knot) else np.array([solid.centre])
+    return middle, middle, solid.radius
 
 
 @pytest.fixture(params=RECIPES.values(), ids=list(RECIPES))
@@ -42,9 +45,18 @@ def test_solids_neither_touch_nor_overlap_and_stay_in_the_box(recipe: Recipe) ->
         assert max(np.abs(low).max(), np.abs(high).max()) + radius <= 1.3
 
 
+def test_no_knot_meets_itself() -> None:
+    """The points of its surface are as far from the nearest strand as from their own."""
+    knots = [solid for recipe in RECIPES.values() for solid in recipe.solids if isinstance(solid, Knot)]
+    assert knots
+    for knot in knots:
+        surface = trefoil.points(knot, *trefoil.grid(600, 120)).numpy()
+        assert cKDTree(knot_curve(knot, 20_000)).query(surface)[0].min() > knot.radius - 1e-6
+
+
 def test_every_camera_looks_at_the_target_from_outside(recipe: Recipe) -> None:
-    for place in range(40):
-        matrix = pinhole(recipe.rig, place, 64).to_world
+    for place in range(56):
+        matrix = pinhole(recipe.rig, place, 96).to_world
         np.testing.assert_allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-12)
         assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1)
         assert matrix[2, 1] > 0  # the image's up is the world's
@@ -53,8 +65,8 @@ def test_every_camera_looks_at_the_target_from_outside(recipe: Recipe) -> None:
 
 def test_cameras_of_the_corner_stand_before_both_walls() -> None:
     """Their inner faces, and the floor's, lie at x = -1 (red), y = -1.002 (green), z = -0.7 (white)."""
-    for place in range(40):
-        x, y, z = pinhole(RECIPES["corner"].rig, place, 64).to_world[:3, 3]
+    for place in range(56):
+        x, y, z = pinhole(RECIPES["corner"].rig, place, 96).to_world[:3, 3]
         assert (x > -1, y > -1.002, z > -0.7) == (True, True, True)
 
 

@@ -11,7 +11,8 @@ TILE = Material((0.7, 0.69, 0.64), 0.3)
 CLAY = Material((0.66, 0.28, 0.16), 0.75)
 TEAL = Material((0.22, 0.56, 0.55), 0.4)
 PINE = Material((0.08, 0.32, 0.3), 0.65)
-SAND = Material((0.78, 0.66, 0.44), 0.7)
+SAND = Material((0.78, 0.66, 0.44), 0.35)
+KRAFT = Material((0.72, 0.58, 0.38), 0.8)
 INK = Material((0.04, 0.04, 0.06), 0.25)
 PAPER = Material((0.76, 0.75, 0.72), 0.85)
 ENAMEL = Material((0.6, 0.1, 0.08), 0.25)
@@ -37,10 +38,13 @@ RECIPES = (
         name="knot",
         purpose="a knotted mesh before patterned walls: shape, self-shadowing and varying materials at once",
         solids=(
-            Box((-0.9, -0.9, -0.7), (0.9, 0.9, -0.6), Patterned(TILE, VARNISH, Checker(0.25, (0.03, 0.07, -0.9)))),
-            Box((-0.9, -0.9, -0.598), (-0.8, 0.9, 0.5), Patterned(PLASTER, CLAY, Stripes((0.0, 0.0, 1.0), 0.24, 0.35))),
+            Box((-0.9, -0.9, -0.7), (0.9, 0.9, -0.6), Patterned(TILE, CLAY, Checker(0.25, (0.03, 0.07, -0.9)))),
+            Box(
+                (-0.9, -0.9, -0.598), (-0.8, 0.9, 0.5),
+                Patterned(PLASTER, VARNISH, Stripes((0.0, 0.0, 1.0), 0.24, 0.35)),
+            ),
             Box((-0.798, -0.9, -0.598), (0.9, -0.8, 0.5), Patterned(SAND, PLASTER, Noise(0.7, 0.15, 0.8, 3))),
-            Knot((-0.05, -0.05, -0.198), 0.44, 0.24, 0.155, Patterned(MARBLE, PINE, Noise(0.55, 0.16, 1.0, 4))),
+            Knot((0.04, 0.04, -0.215), 0.43, 0.24, 0.14, Patterned(MARBLE, PINE, Noise(0.55, 0.16, 1.0, 4))),
         ),
         rig=Rig(target=(-0.05, -0.05, -0.2), radius=4.4, azimuth=(-5.0, 95.0), elevation=(12.0, 65.0)),
         training_light="sky",
@@ -56,7 +60,7 @@ RECIPES = (
             ),
             Box(
                 (-0.75, -0.1, -0.498), (-0.15, 0.5, 0.1),
-                Patterned(SAND, INK, Print("GS", (-0.7, 0.0, -0.4), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.35, 0.07)),
+                Patterned(KRAFT, INK, Print("GS", (-0.7, 0.0, -0.4), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), 0.35, 0.07)),
             ),
             Sphere((0.4, 0.3, -0.138), 0.36, Patterned(PAPER, ENAMEL, Rings((0.4, 0.0, 0.2), 0.14, 0.45))),
         ),

@@ -32,8 +32,8 @@ class Knot:
     """A closed tube of ``radius`` along a trefoil knot; see ``trefoil`` for its curve.
 
     The knot winds around a torus with a vertical axis through ``centre``: ``ring`` is the radius of the circle in its
-    middle, and ``swing`` how far the tube's middle is from that circle. ``swing`` must exceed ``radius``, and ``ring``
-    the sum of both, for the tube not to meet itself.
+    middle, and ``swing`` how far the tube's middle is from that circle. The tube must not meet itself: ``swing`` must
+    exceed ``radius``, and so must 0.85 (``ring`` - ``swing``), as three strands pass the axis that near.
     """
 
     centre: Point

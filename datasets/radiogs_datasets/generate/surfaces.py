@@ -28,7 +28,7 @@ TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
 
 PROBES = 256
-"""Places along a knot at which the speed of its parameter is measured."""
+"""Places along and around a knot at which the stretch of its parameter is measured."""
 
 
 def surfaces_of_folder(folder: Path) -> Surfaces | None:
@@ -118,17 +118,14 @@ def _sphere(solid: Sphere, spacing: float) -> _Patch:
 
 
 def _tube(solid: Knot, spacing: float) -> _Patch:
-    """An even grid over the tube's parameters; its cells are parallelograms, and their sizes those of equal area."""
+    """An even grid over the tube's parameters, sheared where the grid twists around the curve."""
     around = math.ceil(2 * math.pi * solid.radius / spacing)
-    speed = trefoil.tangents(solid, *trefoil.grid(PROBES, around))[0].norm(dim=-1).max()
-    along = math.ceil(2 * math.pi * float(speed) / spacing)
+    longest = float(trefoil.stretch(solid, *trefoil.grid(PROBES, PROBES)).max())
+    along = math.ceil(2 * math.pi * longest / spacing)
     t, s = trefoil.grid(along, around)
-    by_t, by_s = trefoil.tangents(solid, t, s)
-    normal, second = trefoil.normals(solid, t, s), by_s / solid.radius
-    first = torch.linalg.cross(second, normal)
-    lengths = torch.stack([(by_t * first).sum(-1).abs(), by_s.norm(dim=-1)], -1)
-    size = lengths * (2 * math.pi / torch.tensor([along, around], dtype=torch.float64))
-    return _Patch(trefoil.points(solid, t, s), torch.stack([first, second, normal], -1), size)
+    width = torch.full_like(t, 2 * math.pi * solid.radius / around)
+    size = torch.stack([width, trefoil.stretch(solid, t, s) * (2 * math.pi / along)], -1)
+    return _Patch(trefoil.points(solid, t, s), trefoil.frames(solid, t, s), size)
 
 
 def _face(solid: Box, others: Sequence[Solid], spacing: float, axis: int, side: int) -> _Patch:

@@ -27,37 +27,34 @@ BLOCK = 4096
 
 def curve(knot: Knot, t: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
     """Middle of the tube."""
-    around, beside = AROUND_AXIS * t, AROUND_TUBE * t
-    reach = knot.ring + knot.swing * beside.cos()
-    offset = torch.stack([reach * around.cos(), reach * around.sin(), knot.swing * beside.sin()], -1)
+    beside, out, _, upwards = _axes(t)
+    offset = (knot.ring + knot.swing * beside.cos())[:, None] * out + knot.swing * beside.sin()[:, None] * upwards
     return t.new_tensor(knot.centre) + offset
 
 
-def normals(knot: Knot, t: Float[Tensor, " n"], s: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
-    """Outward unit normals of the tube."""
-    around, beside = AROUND_AXIS * t, AROUND_TUBE * t
-    out = torch.stack([around.cos(), around.sin(), torch.zeros_like(t)], -1)
-    ahead = torch.stack([-around.sin(), around.cos(), torch.zeros_like(t)], -1)
-    upwards = torch.tensor([0.0, 0.0, 1.0], dtype=t.dtype)
-    across = beside.cos()[:, None] * out + beside.sin()[:, None] * upwards
-    turning = beside.cos()[:, None] * upwards - beside.sin()[:, None] * out
-    reach = (knot.ring + knot.swing * beside.cos())[:, None]
-    along = torch.nn.functional.normalize(AROUND_AXIS * reach * ahead + AROUND_TUBE * knot.swing * turning, dim=-1)
-    return s.cos()[:, None] * across + s.sin()[:, None] * torch.linalg.cross(along, across)
+def frames(knot: Knot, t: Float[Tensor, " n"], s: Float[Tensor, " n"]) -> Float[Tensor, "n 3 3"]:
+    """Orthonormal, right-handed frames of the tube; columns: around it, along its curve, outwards."""
+    beside, out, _, upwards = _axes(t)
+    along = torch.nn.functional.normalize(_derivatives(knot, t)[0], dim=-1)
+    first = beside.cos()[:, None] * out + beside.sin()[:, None] * upwards
+    second = torch.linalg.cross(along, first)
+    cosine, sine = s.cos()[:, None], s.sin()[:, None]
+    return torch.stack([cosine * second - sine * first, along, cosine * first + sine * second], -1)
 
 
 def points(knot: Knot, t: Float[Tensor, " n"], s: Float[Tensor, " n"]) -> Float[Tensor, "n 3"]:
     """On the tube's surface."""
-    return curve(knot, t) + knot.radius * normals(knot, t, s)
+    return curve(knot, t) + knot.radius * frames(knot, t, s)[..., 2]
 
 
-def tangents(
-    knot: Knot, t: Float[Tensor, " n"], s: Float[Tensor, " n"]
-) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
-    """Derivatives of ``points`` by t and by s; their cross product points inwards."""
-    one, none = torch.ones_like(t), torch.zeros_like(t)
-    by_t, by_s = (torch.func.jvp(lambda *at: points(knot, *at), (t, s), way)[1] for way in ((one, none), (none, one)))
-    return by_t, by_s
+def stretch(knot: Knot, t: Float[Tensor, " n"], s: Float[Tensor, " n"]) -> Float[Tensor, " n"]:
+    """World units along the curve's direction per radian of t, on the tube: |c'| - radius n.c'' / |c'|.
+
+    Times the radius this is the tube's area per unit of t and s; it is smaller on the inside of a bend.
+    """
+    first, second = _derivatives(knot, t)
+    speed = first.norm(dim=-1)
+    return speed - knot.radius * (frames(knot, t, s)[..., 2] * second).sum(-1) / speed
 
 
 def grid(along: int, around: int) -> tuple[Float[Tensor, " cells"], Float[Tensor, " cells"]]:
@@ -86,3 +83,24 @@ def inside(knot: Knot, at: Float[Tensor, "points 3"], margin: float) -> Bool[Ten
     near = [torch.cdist(block, middle).amin(-1) < reach for block in at[found].split(BLOCK)]
     found[found.clone()] = torch.cat(near) if near else found.new_zeros(0)
     return found
+
+
+def _axes(
+    t: Float[Tensor, " n"],
+) -> tuple[Float[Tensor, " n"], Float[Tensor, "n 3"], Float[Tensor, "n 3"], Float[Tensor, " 3"]]:
+    """Angle in the torus' tube; unit directions away from the axis and around it; upwards."""
+    around, none = AROUND_AXIS * t, torch.zeros_like(t)
+    out = torch.stack([around.cos(), around.sin(), none], -1)
+    ahead = torch.stack([-around.sin(), around.cos(), none], -1)
+    return AROUND_TUBE * t, out, ahead, t.new_tensor([0.0, 0.0, 1.0])
+
+
+def _derivatives(knot: Knot, t: Float[Tensor, " n"]) -> tuple[Float[Tensor, "n 3"], Float[Tensor, "n 3"]]:
+    """First and second derivative of the curve by t."""
+    beside, out, ahead, upwards = _axes(t)
+    cosine, sine = knot.swing * beside.cos()[:, None], knot.swing * beside.sin()[:, None]
+    reach = knot.ring + cosine
+    first = AROUND_TUBE * (cosine * upwards - sine * out) + AROUND_AXIS * reach * ahead
+    inwards = AROUND_TUBE**2 * cosine + AROUND_AXIS**2 * reach
+    second = -inwards * out - AROUND_TUBE**2 * sine * upwards - 2 * AROUND_TUBE * AROUND_AXIS * sine * ahead
+    return first, second
