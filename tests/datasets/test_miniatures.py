@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.generate import RECIPES, Pictures
 from radiogs_datasets.generate.environments import LIGHTS
 from radiogs_datasets.generate.materials import Patterned
-from radiogs_datasets.generate.solids import Box
+from radiogs_datasets.generate.solids import Box, Knot
 from radiogs_datasets.registry import TINY
 from reference.shade import environment_radiance
 from reference.solids import cast
@@ -93,6 +94,9 @@ def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> N
     pattern_on_a_curve = np.array(
         [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
     )
+    # Between the nine rays of a pixel one strand of a knot may pass before another.
+    knotted = any(isinstance(each, Knot) for each in RECIPES[scene.name].solids)
+    worst = partial(np.quantile, q=0.985) if knotted else np.max
     for view in scene.test:
         found = interior(scene, view)
         solid, depth, normal, whole = found
@@ -110,10 +114,10 @@ def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> N
         # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
         assert np.median(angle) < 0.5  # eight bits
-        assert angle.max() < 2
+        assert worst(angle) < 2
         error = np.abs(view.read("depth").numpy()[..., 0] / depth - 1)[whole]
         assert np.median(error) < HALF_FLOAT
-        assert error.max() < 0.01
+        assert worst(error) < 0.01
 
 
 def test_depth_leads_back_to_the_floor() -> None:
