@@ -241,5 +241,5 @@ def test_scenes_are_listed_and_checked(capsys: pytest.CaptureFixture[str]) -> No
     assert main(["datasets", "list"]) == 0
     assert "corner" in capsys.readouterr().out.split()
     assert main(["datasets", "check", "corner"]) == 0
-    assert "32 training and 8 test views" in capsys.readouterr().out
+    assert "48 training and 8 test views" in capsys.readouterr().out
     assert main(["datasets", "check", "nowhere"]) == 3

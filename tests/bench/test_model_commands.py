@@ -45,7 +45,7 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["render", str(folder)]) == 0
     seen = read_png(folder / "render" / "test_000.png")
-    assert read_exr(folder / "render" / "test_000_normal.exr").shape == (64, 64, 3)
+    assert read_exr(folder / "render" / "test_000_normal.exr").shape == (96, 96, 3)
     for mode in ("pbr", "finetuned", "surfels"):
         arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
         assert main(arguments) == 0

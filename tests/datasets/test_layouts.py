@@ -29,7 +29,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     table = json.loads((folder / "blender/transforms_train.json").read_text())
     ngp = folder / "ngp"
     shutil.copytree(folder / "blender/train", ngp / "train")
-    lens = {"fl_x": 90.0, "fl_y": 80.0, "cx": 30.0, "cy": 33.0, "w": 64, "h": 64, "k1": 0.0}
+    lens = {"fl_x": 90.0, "fl_y": 80.0, "cx": 30.0, "cy": 33.0, "w": 96, "h": 96, "k1": 0.0}
     (ngp / "transforms.json").write_text(json.dumps(lens | {"frames": table["frames"]}))
     return {path.name: path for path in folder.iterdir()}
 
@@ -47,8 +47,8 @@ def test_known_points_land_on_their_pixels(layout: str, originals: dict[str, Pat
     for view, frame in zip(scene.test, table["frames"], strict=True):
         world_to_camera = np.linalg.inv(np.array(frame["transform_matrix"]))
         x, y, z = (np.c_[POINTS, np.ones(8)] @ world_to_camera.T)[:, :3].T
-        focal = 32 / math.tan(table["camera_angle_x"] / 2)
-        column, row = 32 + focal * x / -z, 32 - focal * y / -z
+        focal = 48 / math.tan(table["camera_angle_x"] / 2)
+        column, row = 48 + focal * x / -z, 48 - focal * y / -z
         camera = view.camera.to(dtype=torch.float64)
         seen = (torch.from_numpy(POINTS) - camera.centre) @ camera.axes
         torch.testing.assert_close(
@@ -61,7 +61,7 @@ def test_known_points_land_on_their_pixels(layout: str, originals: dict[str, Pat
 
 def test_a_single_file_has_its_own_lens_and_every_eighth_view_to_score(originals: dict[str, Path]) -> None:
     scene = load_scene(str(originals["ngp"]))
-    assert (len(scene.train), len(scene.test)) == (28, 4)
+    assert (len(scene.train), len(scene.test)) == (42, 6)
     camera = scene.test[0].camera
     assert (camera.fx, camera.fy, camera.cx, camera.cy) == (90.0, 80.0, 30.0, 33.0)
     assert not {view.name for view in scene.train} & {view.name for view in scene.test}

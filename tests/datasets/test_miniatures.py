@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.generate import RECIPES, Pictures
 from radiogs_datasets.generate.environments import LIGHTS
+from radiogs_datasets.generate.materials import Patterned
+from radiogs_datasets.generate.solids import Box, Knot
 from radiogs_datasets.registry import TINY
 from reference.shade import environment_radiance
 from reference.solids import cast
@@ -45,8 +48,8 @@ def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
     return solid, depth, normal, whole
 
 
-def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Albedo and roughness [pixels, 4] of the whole pixels of ``interior``, and how much they vary within each.
+def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...]) -> np.ndarray:
+    """Albedo and roughness [pixels, 4] of the whole pixels of ``interior``.
 
     Means over the generator's 8 x 8 rays, which meet the surface's tangent plane at the pixel's centre.
     """
@@ -62,7 +65,7 @@ def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...])
     for number, shape in enumerate(RECIPES[scene.name].solids):
         on = points[solid[whole] == number]
         values[solid[whole] == number] = np.stack(shape.material.at(*np.moveaxis(on, -1, 0), np), -1)
-    return values.mean((1, 2)), np.ptp(values, axis=(1, 2))
+    return values.mean((1, 2))
 
 
 def test_the_miniatures_come_with_the_package_and_are_small() -> None:
@@ -88,25 +91,33 @@ def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
 
 
 def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> None:
+    pattern_on_a_curve = np.array(
+        [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
+    )
+    # Between the nine rays of a pixel one strand of a knot may pass before another.
+    knotted = any(isinstance(each, Knot) for each in RECIPES[scene.name].solids)
+    worst = partial(np.quantile, q=0.985) if knotted else np.max
     for view in scene.test:
         found = interior(scene, view)
-        _, depth, normal, whole = found
+        solid, depth, normal, whole = found
         assert whole.sum() > 900
         stored = np.concatenate([view.read(name).numpy()[whole] for name in ("albedo", "roughness")], -1)
-        expected, uneven = materials_of_pixels(scene, view, found)
-        # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each. Where
-        # an edge of a pattern crosses a pixel of a curved surface, it does so a little beside the tangent plane.
-        off = np.maximum(np.abs(stored - expected) - uneven / 32, 0)
-        assert np.quantile(off.max(-1), 0.99) <= HALF_LEVEL + 1e-6
-        assert off.max() < 0.08
+        off = np.abs(stored - materials_of_pixels(scene, view, found)).max(-1)
+        bent = pattern_on_a_curve[solid[whole]]
+        # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each.
+        assert np.quantile(off[~bent], 0.995, method="lower") <= HALF_LEVEL + 1e-6
+        assert off[~bent].max() < 0.05
+        # Where it bends away from its tangent plane, the edge of a pattern lies a little beside.
+        assert (off[bent] <= HALF_LEVEL + 1e-6).sum() >= 0.5 * bent.sum()
+        assert (off[bent] < 0.03).sum() >= 0.97 * bent.sum()
         cosine = (view.read("normal").numpy() * normal).sum(-1)[whole]
         # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
         assert np.median(angle) < 0.5  # eight bits
-        assert angle.max() < 2
+        assert worst(angle) < 2
         error = np.abs(view.read("depth").numpy()[..., 0] / depth - 1)[whole]
         assert np.median(error) < HALF_FLOAT
-        assert error.max() < 0.01
+        assert worst(error) < 0.01
 
 
 def test_depth_leads_back_to_the_floor() -> None:

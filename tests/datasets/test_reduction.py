@@ -32,7 +32,7 @@ def test_smaller_images_hold_the_same_light_and_their_cameras_see_the_same(facto
     scene = load_scene("corner")
     less = smaller(scene, factor)
     for ours, theirs in zip(less.test, scene.test, strict=True):
-        assert ours.read("image").shape == (64 // factor, 64 // factor, 3)
+        assert ours.read("image").shape == (96 // factor, 96 // factor, 3)
         point = torch.tensor([0.2, -0.1, 0.3], dtype=torch.float64)
         pixels = []
         for camera in (ours.camera.to(dtype=torch.float64), theirs.camera.to(dtype=torch.float64)):
