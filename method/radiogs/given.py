@@ -11,11 +11,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.capabilities import require_truth
-from radiogs_core.learning.known_radiance import KnownRadiance, known_radiance
+from radiogs_core.learning.known_radiance import known_radiance
 from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.known_surfaces import KnownRadiance, surfels_on
 from radiogs_core.surfels.surfels import Surfels
 
 from .known_indirect import Nearest

@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.learning.known_radiance import KnownRadiance
+from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, everything
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from radiogs_core.learning.known_radiance import KnownRadiance
+from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.tracer import BACK_OFFSET, SurfelTracer
 

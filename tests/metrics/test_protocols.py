@@ -52,6 +52,7 @@ def test_the_default_has_not_moved() -> None:
         "roughness": {"region": "mask"},
         "indirect": {"quantity": "outgoing", "picture": picture},
         "depth": None,
+        "depth_offset": {"covered": 0.5},
         "environment": {"scale": "factor a channel"},
         "images": "display sRGB, peak 1",
         "psnr_cap": "100 dB",

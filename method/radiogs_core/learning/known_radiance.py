@@ -4,7 +4,7 @@
 materials and light are exact and all surfels are wanted, sweeps are nearer to it after the same number of rays.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import torch
 from jaxtyping import Float
@@ -13,6 +13,7 @@ from torch import Tensor
 from ..kernels.shade.shade import shade
 from ..kernels.surfel.harmonics import harmonic_sum
 from ..surfels.harmonics import COEFFICIENTS, surfel_radiance
+from ..surfels.known_surfaces import KnownRadiance
 from ..surfels.surfels import Surfels, radiance_to_sh
 from ..transport.sampling import LightSampler, hemisphere_directions, random_hemisphere_direction, relighting_directions
 from ..transport.tracer import SurfelTracer, incident_along
@@ -37,17 +38,6 @@ MOST_SWEEPS = 60
 
 CHECKED, CHECKED_SAMPLES = 1024, 1024
 """Surfels whose residual is measured, and the directions it is measured by: many, so that little of it is noise."""
-
-
-@dataclass(frozen=True)
-class KnownRadiance:
-    """Surfels on the true surfaces with the radiance that they send out under the true light.
-
-    residual: mean |L_G - L_PBR| over mean L_PBR, from directions that were not used to find it.
-    """
-
-    surfels: Surfels
-    residual: float
 
 
 @torch.no_grad()

@@ -1,5 +1,7 @@
 """Surfels laid on surfaces that are known, with their true materials: geometry that no reconstruction has blurred."""
 
+from dataclasses import dataclass
+
 import torch
 from scipy.spatial.transform import Rotation
 
@@ -12,6 +14,17 @@ OVERLAP = 0.65
 """Standard deviation in sizes of a sample's cell: inside a face less of a ray's light passes than a solid surface lets
 through (2.7 %, where four cells meet). More would blur: of coplanar surfels the one whose centre is nearer to the
 camera comes first, which moves what is seen by about a third of a cell."""
+
+
+@dataclass(frozen=True)
+class KnownRadiance:
+    """Surfels on the true surfaces with the radiance that they send out under the true light.
+
+    residual: mean |L_G - L_PBR| over mean L_PBR, from directions that were not used to find it.
+    """
+
+    surfels: Surfels
+    residual: float
 
 
 def surfels_on(samples: SurfaceSamples) -> Surfels:

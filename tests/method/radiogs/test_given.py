@@ -19,11 +19,11 @@ from radiogs_bench.suites.cell import Work, cell_of
 from radiogs_core.capabilities import PARTS, Part, TakesGiven, require_truth
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.learning.known_radiance import KnownRadiance, known_radiance
+from radiogs_core.learning.known_radiance import known_radiance
 from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
-from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.known_surfaces import KnownRadiance, surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_datasets.furnace import furnace
