@@ -86,6 +86,16 @@ def test_a_white_convex_body_sends_out_the_constant_light_and_an_occluder_takes_
     assert float(white[under].mean()) == pytest.approx(1 - (0.6 / 0.9) ** 2, abs=0.05)
 
 
+def test_a_solid_whose_underside_no_camera_saw_hides_the_sky_all_the_same() -> None:
+    use_threads(1)
+    surfels, points, _ = ball_over_plate()
+    unseen = (surfels.centre[:, 2] > 0.1) & (surfels.frame[..., 2, 2] < 0)
+    seen = surfels.take(torch.nonzero(~unseen)[:, 0])
+    white = transport_to(points, seen, ROWS, generator()).white(torch.ones(ROWS, 2 * ROWS, 3))[:, 0]
+    under = (points.centre[:, :2].norm(dim=-1) < 0.2) & (points.centre[:, 2] < 0.1)
+    assert float(white[under].mean()) == pytest.approx(1 - (0.6 / 0.9) ** 2, abs=0.05)
+
+
 def test_points_lie_on_the_seen_surface_and_show_its_radiance() -> None:
     use_threads(1)
     views = load(SCENE.train, CPU)
