@@ -1,9 +1,14 @@
+import math
+from dataclasses import replace
+
+import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
+from radiogs_core.transport.splatting import splat
 
 
 def _surfels(count: int = 20) -> Surfels:
@@ -35,10 +40,31 @@ def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
     own, seen = surfels.geometry(), surfels.geometry_for(camera)
 
     def energy(geometry: object) -> torch.Tensor:
-        return geometry.opacity / (geometry.axis_u.norm(dim=-1) * geometry.axis_v.norm(dim=-1))  # type: ignore[attr-defined]
+        axes = geometry.axis_u, geometry.axis_v  # type: ignore[attr-defined]
+        return geometry.opacity / torch.linalg.cross(*axes).norm(dim=-1)  # type: ignore[attr-defined]
 
     torch.testing.assert_close(energy(own), energy(seen))
     assert (seen.axis_u.norm(dim=-1) < own.axis_u.norm(dim=-1)).all()
+
+
+@pytest.mark.parametrize("degrees", [60.0, 80.0, 85.0])
+def test_a_surfel_seen_from_the_edge_covers_what_its_projection_does_wherever_it_falls(degrees: float) -> None:
+    """A disc of 2.5 pixels: its alpha, summed over pixels, is that of the disc seen head-on times the cosine."""
+    camera = Camera(torch.eye(4), 50.0, 50.0, 16.0, 16.0, 32, 32)
+    found = []
+    for shift in torch.linspace(0, 0.9, 7):
+        for angle in (0.0, math.radians(degrees)):
+            one = surfels_at(
+                torch.tensor([[0.2 * float(shift), 0.13 * float(shift), 10.0]]), torch.tensor([0.5]),
+                torch.zeros(1, 3), torch.Generator().manual_seed(0),
+            )  # fmt: skip
+            half = (math.pi - angle) / 2
+            turned = torch.tensor([[math.cos(half), math.sin(half) * 0.6, math.sin(half) * 0.8, 0.0]])
+            one = replace(one, rotation=turned, opacity_logit=torch.tensor([2.0]))
+            found.append(float(splat(camera, one, {}, 1.0).alpha.sum()))
+    ratios = torch.tensor(found).view(-1, 2)
+    share = ratios[:, 1] / ratios[:, 0]
+    torch.testing.assert_close(share, torch.full_like(share, math.cos(math.radians(degrees))), rtol=0.12, atol=0.0)
 
 
 def test_fresh_surfels_face_where_they_are_seen_from() -> None:
