@@ -13,7 +13,8 @@ from radiogs_core.kernels.surfel.frame import frames
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
-from radiogs_datasets.generate.catalogue import Material, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
 from scenes import sphere_scene, surfels_over
 
 CPU = torch.device("cpu")

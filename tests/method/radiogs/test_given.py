@@ -27,7 +27,8 @@ from radiogs_core.surfels.known_surfaces import KnownRadiance, surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_datasets.furnace import furnace
-from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box, Sphere
 from radiogs_datasets.generate.surfaces import surfaces_of
 from scenes import surfels_facing
 from short_training import BUDGET, CPU, SCENE, through_a_file

@@ -23,7 +23,8 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.views import load
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
-from radiogs_datasets.generate.catalogue import Box, Material, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import surfels_over
 
 ROWS = 8

@@ -18,7 +18,8 @@ from radiogs_core.contract import Run
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_datasets.generate.catalogue import Box, Material, Solid, Sphere
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box, Solid, Sphere
 from reference.quadrature import sphere_quadrature
 from reference.shade import shade
 from scenes import look_at, surfels_over

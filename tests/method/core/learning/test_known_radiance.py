@@ -16,7 +16,8 @@ from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import radiance_to_sh
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_datasets.furnace import EMISSION, HALF_SIDE, furnace, walls
-from radiogs_datasets.generate.catalogue import Box, Material
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box
 from radiogs_datasets.generate.surfaces import surfaces_of
 from scenes import sphere_scene
 
