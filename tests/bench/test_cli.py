@@ -19,6 +19,7 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
 from radiogs_bench.suites.sweep import read_sweep
 from radiogs_core.errors import NumericalFailure
+from radiogs_datasets import generate
 
 CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"
 
@@ -230,6 +231,18 @@ def test_ctrl_c_ends_with_exit_code_130_and_the_next_run_continues(
     assert "initialise radiometric 0" not in fake_method.begun  # done before the stop
     assert "initialise nvs 0" in fake_method.begun
     assert read_sweep(tmp_path)["seeds"] == [0, 1]
+
+
+def test_scenes_are_generated_as_the_miniatures_were_unless_told_otherwise(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setattr(
+        generate, "generate_scene", lambda name, folder, seed, progress, pictures: asked.append(pictures)
+    )
+    assert main(["datasets", "generate", "corner", "--out", str(tmp_path)]) == 0
+    assert main(["datasets", "generate", "corner", "--out", str(tmp_path), "--size", "12", "--depth", "3"]) == 0
+    assert asked == [generate.Pictures(), generate.Pictures(size=12, depth=3)]
 
 
 def test_two_scenes_of_one_name_are_refused(run: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:

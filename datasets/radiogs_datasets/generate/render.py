@@ -144,11 +144,10 @@ def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
 
 
 def _mesh(knot: Knot, bsdf: dict[str, object]) -> mi.Mesh:
-    """Shaded with the normals of its triangles, which are what the rays meet: no light leaks at grazing angles."""
+    """Without normals at its vertices: it is shaded with those of its triangles, so that no light leaks."""
     vertices, triangles = mesh(knot, *MESH_CELLS)
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
-    properties["face_normals"] = True
     made = mi.Mesh("knot", len(vertices), len(triangles), properties)
     parameters = mi.traverse(made)
     parameters["vertex_positions"] = mi.Float(vertices.numpy().ravel())
