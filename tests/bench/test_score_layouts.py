@@ -88,7 +88,7 @@ def test_pictures_at_a_quarter_of_the_size_are_left_out_and_the_rest_is_scored(s
     write_svg_ir(tmp_path, noisy(scene), step=4)
     predictions = read_predictions(tmp_path, scene)
     assert set(predictions.files) == {f"relit/{light}" for light in scene.lights}
-    assert any("image (test/ours_50000/renders" in line and "16 x 16 pixels" in line for line in predictions.ignored)
+    assert any("image (test/ours_50000/renders" in line and "24 x 24 pixels" in line for line in predictions.ignored)
     assert values(tmp_path, scene)["relight/psnr"] is not None
 
 
