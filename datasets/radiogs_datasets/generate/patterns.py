@@ -19,7 +19,6 @@ Point = tuple[float, float, float]
 Array = Any
 """Values of one coordinate at many points: a torch or numpy array, or a Dr.Jit ``Float``."""
 
-
 Arithmetic = ModuleType
 """The library that owns the arrays: ``torch``, ``numpy`` or ``drjit``, of which patterns use what all three have."""
 
@@ -36,7 +35,9 @@ class Checker:
 
     def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
         """0 or 1 at world positions."""
-        cell = sum(maths.floor((value - o) / self.side) for value, o in zip((x, y, z), self.origin, strict=True))
+        cell = sum(
+            maths.floor((value - start) / self.side) for value, start in zip((x, y, z), self.origin, strict=True)
+        )
         return cell - 2 * maths.floor(cell / 2)
 
 
@@ -64,7 +65,7 @@ class Rings:
 
     def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
         """0 or 1 at world positions."""
-        u, v, w = (value - o for value, o in zip((x, y, z), self.centre, strict=True))
+        u, v, w = (value - start for value, start in zip((x, y, z), self.centre, strict=True))
         return _periodic(maths.sqrt(u * u + v * v + w * w) / self.period, self.duty, maths)
 
 
@@ -105,7 +106,7 @@ class Print:
 
     def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
         """0 or 1 at world positions."""
-        offset = tuple(value - o for value, o in zip((x, y, z), self.origin, strict=True))
+        offset = tuple(value - start for value, start in zip((x, y, z), self.origin, strict=True))
         u, v = (
             sum(step * part for step, part in zip(direction, offset, strict=True)) / self.height
             for direction in (self.along, self.upwards)
