@@ -90,9 +90,14 @@ class Transport:
 
 
 def light_and_albedo(
-    surfels: Surfels, views: tuple[TrainingView, ...], rows: int, learning: LightStart, generator: torch.Generator
+    surfels: Surfels,
+    views: tuple[TrainingView, ...],
+    rows: int,
+    learning: LightStart,
+    generator: torch.Generator,
+    two_sided: bool = True,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]] | None:
-    """A light map of ``rows`` rows and the surfels' albedo under it, both linear.
+    """A light map of ``rows`` rows and the surfels' albedo under it, both linear. ``two_sided``: see ``transport_to``.
 
     None, counted as ``lights_not_sought``, where fewer than ``FEWEST_POINTS`` points are seen whole.
     """
@@ -102,7 +107,7 @@ def light_and_albedo(
     fire(lights_not_sought=int(too_few))
     if too_few:
         return None
-    transport = transport_to(points, surfels, min(rows, ROWS), generator)
+    transport = transport_to(points, surfels, min(rows, ROWS), generator, two_sided)
     light = least_variation_light(points, transport, learning)
     radiance = mean_radiance(surfels, views)
     return enlarged(light, rows), albedo_under(light, points, transport, surfels, radiance, learning)
@@ -140,8 +145,13 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
 
 
 @torch.no_grad()
-def transport_to(points: SeenPoints, surfels: Surfels, rows: int, generator: torch.Generator) -> Transport:
-    """Trace rays from points to the surfels, beyond the layer that surfels of the points' own surface make up."""
+def transport_to(
+    points: SeenPoints, surfels: Surfels, rows: int, generator: torch.Generator, two_sided: bool = True
+) -> Transport:
+    """Trace rays from points to the surfels, beyond the layer that surfels of the points' own surface make up.
+
+    ``two_sided``: whether surfels are met from behind, too.
+    """
     tracer, count = SurfelTracer(surfels), len(points.centre)
     beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
     direct = surfels.centre.new_zeros(count, 2 * rows * rows)
@@ -155,7 +165,7 @@ def transport_to(points: SeenPoints, surfels: Surfels, rows: int, generator: tor
         origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
         hits = trace(
             tracer.bvh, tracer.geometry, surfels.sh, features,
-            origin, direction.flatten(0, 1), start, back_from=start,
+            origin, direction.flatten(0, 1), start, back_from=start if two_sided else None,
         )  # fmt: skip
         visibility, whole = visibility_of(hits)
         arriving = (hits.radiance * whole[:, None]).view(*share.shape, 3)

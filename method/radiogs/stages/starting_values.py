@@ -14,6 +14,7 @@ from ..given import Start, given_geometry, replaced
 from ..learning import MaterialStart
 from ..model import constant_light
 from ..profile import START_RADIANCE
+from ..tracing import Rays
 from ..variant import Variant
 from .light_start import light_and_albedo
 
@@ -43,7 +44,8 @@ def _materials_and_light(
         return surfels, constant_light(rows, START_RADIANCE, device)
     found = None
     if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator)
+        two_sided = Rays.of(variant).back_offset is not None
+        found = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
     if found is None:
         return surfels, constant_light(rows, white_light(views, start), device)
     light, albedo = found

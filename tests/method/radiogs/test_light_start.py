@@ -96,6 +96,8 @@ def test_a_solid_whose_underside_no_camera_saw_hides_the_sky_all_the_same() -> N
     under = (points.centre[:, :2].norm(dim=-1) < 0.2) & (points.centre[:, 2] < 0.1)
     # Half-angle of its rim, 0.9 above the plate: tan = 0.6 / 0.9.
     assert float(white[under].mean()) == pytest.approx(1 / (1 + (0.6 / 0.9) ** 2), abs=0.06)
+    one_sided = transport_to(points, seen, ROWS, generator(), two_sided=False)
+    assert float(one_sided.white(torch.ones(ROWS, 2 * ROWS, 3))[under, 0].min()) > 0.98
 
 
 def test_points_lie_on_the_seen_surface_and_show_its_radiance() -> None:

@@ -244,7 +244,7 @@ def sight_and_height(surfels: Surfels, incident: Incident) -> tuple[float, float
     return float(incident.visibility.mean()), float(height.min())
 
 
-def of_rays(light_on: Callable[[InverseRendering], Incident], steps: int) -> None:
+def assert_rays_follow_their_deviations(light_on: Callable[[InverseRendering], Incident], steps: int) -> None:
     """Tilted surfels, which stand in each other's way: 0.05 is nearer than a standard deviation of them."""
     surfels, found = tilted(35.0), {}
     for deviations in ((), ("fixed-offset",), ("hemisphere-floor",)):
@@ -261,8 +261,8 @@ def of_rays(light_on: Callable[[InverseRendering], Incident], steps: int) -> Non
 @pytest.mark.parametrize("steps", [0, 1])
 def test_the_deviations_of_rays_reach_stage_two(steps: int) -> None:
     """Both when all surfels are traced and when those of L_rad are, which here are all."""
-    of_rays(lambda stage: stage.shader.cache.incident, steps)
+    assert_rays_follow_their_deviations(lambda stage: stage.shader.cache.incident, steps)
 
 
 def test_the_deviations_of_rays_reach_rendering() -> None:
-    of_rays(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0)
+    assert_rays_follow_their_deviations(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0)
