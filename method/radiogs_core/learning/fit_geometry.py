@@ -21,6 +21,7 @@ from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
 from ..transport.splatting import Splat, displayed, own_radiance, splat
 from .backward import backward
+from .contribution import largest_contribution
 from .geometry import GeometryLearning
 from .losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
 from .views import TrainingView, chosen_views, load, mean_distance, view_at
@@ -119,8 +120,9 @@ class FitGeometry:
         self.generator = torch.Generator(device).manual_seed(seed)
         self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.geometry_rate))
         self.density: DensityControl = AdaptiveDensityControl(
-            learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, len(surfels), device
-        )
+            learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, len(surfels), device,
+            lambda surfels: largest_contribution(surfels, self.views),
+        )  # fmt: skip
 
     def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
         """Drawn on the CPU, so that every kind of device starts with the same surfels."""

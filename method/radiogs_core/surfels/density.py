@@ -3,11 +3,13 @@
 ``DensityControl`` is what a stage asks of any strategy. ``AdaptiveDensityControl`` is 3DGS's: clone what is small and
 has a large positional gradient, split what is large and has one, prune the faint. A surfel that no view saw since the
 last round is pruned too: it faces away from every camera or is buried, would never be seen again, and would still stand
-in the way of traced rays. Two changes make the rules independent of the image's size and of the run's length: the
-positional gradient is measured in half-images at the surfel's centre, and the number of surfels has a ceiling.
+in the way of traced rays. So are, at some steps, those that hardly show in any view: without that they are a third to a
+half of all surfels, which stop rays, send out a radiance that no image has told, and take the room of surfels that the
+images ask for. Two changes make the rules independent of the image's size and of the run's length: the positional
+gradient is measured in half-images at the surfel's centre, and the number of surfels has a ceiling.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -63,6 +65,10 @@ class AdaptiveDensity:
     """Opacity below which a surfel is pruned (2DGS)."""
     split_shrink: float = 1.6
     """How many times smaller than their parent the two children of a split are (3DGS)."""
+    hidden_at: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 1.0)
+    """Shares of the stage after which surfels that hardly show in any training view are pruned."""
+    least_contribution: float = 0.1
+    """Sum of blending weights over the pixels of the view that shows most of a surfel below which it hardly shows."""
 
 
 @dataclass
@@ -96,6 +102,10 @@ class PositionalGradient:
         self.total += torch.where(in_view, torch.hypot(across, down), 0.0)
         self.views += in_view
 
+    def take(self, chosen: Int[Tensor, " chosen"]) -> "PositionalGradient":
+        """The sums of some of the surfels."""
+        return PositionalGradient(self.total[chosen], self.views[chosen])
+
     def mean(self) -> Float[Tensor, " surfels"]:
         """Mean over the views, in loss per half-image; zero for a surfel that no view saw."""
         return self.total / self.views.clamp(min=1)
@@ -106,13 +116,21 @@ class AdaptiveDensityControl:
 
     ``interval``: steps between two rounds. ``maximum``: number of surfels that is never exceeded; where it leaves no
     room for all, the largest positional gradients go first. ``extent``: the scene's, world units. ``count``: surfels at
-    the start.
+    the start. ``contribution``: how many pixels each surfel makes up in the view that shows most of it.
     """
 
     def __init__(
-        self, rules: AdaptiveDensity, interval: int, maximum: int, extent: float, count: int, device: torch.device
+        self,
+        rules: AdaptiveDensity,
+        interval: int,
+        maximum: int,
+        extent: float,
+        count: int,
+        device: torch.device,
+        contribution: Callable[[Surfels], Float[Tensor, " surfels"]],
     ) -> None:
         self.rules, self.interval, self.maximum, self.extent = rules, interval, maximum, extent
+        self.contribution = contribution
         self.gradient = PositionalGradient.none(count, device)
 
     def observe(
@@ -128,19 +146,31 @@ class AdaptiveDensityControl:
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
-        """A round of cloning, splitting and pruning where one is due; statistics begin anew after it."""
-        in_time = self.rules.start <= iteration / iterations < self.rules.end
-        if iteration % self.interval or not in_time:
+        """A round of cloning, splitting and pruning where one is due; statistics begin anew after it. Surfels that
+        hardly show are pruned where that is due, in a round or apart from one."""
+        rules = self.rules
+        grows = iteration % self.interval == 0 and rules.start <= iteration / iterations < rules.end
+        hides = iteration in {round(share * iterations) for share in rules.hidden_at}
+        if not (grows or hides):
             return None
-        changed, origin = self._changed(surfels, generator)
+        shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
+        if hides:
+            shows = self.contribution(surfels) >= rules.least_contribution
+        if not grows:
+            stayers = torch.nonzero(shows)[:, 0]
+            self.gradient = self.gradient.take(stayers)
+            return surfels.take(stayers), stayers
+        changed, origin = self._changed(surfels, shows, generator)
         self.gradient = PositionalGradient.none(len(changed), changed.centre.device)
         return changed, origin
 
-    def _changed(self, surfels: Surfels, generator: torch.Generator) -> tuple[Surfels, Int[Tensor, " surfels"]]:
+    def _changed(
+        self, surfels: Surfels, shows: Bool[Tensor, " surfels"], generator: torch.Generator
+    ) -> tuple[Surfels, Int[Tensor, " changed"]]:
         """Surfels after a round, and whose optimiser moments each inherits."""
         rules, extent = self.rules, self.extent
         largest = surfels.scale.max(-1).values
-        seen = self.gradient.total > 0
+        seen = shows & (self.gradient.total > 0)
         keep = seen & (surfels.opacity >= rules.opacity_floor) & (largest <= rules.largest_scale * extent)
         strength = self.gradient.mean()
         room = max(0, self.maximum - int(keep.sum()))

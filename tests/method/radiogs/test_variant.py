@@ -27,6 +27,8 @@ OTHER = {
     "geometry.density.clone_scale": 1.0,
     "geometry.density.largest_scale": 0.05,
     "geometry.density.opacity_floor": 0.6,
+    "geometry.density.hidden_at": (0.5,),
+    "geometry.density.least_contribution": 3.0,
     "geometry.schedule.decay_from": 0.1,
     "geometry.schedule.normal_late_from": 0.1,
     "geometry.start.candidates": 64,

@@ -23,8 +23,12 @@ def four_surfels() -> Surfels:
     return surfels
 
 
+def all_show(surfels: Surfels) -> torch.Tensor:
+    return torch.ones(len(surfels))
+
+
 def control(gradient: list[float], maximum: int = 100, rules: AdaptiveDensity = RULES) -> AdaptiveDensityControl:
-    made = AdaptiveDensityControl(rules, 10, maximum, 1.0, 4, CPU)
+    made = AdaptiveDensityControl(rules, 10, maximum, 1.0, 4, CPU, all_show)
     made.gradient = PositionalGradient(torch.tensor(gradient, dtype=torch.float32), torch.ones(4))
     return made
 
@@ -55,6 +59,23 @@ def test_a_surfel_that_no_view_saw_is_pruned() -> None:
     assert changed(four_surfels(), control([1e-9, 0, 0, 1e-9]))[1].tolist() == [0, 3]
 
 
+@pytest.mark.parametrize(("iteration", "stay"), [(20, [0, 3, -1]), (25, [0, 2, 3]), (30, [0, 3, -1, -1, -1])])
+def test_surfels_that_hardly_show_are_pruned_where_that_is_due(iteration: int, stay: list[int]) -> None:
+    by = control([1, 1, 1, 1e-9], rules=replace(RULES, hidden_at=(0.2, 0.25)))
+    by.contribution = lambda _: torch.tensor([0.11, 0.09, 0.11, 5.0])
+    found = by.act(four_surfels(), iteration, 100, torch.Generator().manual_seed(0))
+    assert found is not None
+    assert found[1].tolist() == stay
+    assert len(by.gradient.total) == len(found[0]) == len(found[1])
+
+
+def test_statistics_of_those_that_stay_go_on_where_nothing_is_added() -> None:
+    by = control([1, 2, 3, 4], rules=replace(RULES, hidden_at=(1.0,)))
+    by.contribution = lambda _: torch.tensor([1.0, 0.0, 1.0, 1.0])
+    by.act(four_surfels(), 100, 100, torch.Generator())
+    assert by.gradient.total.tolist() == [1, 3, 4]
+
+
 @pytest.mark.parametrize(
     ("rules", "origin"),
     [
@@ -69,7 +90,8 @@ def test_every_threshold_is_that_of_the_rules(rules: AdaptiveDensity, origin: li
 
 
 @pytest.mark.parametrize(
-    ("iteration", "due"), [(0, False), (1, False), (10, True), (15, False), (60, True), (62, False), (70, False)]
+    ("iteration", "due"),
+    [(0, False), (1, False), (10, True), (15, False), (60, True), (62, False), (70, False), (100, True)],
 )
 def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, due: bool) -> None:
     acted = control([1, 1, 1, 1]).act(four_surfels(), iteration, 100, torch.Generator().manual_seed(0))
@@ -78,7 +100,7 @@ def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, du
 
 def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     first = control([1, 1, 1, 1e-9])
-    resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, 4, CPU)
+    resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, 4, CPU, all_show)
     resumed.restore(first.state())
     assert changed(four_surfels(), resumed)[1].tolist() == changed(four_surfels(), first)[1].tolist()
     assert len(first.gradient.total) == 5
