@@ -15,10 +15,7 @@ from radiogs.effects.decide.probe import _accepted
 from radiogs.effects.decide.tolerance import Tolerance
 from radiogs.effects.measure.gradient import image_gradient
 from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import (
-    SHARP_ROUGHNESS,
-    ProbeView,
-)
+from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, ProbeView
 from radiogs.effects.measure.step_cost import Step
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, everything

@@ -13,11 +13,7 @@ from radiogs.effects.decide.planner import Planner
 from radiogs.effects.decide.probe import Occasion
 from radiogs.effects.decide.staleness import Staleness, decide_refresh
 from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.probe_scene import (
-    SHARP_ROUGHNESS,
-    KeptLight,
-    ProbeScene,
-)
+from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
 from radiogs.effects.measure.step_cost import Step
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.tracing import Rays
