@@ -22,6 +22,7 @@ from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
 from .effects.measure.step_cost import Step
 from .model import Model
 from .relighting import probe_relighting, training_viewpoints
+from .tracing import Rays
 
 EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
 """Effects that a probe of a scene measures: view-dependence is none, as true surfels are given the same radiance in all
@@ -70,16 +71,16 @@ def probe_scene(run: Run) -> tuple[ProbeScene, Decay]:
     """The run's scene by its true surfaces and light, and how light decays in it. Raises DataError (``true_model``)."""
     samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
     surfels, decay = solved(surfels, light, samples, run.seed)
-    rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), OFFSET)
-    return trace_scene(surfels, light.radiance, training_viewpoints(run.scene, surfels), rays, bounces=True), decay
+    rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), Rays.of(run.variant), OFFSET)
+    return trace_scene(surfels, light.radiance, training_viewpoints(run, surfels), rays, bounces=True), decay
 
 
 def probe_scene_of_model(run: Run, model: Model) -> ProbeScene:
     """A trained model of the run's scene, under the light that it has recovered."""
     surfels = model.surfels
     generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
-    rays = ProbeRays(run.budget.incident_samples, generator)
-    return trace_scene(surfels, model.environment, training_viewpoints(run.scene, surfels), rays, bounces=True)
+    rays = ProbeRays(run.budget.incident_samples, generator, Rays.of(run.variant))
+    return trace_scene(surfels, model.environment, training_viewpoints(run, surfels), rays, bounces=True)
 
 
 def findings_of(scene: ProbeScene, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:

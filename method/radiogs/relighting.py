@@ -22,7 +22,6 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 from radiogs_core.transport.tracer import (
     EVERYTHING,
     RAYS_AT_ONCE,
-    SELF_OFFSET,
     SurfelTracer,
     incident_along,
     visibility_of,
@@ -123,14 +122,16 @@ def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
     return image_share((view.camera for view in scene.train), surfels)
 
 
-def training_viewpoints(scene: Scene, surfels: Surfels, share: Float[Tensor, " surfels"] | None = None) -> Viewpoints:
+def training_viewpoints(run: Run, surfels: Surfels, share: Float[Tensor, " surfels"] | None = None) -> Viewpoints:
     """Training views that a probe looks from, evenly spread over their list, with their images on black.
 
     ``share``: ``training_share`` of the surfels where it is known already.
     """
+    scene = run.scene
     chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
     views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
-    return Viewpoints(views, training_share(scene, surfels) if share is None else share)
+    share = training_share(scene, surfels) if share is None else share
+    return Viewpoints(views, share, run.variant.straight)
 
 
 def probe_relighting(
@@ -139,18 +140,20 @@ def probe_relighting(
     albedo_scale: Float[Tensor, "3"],
     run: Run,
     share: Float[Tensor, " surfels"] | None = None,
-    offset: float = SELF_OFFSET,
+    offset: float | None = None,
 ) -> tuple[ProbeScene, Findings]:
     """What relighting a model by ``light`` may leave out, and the scene that was probed.
 
-    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations.
+    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations; None: where those of
+    the variant do.
     """
     surfels, device = model.surfels, model.surfels.centre.device
-    viewpoints = training_viewpoints(run.scene, surfels, share)
+    viewpoints = training_viewpoints(run, surfels, share)
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
-    scene = scene_under(surfels, albedo, EnvironmentMap(light.radiance.to(device)), viewpoints, run.seed, offset)
+    light, rays = EnvironmentMap(light.radiance.to(device)), Rays.of(run.variant)
+    scene = scene_under(surfels, albedo, light, viewpoints, run.seed, rays, offset)
     directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
-    return scene, plan_for_light(scene, model_error(surfels, viewpoints.views), *directions, run.seed)
+    return scene, plan_for_light(scene, model_error(surfels, viewpoints), *directions, run.seed)
 
 
 class RelitByRays:

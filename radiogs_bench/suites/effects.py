@@ -27,7 +27,10 @@ EFFECTS_SUITE = Suite(
         Metric("plan", "bound"), Metric("plan", "worst"), Metric("stage2", "rays"),
         Metric("stage2", "seconds"), Metric("training", "seconds"),
     ),
-    scenes=("convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror"),
+    scenes=(
+        "convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror",
+        "niche", "knot", "print",
+    ),
     experiment=AUDIT,
 )  # fmt: skip
 """The rows after ``auto`` switch effects off by hand, to show what that costs where they matter."""

@@ -19,6 +19,7 @@ from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.transport.plan import EFFECTS, everything
+from radiogs_datasets.generate.catalogue import RECIPES
 from radiogs_datasets.image_files import write_hdr
 
 
@@ -39,6 +40,10 @@ def test_rows_whose_effects_are_chosen_say_so() -> None:
             assert row.variant["effects"] == "auto"
             assert "auto" in row.text
             assert "auto" in row.latex
+
+
+def test_the_audit_is_of_all_generated_scenes() -> None:
+    assert set(suite("effects").scenes) == set(RECIPES)
 
 
 def test_a_suites_file_may_name_effects(tmp_path: Path) -> None:

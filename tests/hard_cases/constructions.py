@@ -151,3 +151,24 @@ def rendered(surfels: Surfels, camera: Camera, samples: int = 16) -> dict[str, T
     torch.manual_seed(4)
     light = torch.randn(8, 16, 3, dtype=torch.float64).to(surfels.centre.dtype)
     return Renderer(Model(surfels, light), samples, Variant()).render(camera)
+
+
+def unit(count: int) -> Tensor:
+    """Random unit directions, float64."""
+    return normalize(torch.randn(count, 3, dtype=torch.float64), dim=-1)
+
+
+def seeded(seed: int = 0) -> torch.Generator:
+    """A generator of its own."""
+    return torch.Generator().manual_seed(seed)
+
+
+def assert_same_bits(found: tuple[Tensor, ...], expected: tuple[Tensor, ...]) -> None:
+    """Each of the tensors equals the expected one exactly."""
+    assert all(torch.equal(ours, theirs) for ours, theirs in zip(found, expected, strict=True))
+
+
+def assert_near(found: tuple[Tensor, ...], expected: tuple[Tensor, ...], tolerance: float) -> None:
+    """No entry is off by more than ``tolerance``, in float64."""
+    for ours, theirs in zip(found, expected, strict=True):
+        torch.testing.assert_close(ours.double(), theirs.double(), rtol=0, atol=tolerance)

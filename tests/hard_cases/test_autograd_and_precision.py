@@ -8,14 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from hard_cases.constructions import (
-    drawn,
-    facing,
-    looking_along_z,
-    raw_surfels,
-    rendered,
-    two_balls,
-)
+from hard_cases.constructions import drawn, facing, looking_along_z, raw_surfels, rendered, two_balls
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.kernels.runtime import use_threads

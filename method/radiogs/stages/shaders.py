@@ -111,11 +111,12 @@ class MonteCarlo:
     def __init__(self, variant: Variant, budget: Budget, seed: int, start: Start, generator: torch.Generator) -> None:
         self.budget, self.seed, self.generator = budget, seed, generator
         self.radiometric = RadiometricConsistency.of(variant)
-        self.planner = Planner(variant.effects, seed, budget.inverse_iterations, budget.incident_samples)
+        rays, steps, samples = Rays.of(variant, start.indirect), budget.inverse_iterations, budget.incident_samples
+        self.planner = Planner(variant.effects, seed, steps, samples, rays, variant.straight)
         # Before the first step it may be decided that few rays are needed: none are traced for nothing.
         plan = NO_RAYS if self.planner.due(0) else self.plan
         policy = incident_policy(variant.incident)
-        self.cache = IncidentCache(start.surfels, Rays.of(variant, start.indirect), policy, budget, generator, plan)
+        self.cache = IncidentCache(start.surfels, rays, policy, budget, generator, plan)
 
     @property
     def plan(self) -> EffectPlan:

@@ -68,6 +68,9 @@ SEEDS = [0, 1, 2]
         ("bowl", True, True),
         ("glossy", True, True),
         ("mirror", True, True),
+        ("niche", True, True),
+        ("knot", True, True),
+        ("print", True, True),
     ],
 )
 def test_rays_are_traced_where_something_is_in_the_way(
@@ -98,6 +101,16 @@ def test_a_white_basin_needs_more_than_one_bounce_and_a_ball_alone_does_not(seed
     assert bounces_needed(found, decay) > 2
     _, found, decay = found_on("convex", seed)
     assert bounces_needed(found, decay) == 1
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("name", ["niche", "knot"])
+def test_patterned_walls_about_a_ball_or_a_knot_need_more_than_one_bounce(name: str, seed: int) -> None:
+    _, found, decay = found_on(name, seed)
+    several = records(found)["bounces"].measured
+    assert several is not None
+    assert several.lowest > found.tolerance.decibel
+    assert bounces_needed(found, decay) > 1
 
 
 @pytest.mark.parametrize("seed", SEEDS)

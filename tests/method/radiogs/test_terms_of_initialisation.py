@@ -185,6 +185,20 @@ def test_terms_set_in_at_their_share_of_the_stage(term: str, variant: Variant) -
     assert set(after) - set(before) == {term}
 
 
+def test_the_later_weight_of_the_normals_counts_from_its_share_of_the_stage_on() -> None:
+    schedule, factor = GeometrySchedule(normal_late_from=0.4), 3.0
+    for share, counts in ((0.0, False), (0.39, False), (0.4, True), (LATE, True)):
+        same, other = (
+            initialisation(
+                worn(),
+                share,
+                Variant(geometry=GeometryLearning(schedule=schedule, weights=GeometryWeights(normal_late=late))),
+            ).step()["normal"]
+            for late in (GeometryWeights().normal, factor * GeometryWeights().normal)
+        )
+        assert other == pytest.approx((factor if counts else 1.0) * same, rel=1e-5)
+
+
 def test_at_the_start_neither_distortion_nor_consistency_counts() -> None:
     """Both would hold on to what is not there yet."""
     assert not {"distortion", "consistency"} & set(initialisation(worn(), 0.0).step())

@@ -52,7 +52,7 @@ class Assessment:
         if scene.sharpest is not None:
             full["sharp"] = self.radiance.shaded(everything(), sharp=True).detach()
         rendered = rendered_views(self.radiance.projections, full.values())
-        self.pixels = CoveredPixels.of(scene.views, rendered)
+        self.pixels = CoveredPixels.of(scene.views, rendered, scene.straight)
         shown = zip(full, self.pixels.take(rendered), strict=True)
         self.full = {name: ReferenceImage.of(image, self.pixels) for name, image in shown}
         if mse is None:

@@ -6,9 +6,8 @@ from dataclasses import replace
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.transport.plan import HIGHEST_DEGREE, everything
-from radiogs_core.transport.splatting import SOLID_ALPHA
+from radiogs_core.transport.splatting import SOLID_ALPHA, displayed
 
 from ..measure.covered_pixels import rendered_views
 from ..measure.plan_radiance import PlanRadiance
@@ -34,10 +33,14 @@ def difference_maps(
     (rendered,) = rendered_views(radiance.projections, [value.detach() for value in sent.values()])
     images = dict(zip(sent, rendered.channels.split(3, -1), strict=True))
     covered = rendered.alpha > SOLID_ALPHA
+
+    def shown(linear: Tensor) -> Tensor:
+        return displayed(linear, rendered.alpha, scene.straight)
+
     maps = {}
     for effect, plan in plans.items():
         full, less = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"], images[effect]
         if light_factor_is_free(effect, scene):
             less = less * light_factor(less[covered], full[covered])
-        maps[effect] = (srgb_encode(less) - srgb_encode(full)).abs().mean(-1)
-    return srgb_encode(images["shaded"]), maps
+        maps[effect] = (shown(less) - shown(full)).abs().mean(-1)
+    return shown(images["shaded"]), maps

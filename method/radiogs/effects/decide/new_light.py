@@ -5,7 +5,6 @@ did not.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -20,8 +19,8 @@ from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import own_radiance, shade_surfels
-from radiogs_core.transport.tracer import SELF_OFFSET
 
+from ...tracing import Rays
 from ..measure.bounds import bootstrap_t, sidak
 from ..measure.covered_pixels import CoveredPixels, rendered_views
 from ..measure.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
@@ -140,7 +139,7 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
     """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
 
     Drawn from the map itself, directions in those would be rare and have large weights
-    (``tests/method/radiogs/effects/test_effect_probe.py``).
+    (``tests/method/radiogs/effects/test_relighting_probe.py``).
     """
     around = light.radiance.permute(2, 0, 1)[None]
     around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
@@ -149,12 +148,13 @@ def _widened(light: EnvironmentMap) -> EnvironmentMap:
 
 
 @torch.no_grad()
-def model_error(surfels: Surfels, views: Sequence[ProbeView]) -> float:
+def model_error(surfels: Surfels, viewpoints: Viewpoints) -> float:
     """Mean squared error of the surfels' own radiance against the views' targets: the method's error in any case."""
+    views = viewpoints.views
     projections = [project(view.camera, surfels.geometry_for(view.camera)) for view in views]
     own = torch.stack([own_radiance(view.camera, surfels) for view in views], 1)
     rendered = rendered_views(projections, [own])
-    pixels = CoveredPixels.of(views, rendered)
+    pixels = CoveredPixels.of(views, rendered, viewpoints.straight)
     (image,) = pixels.take(rendered)
     return mean_error(ReferenceImage.of(image, pixels), pixels)
 
@@ -165,19 +165,20 @@ def scene_under(
     light: EnvironmentMap,
     viewpoints: Viewpoints,
     seed: int,
-    offset: float = SELF_OFFSET,
+    variant: Rays,
+    offset: float | None = None,
 ) -> ProbeScene:
     """A model as it is relit. Targets of the views are dropped: they show another light.
 
-    ``albedo``: linear, as it will be relit. ``offset``: where rays start, in standard deviations; by default as in
-    relighting, because what rays meet close by is in the images too, and nothing is learnt that could compensate its
-    absence. L_ind is that of light that has met one surface, as in relighting; the surfels' own radiance belongs to
-    another light.
+    ``albedo``: linear, as it will be relit. ``variant``: rays as relighting traces them. ``offset``: where rays start,
+    in standard deviations; None: as in relighting, because what rays meet close by is in the images too, and nothing is
+    learnt that could compensate its absence. L_ind is that of light that has met one surface, as in relighting; the
+    surfels' own radiance belongs to another light.
     """
     painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
     generator = torch.Generator(surfels.centre.device).manual_seed(seed)
     blind = replace(viewpoints, views=tuple(ProbeView(view.camera, None) for view in viewpoints.views))
-    rays = ProbeRays(DIRECTIONS, generator, offset, drawn=DIRECTIONS)
+    rays = ProbeRays(DIRECTIONS, generator, variant, offset, drawn=DIRECTIONS)
     scene = replace(trace_scene(painted, light.radiance, blind, rays, bounces=True), given_light=True)
     assert scene.first is not None
     return replace(scene, incident=replace(scene.incident, radiance=scene.first))

@@ -13,6 +13,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 
+from ...tracing import Rays
 from ..measure.image_share import image_share
 from ..measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
 from ..measure.step_cost import Step
@@ -48,13 +49,16 @@ class PosedImage(Protocol):
 class Planner:
     """Holds the plan; with ``effects`` "auto", probes two or three times, evenly over ``iterations``, and decides anew.
 
+    ``rays`` and ``straight``: as the variant traces rays and encodes images for display (``splatting.displayed``).
+
     Surfels whose rays a probe takes away keep the light of a last tracing (``EffectPlan.kept``). Every probe has a seed
     of its own, made from the training's seed and the iteration: probes are independent, and a training that is resumed
     decides as it would have.
     """
 
-    def __init__(self, effects: Effects, seed: int, iterations: int, samples: int) -> None:
+    def __init__(self, effects: Effects, seed: int, iterations: int, samples: int, rays: Rays, straight: bool) -> None:
         self.auto = effects == "auto"
+        self.rays, self.straight = rays, straight
         self.seed, self.samples = seed, max(2, min(DIRECTIONS, samples // 2))
         self.plan = plan_of(effects)
         self.evidence: tuple[Evidence, ...] = ()
@@ -114,9 +118,10 @@ class Planner:
         if self.share is None:
             # Computed once: surfels hardly move any more.
             self.share = image_share([view.camera for view in views], surfels)
-        viewpoints = Viewpoints(drawn_views(views, seed), self.share)
+        viewpoints = Viewpoints(drawn_views(views, seed), self.share, self.straight)
         others = None if kept is None else torch.nonzero(~kept.mask)[:, 0]
-        scene = trace_scene(surfels, environment, viewpoints, ProbeRays(self.samples, generator), among=others)
+        rays = ProbeRays(self.samples, generator, self.rays)
+        scene = trace_scene(surfels, environment, viewpoints, rays, among=others)
         # Below the horizon lies the surface itself, also for rays that start beyond it.
         clear = scene.incident.visibility * scene.untraced.visibility
         incident, untraced = replace(scene.incident, visibility=clear), scene.untraced

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from radiogs_core.kernels.rasterize.rasterize import Projection, blend
-from radiogs_core.transport.splatting import SOLID_ALPHA
+from radiogs_core.transport.splatting import SOLID_ALPHA, displayed
 
 from .probe_scene import ProbeView
 
@@ -48,6 +48,7 @@ class CoveredPixels:
 
     covered: a mask for each view. order: indices that sort the covered pixels by tile. tiles: number of covered pixels
     of each tile that has any. target: image of the view in those pixels, display sRGB; ``known``: whether there is one.
+    alpha: their coverage. straight: how radiance is encoded for display (``splatting.displayed``).
     """
 
     covered: tuple[Bool[Tensor, "height_ width_"], ...]
@@ -55,9 +56,11 @@ class CoveredPixels:
     tiles: Int[Tensor, " tiles"]
     target: Float[Tensor, "pixels 3"]
     known: Bool[Tensor, "pixels 1"]
+    alpha: Float[Tensor, " pixels"]
+    straight: bool
 
     @classmethod
-    def of(cls, views: Sequence[ProbeView], rendered: Sequence[RenderedView]) -> "CoveredPixels":
+    def of(cls, views: Sequence[ProbeView], rendered: Sequence[RenderedView], straight: bool) -> "CoveredPixels":
         """Where the rendered views show a surface."""
         covered = tuple(each.alpha > SOLID_ALPHA for each in rendered)
         tiles, targets, known, before = [], [], [], 0
@@ -71,12 +74,17 @@ class CoveredPixels:
             known.append(torch.full((len(row), 1), seen is not None, device=mask.device))
         tile, order = torch.cat(tiles).sort(stable=True)
         counts = torch.unique_consecutive(tile, return_counts=True)[1]
-        return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order])
+        alpha = torch.cat([each.alpha[mask] for each, mask in zip(rendered, covered, strict=True)])
+        return cls(covered, order, counts, torch.cat(targets)[order], torch.cat(known)[order], alpha[order], straight)
 
     def take(self, rendered: Sequence[RenderedView]) -> tuple[Float[Tensor, "pixels 3"], ...]:
         """The covered pixels of the rendered views, sorted by tile: one tensor for each radiance that was rendered."""
         shown = torch.cat([each.channels[mask] for each, mask in zip(rendered, self.covered, strict=True)])
         return shown[self.order].split(3, -1)
+
+    def displayed(self, linear: Float[Tensor, "pixels 3"]) -> Float[Tensor, "pixels 3"]:
+        """Blended linear radiance of these pixels in display sRGB on black, as training compares it with images."""
+        return displayed(linear[None], self.alpha[None], self.straight)[0]
 
     def tile_means(self, values: Float[Tensor, "pixels quantities"]) -> Float[Tensor, "quantities tiles"]:
         """Means over all pixels of each tile; those that show no surface count as zero."""

@@ -7,8 +7,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.kernels.rasterize.rasterize import blend
-from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.splatting import displayed
 
 from .plan_radiance import PlanRadiance
 
@@ -22,8 +22,9 @@ def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
     total = sent.new_zeros(())
     for place, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
         if view.target is not None:
-            image = blend(projection, sent[:, place], 1.0).features
-            total = total + (srgb_encode(image) - view.target).square().mean()
+            raster = blend(projection, sent[:, place], 1.0)
+            image = displayed(raster.features, raster.alpha, radiance.scene.straight)
+            total = total + (image - view.target).square().mean()
     return torch.autograd.grad(total, sent)[0] if total.requires_grad else torch.zeros_like(sent)
 
 

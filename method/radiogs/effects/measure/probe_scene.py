@@ -14,6 +14,8 @@ from radiogs_core.transport.sampling import LightSampler, hemisphere_directions,
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
+from ...tracing import Rays
+
 PROBE_OFFSET = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
 densest surfel has fallen to 1/255. Surfels whose footprints overlap sample one surface, and trained ones are tilted
@@ -39,25 +41,44 @@ class Viewpoints:
     """Where a model is seen from.
 
     views: those that a probe compares images of. share: how much of all training images each surfel is
-    (``image_share``).
+    (``image_share``). straight: how images are encoded for display, as in training (``splatting.displayed``).
     """
 
     views: tuple[ProbeView, ...]
     share: Float[Tensor, " surfels"]
+    straight: bool
 
 
 @dataclass(frozen=True)
 class ProbeRays:
     """The rays that a probe traces from every surfel.
 
-    samples: directions spread over the hemisphere. drawn: as many more from the light, combined by the balance
-    heuristic; a sun is missed by those over the hemisphere. offset: where rays start, in standard deviations.
+    samples: directions spread over the hemisphere. variant: rays as the method's variant traces them, which says how
+    low they go and whether they meet surfels from behind. offset: where rays start, in standard deviations; None: where
+    those of the variant do. drawn: as many more directions from the light, combined by the balance heuristic; a sun is
+    missed by those over the hemisphere.
     """
 
     samples: int
     generator: torch.Generator
-    offset: float = PROBE_OFFSET
+    variant: Rays
+    offset: float | None = PROBE_OFFSET
     drawn: int = 0
+
+    def tracer(self, surfels: Surfels) -> SurfelTracer:
+        """A tracer of these surfels."""
+        if self.offset is None:
+            return self.variant.tracer(surfels)
+        return SurfelTracer(surfels, self.offset, back_offset=self.variant.back_offset)
+
+    def directions(
+        self, normal: Float[Tensor, "surfels 3"], light: EnvironmentMap
+    ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
+        """Unit directions away from surfels with these unit normals, and the solid angles that they stand for."""
+        if not self.drawn:
+            return hemisphere_directions(normal, self.samples, self.generator, self.variant.floor)
+        sampler = LightSampler(light)
+        return relighting_directions(normal, sampler, self.samples, self.drawn, self.generator, self.variant.floor)
 
 
 @dataclass(frozen=True)
@@ -76,16 +97,17 @@ class KeptLight:
 class ProbeScene:
     """A model, the views that it is seen from, and the light that arrives at it; nothing of it has a gradient.
 
-    share: see ``Viewpoints``. incident: traced with everything on. untraced: what stands for it where no rays are
-    traced, along the same directions. first: of the incident radiance, what has met one surface only; None where it was
-    not traced. sharpest: the roughness that any surface may still be given in training, at which its lobe is assessed
-    too; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
+    share, straight: see ``Viewpoints``. incident: traced with everything on. untraced: what stands for it where no rays
+    are traced, along the same directions. first: of the incident radiance, what has met one surface only; None where it
+    was not traced. sharpest: the roughness that any surface may still be given in training, at which its lobe is
+    assessed too; None: materials are final. given_light: the light is not learnt, so that no factor on it is free.
     """
 
     surfels: Surfels
     environment: Float[Tensor, "rows columns 3"]
     views: tuple[ProbeView, ...]
     share: Float[Tensor, " surfels"]
+    straight: bool
     incident: Incident
     untraced: Incident
     first: Float[Tensor, "surfels samples 3"] | None = None
@@ -119,15 +141,12 @@ def trace_scene(
     surfels = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
     environment = environment.detach()
     normal = surfels.frame[..., 2]
-    direction, weight = hemisphere_directions(normal, rays.samples, rays.generator)
-    if rays.drawn:
-        sampler = LightSampler(EnvironmentMap(environment))
-        direction, weight = relighting_directions(normal, sampler, rays.samples, rays.drawn, rays.generator)
-    tracer, every = SurfelTracer(surfels, rays.offset), torch.arange(len(surfels), device=normal.device)
+    direction, weight = rays.directions(normal, EnvironmentMap(environment))
+    tracer, every = rays.tracer(surfels), torch.arange(len(surfels), device=normal.device)
     index = every if among is None else among
     seen, radiance, _ = _traced(tracer, index, direction, torch.zeros_like(surfels.albedo))
     traced = ProbeScene(
-        surfels, environment, viewpoints.views, viewpoints.share,
+        surfels, environment, viewpoints.views, viewpoints.share, viewpoints.straight,
         incident=Incident(direction, weight, seen, radiance),
         untraced=tracer.untraced(every, direction, weight),
     )  # fmt: skip

@@ -6,8 +6,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.scene.colour import srgb_encode
-
 from .covered_pixels import TILE, CoveredPixels
 
 
@@ -50,7 +48,7 @@ class ReferenceImage:
     @classmethod
     def of(cls, linear: Float[Tensor, "pixels 3"], pixels: CoveredPixels) -> "ReferenceImage":
         """The full image in the covered pixels."""
-        display = srgb_encode(linear)
+        display = pixels.displayed(linear)
         return cls(linear, display, torch.where(pixels.known, display - pixels.target, 0.0))
 
 
@@ -70,7 +68,7 @@ def tile_errors(
     """Errors of a ``reduced`` image, linear; ``scaled``: after multiplication by ``light_factor``."""
     if scaled:
         reduced = reduced * light_factor(reduced, full.linear)
-    change = srgb_encode(reduced) - full.display
+    change = pixels.displayed(reduced) - full.display
     rise = change * (change + 2 * full.residual)
     difference, risen = pixels.tile_means(torch.stack([change.square().mean(-1), rise.mean(-1)], -1))
     return TileErrors(difference, risen, pixels.tiles.to(difference))

@@ -14,6 +14,7 @@ from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer
+from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.shade.brdf import specular
@@ -155,8 +156,8 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
     if plan.specular_at is not None:
         plan = dataclasses.replace(plan, specular_at=plan.specular_at[: len(surfels)])
     share = image_share([CAMERA], surfels)
-    rays = ProbeRays(16, torch.Generator().manual_seed(0))
-    made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), share), rays)
+    rays = ProbeRays(16, torch.Generator().manual_seed(0), Rays())
+    made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), share, straight=True), rays)
     judged = PlanRadiance(made).shaded(plan).detach()
     incident = (
         made.incident if plan.indirect else dataclasses.replace(made.incident, radiance=0 * made.incident.radiance)

@@ -1,0 +1,152 @@
+"""Probes during training: what they know of it, what they decide anew, and what happens when one fails."""
+
+import copy
+import dataclasses
+from typing import Any
+
+import pytest
+import torch
+
+from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
+from radiogs.budget import PRESETS
+from radiogs.effects.decide.planner import Planner
+from radiogs.effects.decide.probe import Occasion
+from radiogs.effects.decide.staleness import Staleness, decide_refresh
+from radiogs.effects.decide.tolerance import Tolerance
+from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
+from radiogs.effects.measure.step_cost import Step
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.tracing import Rays
+from radiogs.variant import Variant
+from radiogs_core.instruments import recording
+from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import SurfelTracer, incident_along
+from radiogs_datasets.generate.solids import Box, Sphere
+from scenes import sphere_scene, surfels_over
+
+
+def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> None:
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
+    assert Planner("auto", 0, 40, SAMPLES, Rays(), straight=True).scene(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
+
+
+CPU = torch.device("cpu")
+
+BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
+
+
+@pytest.fixture(scope="module")
+def initialised() -> dict[str, Any]:
+    stage = Initialisation(sphere_scene(views=4, size=16), Variant(), BUDGET, 0, CPU)
+    for _ in range(stage.iterations):
+        stage.step()
+    return stage.state()
+
+
+def planned(initialised: dict[str, Any]) -> InverseRendering:
+    scene = sphere_scene(views=4, size=16)
+    return InverseRendering(scene, Variant(effects="auto"), BUDGET, 0, CPU, initialised)
+
+
+def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
+    stage = planned(initialised)
+    stage.shader.planner.plan = everything().without("indirect").without("visibility")
+    stage.initialised = copy.deepcopy(initialised)
+    stage.initialised["optimiser"]["tensors"]["sh"][:] = torch.nan
+    stage.step()
+    assert stage.shader.plan == everything()
+    assert "failed" in stage.shader.planner.evidence[-1].why
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    """A training view as a planner needs it."""
+
+    camera: Any
+    image: torch.Tensor
+
+    def over(self, background: float) -> torch.Tensor:
+        return self.image
+
+
+def views_of(made: ProbeScene) -> list[View]:
+    return [View(view.camera, view.target) for view in made.views if view.target is not None]
+
+
+def without_rays() -> Planner:
+    """A planner that has left out all rays."""
+    planner = Planner("auto", 0, 30, SAMPLES, Rays(), straight=True)
+    planner.plan = dataclasses.replace(everything().without("indirect").without("visibility"), kept=True)
+    return planner
+
+
+WALL = Box((-0.7, -0.02, 0.002), (0.7, 0.02, 0.6), CLAY)
+
+
+def test_an_effect_that_appears_during_training_is_switched_on_again() -> None:
+    """A plan without rays, made while nothing was in the way, meets a wall that has come between."""
+    planner = without_rays()
+    surfels = surfels_over([FLOOR, WALL], 0.12)
+    assert planner.due(15)
+    changed = planner.observe(surfels, sky(), views_of(seen(surfels, sky())), step(surfels), 15)
+    assert changed
+    assert planner.plan.visibility
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_light_is_kept_as_long_as_rays_find_the_same(moved: bool) -> None:
+    """Light that was kept since before a wall came is given up; light that knows the wall is as good as rays."""
+    planner = without_rays()
+    surfels = surfels_over([FLOOR, WALL], 0.12)
+    made = seen(surfels, sky())
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], planner.samples, torch.Generator().manual_seed(3))
+    anew = incident_along(SurfelTracer(surfels), direction, weight)
+    light = unoccluded(direction, weight) if moved else anew
+    kept = KeptLight(torch.ones(len(surfels), dtype=torch.bool), light, anew)
+    changed = planner.observe(surfels, sky(), views_of(made), step(surfels), 15, kept=kept)
+    assert changed == moved
+    assert planner.plan.traces == moved
+    assert planner.plan.kept or moved
+
+
+def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew() -> None:
+    surfels = surfels_over([FLOOR, WALL], 0.12)
+    made = seen(surfels, sky())
+    direction, weight = hemisphere_directions(surfels.frame[..., 2], SAMPLES // 2, None)
+    mask = torch.arange(len(surfels)) % 3 == 0
+    lit = unoccluded(direction[mask], weight[mask])
+    kept = KeptLight(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
+    with recording() as instruments:
+        found = Planner("auto", 0, 30, SAMPLES, Rays(), straight=True).scene(surfels, sky(), views_of(made), 5, kept)
+    assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
+    assert torch.equal(found.incident.direction[mask], direction[mask])
+    assert (found.incident.visibility[mask] == 0.5).all()
+    assert (found.untraced.visibility[mask] == 1).all()
+    assert found.incident.radiance[~mask].any()
+
+
+def test_a_cache_that_stays_fresh_is_refreshed_less_often_and_a_stale_one_again() -> None:
+    tolerance, budgeted = Tolerance(1e-3), Step(2500, 64, 32, 20)
+    still = Staleness(1e-9 * torch.rand(200))
+    factor, record = decide_refresh(still, tolerance, budgeted, Occasion(0, 10), 1e-3)
+    assert (factor, record.verdict) == (2, "off")
+    moving = Staleness(1e-2 * torch.rand(200))
+    factor, record = decide_refresh(moving, tolerance, budgeted, Occasion(0, 20, EffectPlan(refresh=2)), 1e-3)
+    assert (factor, record.verdict) == (1, "on")
+
+
+@pytest.mark.parametrize("released", [False, True])
+def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does(
+    initialised: dict[str, Any], released: bool
+) -> None:
+    """The sheet hides the sky from the floor by its back; rays of the released code pass through that."""
+    deviations = ("hemisphere-floor", "one-sided-rays", "premultiplied-encoding") if released else ()
+    variant = Variant(effects="auto", deviations=deviations)
+    stage = InverseRendering(sphere_scene(views=4, size=16), variant, BUDGET, 0, CPU, initialised)
+    made = stage.shader.planner.scene(sheet(), sky(), stage.views, 0)
+    assert made.straight != released
+    assert bool((hidden(made) < 0.01).all() if released else (hidden(made) > 0.25).all())
+    cosine = (made.incident.direction * made.surfels.frame[:, None, :, 2]).sum(-1)
+    assert (float(cosine.min()) > 0.17) == released

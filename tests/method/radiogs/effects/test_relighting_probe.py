@@ -1,0 +1,68 @@
+"""Probes of a model under a new light, and the truth that they judge the sampling of a light by."""
+
+import math
+
+import pytest
+import torch
+
+from probed_scenes import CLAY, seen, sky
+from radiogs.effects.decide.new_light import concentration, model_error, plan_for_light, reference_colour, scene_under
+from radiogs.effects.measure.probe_scene import Viewpoints
+from radiogs.tracing import Rays
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
+from scenes import sun_and_sky, surfels_over
+
+
+def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
+    """Under an even light two balls hardly shade each other; a sun throws the shadow of one onto the other."""
+    balls = [Sphere((-0.45, 0.0, 0.0), 0.3, CLAY), Sphere((0.5, 0.15, 0.75), 0.3, CLAY)]
+    surfels = surfels_over(balls, 0.1)
+    made = seen(surfels, sky())
+    viewpoints = Viewpoints(made.views, made.share, made.straight)
+    sunny = torch.full((16, 32, 3), 0.2)
+    sunny[4, 15] = 100.0  # 39 degrees high, azimuth 6 degrees
+    even, sun = (
+        {
+            record.effect: record
+            for record in plan_for_light(
+                scene_under(surfels, surfels.albedo, EnvironmentMap(light), viewpoints, 0, Rays()),
+                model_error(surfels, viewpoints),
+                32,
+                32,
+                0,
+                decibel=1.0,
+            ).evidence
+        }
+        for light in (torch.full((16, 32, 3), 0.7), sunny)
+    )
+    for effect in ("visibility", "light-sampling"):
+        little, much = even[effect].measured, sun[effect].measured
+        assert little is not None
+        assert much is not None
+        assert much.contribution > 3 * little.contribution, effect
+        assert sun[effect].verdict == "on"
+        assert even[effect].verdict == "off"
+
+
+def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree() -> None:
+    """Of rough surfaces by closed form, albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
+    ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 0.99))], 0.25)
+    light, sun = sun_and_sky(512)
+    truth = reference_colour(ball, EnvironmentMap(light), torch.Generator().manual_seed(0))
+    facing = (ball.frame[..., 2] @ sun).clamp(min=0)
+    matt = srgb_encode(0.8 * (0.1 + 2.0 * facing / math.pi))
+    ratio = truth[:, 0] / matt
+    # The solid angle that a sun of few texels is read over differs from theirs; a lobe reflects 2 to 5 % of 0.8.
+    assert float(ratio.min()) > 0.99
+    assert float(ratio.max()) < 1.06
+
+
+def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
+    assert concentration(EnvironmentMap(torch.full((8, 16, 3), 0.3))).effective == pytest.approx(1.0)
+    spot = torch.zeros(8, 16, 3)
+    spot[3, 5] = 9.0
+    assert concentration(EnvironmentMap(spot)).effective < 0.02
+    assert concentration(EnvironmentMap(torch.zeros(8, 16, 3))).effective == 1.0
