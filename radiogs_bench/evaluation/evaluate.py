@@ -19,6 +19,7 @@ from ..errors import MethodFailed
 from ..method_calls import calling, refused, require
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
+from .constant_maps import score_constant_light, score_constant_roughness
 from .frame_cost import FrameCosts
 from .light_maps import light_maps
 from .maps import Maps, on_black
@@ -30,6 +31,7 @@ from .scoring import (
     score_albedo,
     score_depth,
     score_light,
+    score_recovered,
     score_view,
     truth,
 )  # fmt: skip
@@ -181,6 +183,7 @@ class _Evaluator:
             maps = self.rendered(prepared, view, *further)
             self.given |= maps.keys()
             score_view(self.scores, view, maps, self.scene.extent)
+            score_recovered(self.scores, view, maps)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
@@ -200,11 +203,14 @@ class _Evaluator:
             )
         self.given.add("environment")
         score_light(self.scores, self.scene, light)
+        score_constant_light(self.scores, self.scene)
         if self.scene.training_light is not None:
             self.arrays |= light_maps(light, self.scene.training_light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
-        """Score depth and albedo, which are aligned over all views; returns the albedo's factor per channel."""
+        """Score what is compared over all views: depth, albedo, constants; returns the albedo's factor per channel."""
+        if "roughness" in self.given:
+            score_constant_roughness(self.scores, self.scene)
         score_depth(self.scores, self.scene, self.kept)
         scale = score_albedo(self.scores, self.scene, self.kept)
         if "albedo" in self.kept[self.shown.name]:

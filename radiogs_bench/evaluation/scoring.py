@@ -15,7 +15,8 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
-from ..metrics import Protocol
+from ..metrics import Protocol, Value
+from ..metrics.protocol import EMPTY
 from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]
@@ -44,6 +45,14 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
     if indirect in maps and view.has("indirect"):
         ours, theirs = displayed(maps[indirect]), displayed(truth(view, "indirect"))
         scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
+
+
+def score_recovered(scores: MetricsByView, view: View, maps: Maps) -> None:
+    """``roughness/mean``: the mean of what was recovered, inside the mask. No truth is needed, and none is compared."""
+    if "roughness" in maps:
+        inside = coverage(view)[..., 0] > 0.5
+        mean = Value(float(maps["roughness"][inside].double().mean())) if inside.any() else Value(None, EMPTY)
+        scores.add("roughness", view.name, {"mean": mean})
 
 
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
