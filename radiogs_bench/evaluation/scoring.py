@@ -15,8 +15,7 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
-from ..metrics import Protocol, Value
-from ..metrics.protocol import EMPTY
+from ..metrics import Protocol
 from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]
@@ -47,12 +46,10 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
         scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
 
 
-def score_recovered(scores: MetricsByView, view: View, maps: Maps) -> None:
-    """``roughness/mean``: the mean of what was recovered, inside the mask. No truth is needed, and none is compared."""
-    if "roughness" in maps:
-        inside = coverage(view)[..., 0] > 0.5
-        mean = Value(float(maps["roughness"][inside].double().mean())) if inside.any() else Value(None, EMPTY)
-        scores.add("roughness", view.name, {"mean": mean})
+def mean_roughness(view: View, maps: Maps) -> float | None:
+    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask."""
+    inside = coverage(view)[..., 0] > 0.5
+    return float(maps["roughness"][inside].double().mean()) if "roughness" in maps and inside.any() else None
 
 
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:

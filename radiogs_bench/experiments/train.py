@@ -77,7 +77,7 @@ def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, fact
     result["shown_light"] = evaluation.shown_light
     result["albedo_scale"] = evaluation.albedo_scale
     result["facts"] = facts
-    result["maps"] = evaluation.maps
+    result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
     result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
     for name, ledger in ledgers.items():
         result["losses"][name], result["trail"][name] = ledger["losses"], ledger["trail"]

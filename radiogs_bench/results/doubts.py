@@ -119,7 +119,7 @@ def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]
 def recovered(result: Result, quantity: str) -> float | None:
     """What a cell found, of any method: mean roughness, or the logarithm of the factor from its albedo to the true."""
     if quantity == "roughness":
-        return result["metrics"].get("roughness/mean", {"value": None})["value"]
+        return result.get("recovered", {}).get("roughness")
     scale = result["albedo_scale"] if quantity == "brightness" else None
     return math.log(math.fsum(scale) / len(scale)) if scale and math.fsum(scale) > 0 else None
 

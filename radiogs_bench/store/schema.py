@@ -106,6 +106,9 @@ class Result(TypedDict):
     facts: dict[str, Any]
     """The method's facts about its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, their
     number; RadioGS adds ``effects``: the plan, and the evidence for it."""
+    recovered: dict[str, float]
+    """``roughness``: the mean of what was recovered, inside the mask and over the test views; absent without the map,
+    and the whole key in results of earlier versions."""
     determined: dict[str, Determined]
     """How well the images determine what was recovered, by quantity (``radiogs_core.capabilities.QUANTITIES``); empty
     where the method does not offer the measurement. Absent in results of earlier versions."""

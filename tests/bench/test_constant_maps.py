@@ -62,4 +62,4 @@ def test_the_mean_of_the_recovered_roughness_is_over_the_mask() -> None:
     means = [
         float((truth(view, "roughness") + 0.25)[coverage(view)[..., 0] > 0.5].mean()) for view in scene.test
     ]  # fmt: skip
-    assert found.metrics["roughness/mean"]["views"] == pytest.approx(means, abs=1e-5)
+    assert found.recovered == {"roughness": pytest.approx(np.mean(means), abs=1e-6)}

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import torch
 from scipy import stats
 
-from bench.fake_method import CPU
+from bench.fake_method import CPU, FakeSweep, fake_cell
 from bench.test_evaluate import Perfect, scene_of, view_with
 from radiogs_bench.errors import MethodFailed
 from radiogs_bench.evaluation.determined import (
@@ -151,6 +152,23 @@ def test_images_of_another_number_or_size_and_those_not_finite_are_refused() -> 
         determined(Fewer(made), made, CPU, "fewer")
     with pytest.raises(NumericalFailure, match="view_0"):
         determined(NotFinite(made), made, CPU, "infinite")
+
+
+def test_a_result_keeps_what_was_measured_of_its_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = parabolas([0.1, 0.2, 0.0])
+    asked: list[Any] = []
+
+    def measured(trained: Any, scene: Scene, *further: Any) -> dict[str, Determined]:
+        asked.append((scene.name, *further[:2]))
+        return {"roughness": record}
+
+    monkeypatch.setattr("radiogs_bench.experiments.train.determined", measured)
+    sweep, cell = FakeSweep(tmp_path), fake_cell()
+    sweep.run([cell])
+    result = sweep.store.result(cell.key)
+    assert result is not None
+    assert result["determined"] == {"roughness": record}
+    assert asked == [("fake", CPU, cell.method)]
 
 
 def test_views_are_spread_over_the_list() -> None:

@@ -123,7 +123,7 @@ def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
 
 def test_seeds_that_find_different_roughness_are_told() -> None:
     def of(*values: float, scene: str = "corner") -> list[tuple[Any, Any]]:
-        return [cell("ours", seed, scene, metrics={"roughness/mean": value}) for seed, value in enumerate(values)]
+        return [cell("ours", seed, scene, recovered={"roughness": value}) for seed, value in enumerate(values)]
 
     # The interval's half-width is 4.303 s / sqrt(3) = 2.484 s for three seeds.
     (found,) = spread_over_seeds(of(0.45, 0.5, 0.55), "roughness/mse", ("roughness",))
