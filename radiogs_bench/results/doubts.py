@@ -165,5 +165,5 @@ def _apart(quantity: str, scene: str, found: Estimate) -> str:
 
 
 def _range(values: Sequence[float], decimals: int) -> str:
-    low, high = f"{min(values):.{decimals}f}", f"{max(values):.{decimals}f}"
+    low, high = (f"{round(end, decimals) + 0.0:.{decimals}f}" for end in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"

@@ -11,6 +11,7 @@ from bench.test_evaluate import EVERYTHING, Perfect, scene_of, view_with
 from radiogs_bench.evaluation.evaluate import evaluate
 from radiogs_bench.evaluation.scoring import coverage, truth
 from radiogs_bench.metrics import protocol
+from radiogs_bench.metrics.conventions import Environment
 from radiogs_core.scene.light import EnvironmentMap
 
 
@@ -44,6 +45,17 @@ def test_a_light_that_is_constant_scores_that_constants_error_and_no_other_const
         found = evaluate(Perfect(scene, light=grey), scene, protocol(name), CPU, lambda done, total: None).metrics
         assert found["environment/error_scaled"]["value"] == pytest.approx(found["environment/constant"]["value"])
     assert 0.2 < found["environment/constant"]["value"] < 1
+
+
+def test_the_best_constant_light_is_as_bright_as_the_true_one_on_the_whole() -> None:
+    """No factor makes it better, so that a protocol that applies none gives it the same error."""
+    scene = replace(scene_of(view_with(0, EVERYTHING)), training_light=light())
+    found = [
+        evaluate(Perfect(scene, light=light()), scene, rules, CPU, lambda done, total: None).metrics
+        for rules in (protocol("default"), replace(protocol("default"), environment=Environment("none")))
+    ]
+    aligned, unaligned = (each["environment/constant"]["value"] for each in found)
+    assert aligned == pytest.approx(unaligned)
 
 
 def test_without_the_map_there_is_no_constant_to_compare_with() -> None:

@@ -55,6 +55,11 @@ def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> N
     )
 
 
+def test_a_change_that_rounds_to_nothing_has_no_sign() -> None:
+    cells = [cell("ours", determined={"roughness": record(False, decibels=-1e-5, offset=None, half_width=None)})]
+    assert "images by 0.000 dB" in undetermined(cells, "roughness/mse", ("roughness",))[0]["text"]
+
+
 def test_a_row_is_marked_if_one_of_its_cells_is_not_determined() -> None:
     cells = [cell("ours", seed, determined={"roughness": record(seed != 1, half_width=None)}) for seed in range(3)]
     (found,) = undetermined(cells, "roughness/mse", ("roughness",))
