@@ -22,8 +22,11 @@ FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
     "roughness": ("roughness",),
     "roughness variation": ("roughness",),
     "brightness": ("light", "albedo"),
+    "brightness, albedo free": ("light", "albedo"),
 }
 """The given parts of the truth (``Variant.given``) that settle a quantity."""
+
+BRIGHTNESS = ("brightness", "brightness, albedo free")
 
 
 class VaryingRadioGS:
@@ -33,7 +36,8 @@ class VaryingRadioGS:
     When roughness or light changes, the albedo of each surfel takes up the mean change of R over the cameras, weighted
     by how much of each image the surfel is, within [0, 1]. What arrives from other surfels is their own radiance, which
     was fitted to the images and is held. So ``brightness`` is told by indirect light, which grows with albedo while
-    direct light stays, and by highlights, whose strength is F0 times the light.
+    direct light stays, and by highlights, whose strength is F0 times the light. With albedo free at every surfel,
+    indirect light tells nothing: under any light there is an albedo that sends out the same, unless it exceeds 1.
     """
 
     def __init__(self, renderer: Renderer, cameras: Sequence[Camera], given: tuple[str, ...]) -> None:
@@ -46,7 +50,7 @@ class VaryingRadioGS:
         self.weight = torch.stack([image_share([camera], self.surfels) for camera in self.cameras])
         self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
         self.mean_roughness = (self.share * self.roughness).sum()
-        self.rest = self._shaded(self.roughness, self.light)[1]
+        self.unit, self.rest = self._shaded(self.roughness, self.light)
         self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & set(given)]
 
     @property
@@ -57,7 +61,7 @@ class VaryingRadioGS:
         found = {
             "roughness": float(self.mean_roughness),
             "roughness variation": float(deviation),
-            "brightness": float((weight * self.light.cpu().double()).sum() / weight.sum()),
+            **dict.fromkeys(BRIGHTNESS, float((weight * self.light.cpu().double()).sum() / weight.sum())),
         }
         return {name: found[name] for name in self.free}
 
@@ -74,7 +78,11 @@ class VaryingRadioGS:
         else:
             factor, light = math.exp(amount), light * math.exp(-amount)
         unit, rest = self._shaded(roughness.clamp(ROUGHNESS_FLOOR, 1), light)
-        albedo = self._absorbing(factor * self.albedo, unit, rest)
+        albedo = factor * self.albedo
+        change = rest - self.rest
+        if quantity == "brightness, albedo free":
+            change = change + albedo * unit - self.albedo * self.unit
+        albedo = self._absorbing(albedo, unit, change)
         return [
             self._seen(camera, albedo * diffuse + other)
             for camera, diffuse, other in zip(self.cameras, unit, rest, strict=True)
@@ -105,13 +113,13 @@ class VaryingRadioGS:
         self,
         albedo: Float[Tensor, "surfels 3"],
         unit: Float[Tensor, "cameras surfels 3"],
-        rest: Float[Tensor, "cameras surfels 3"],
+        change: Float[Tensor, "cameras surfels 3"],
     ) -> Float[Tensor, "surfels 3"]:
-        """The albedo plus what makes up for the mean change of the rest, in [0, 1]; as it is where nothing arrives."""
+        """The albedo less what makes up for the mean change of radiance, in [0, 1]; as it is where nothing arrives."""
         weight = self.weight[..., None]
-        change, irradiance = (weight * (rest - self.rest)).sum(0), (weight * unit).sum(0)
+        mean_change, irradiance = (weight * change).sum(0), (weight * unit).sum(0)
         lit = irradiance > 0
-        return (albedo - torch.where(lit, change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
+        return (albedo - torch.where(lit, mean_change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
 
     def _seen(self, camera: Camera, radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "height width 3"]:
         seen = splat(camera, self.surfels, {"radiance": radiance}, depth_unit=1.0)

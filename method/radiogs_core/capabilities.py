@@ -133,11 +133,13 @@ class TakesGiven(Protocol):
         """
 
 
-Quantity = Literal["roughness", "roughness variation", "brightness"]
+Quantity = Literal["roughness", "roughness variation", "brightness", "brightness, albedo free"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
-"""What images may fail to determine, and what an amount of change is: ``roughness``, added to that of every surface;
-``roughness variation``, the share of the way that every roughness moves to their mean (1: all alike, -1: twice as far
-from it); ``brightness``, the natural logarithm of the factor by which albedo grows and light is divided."""
+"""What images may fail to determine, and what an amount of change is.
+
+roughness: added to that of every surface. roughness variation: the share of the way that every roughness moves to their
+mean (1: all alike, -1: twice as far from it). brightness: the natural logarithm of the factor by which all albedo grows
+and light is divided. brightness, albedo free: the same of the light, while each albedo becomes what hides that best."""
 
 
 @runtime_checkable
@@ -149,7 +151,7 @@ class Varying(Protocol):
         """The recovered value of every quantity of ``QUANTITIES`` that training was free to find.
 
         ``roughness``: the mean over what the cameras see; ``roughness variation``: the standard deviation over that;
-        ``brightness``: mean linear radiance of the light over all directions and channels.
+        ``brightness`` of either kind: mean linear radiance of the light over all directions and channels.
         """
 
     def images(self, quantity: str, amount: float) -> list[Float[Tensor, "height width 3"]]:

@@ -17,7 +17,12 @@ from ..method_calls import calling, refused, require
 from ..store.schema import Determined
 from .scoring import coverage, truth
 
-STEPS = {"roughness": 0.1, "roughness variation": 1.0, "brightness": math.log(1.25)}
+STEPS = {
+    "roughness": 0.1,
+    "roughness variation": 1.0,
+    "brightness": math.log(1.25),
+    "brightness, albedo free": math.log(1.25),
+}
 """By how much each quantity is changed, which is also how well it has to be known: a tenth of roughness's range, all of
 the variation that was found, a quarter of the brightness."""
 

@@ -22,8 +22,12 @@ CHANGES: Mapping[str, str] = {
     "roughness": f"changing the roughness of everything by {STEPS['roughness']:g}",
     "roughness variation": "giving everything the mean roughness",
     "brightness": f"albedo {math.exp(STEPS['brightness']):g} times as bright in a light as much darker",
+    "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
+    " at each point that hides it best,",
 }
 """What ``evaluation.determined`` changes, in words."""
+
+BRIGHTNESS = ("brightness", "brightness, albedo free")
 
 CONSTANTS = {"roughness/mse": "roughness", "environment/error_scaled": "light"}
 """Metrics beside which ``task/constant`` is measured, and what is constant there."""
@@ -47,7 +51,7 @@ def doubts(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[D
         found += no_better_than_constant(finished, column)
         found += spread_over_seeds(finished, column, quantities)
     if not any("brightness" in depends_on(column, conventions) for column in sweep["columns"]):
-        for doubt in undetermined(finished, "", ("brightness",)):
+        for doubt in undetermined(finished, "", BRIGHTNESS):
             found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
     return found
 
@@ -63,7 +67,7 @@ def depends_on(column: str, conventions: Mapping[str, Any]) -> tuple[str, ...]:
         "relight": albedo.get("relights") is False,
         "environment": measure == "error",
     }
-    return ("brightness",) if unaligned.get(task, False) else ()
+    return BRIGHTNESS if unaligned.get(task, False) else ()
 
 
 def undetermined(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:

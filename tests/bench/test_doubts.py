@@ -10,6 +10,7 @@ from bench.fake_method import FakeSweep, asked
 from radiogs_bench.evaluation.determined import STEPS
 from radiogs_bench.metrics import PROTOCOLS, protocol
 from radiogs_bench.results.doubts import (
+    BRIGHTNESS,
     depends_on,
     doubts,
     no_better_than_constant,
@@ -93,7 +94,7 @@ def test_columns_depend_on_brightness_where_their_protocol_does_not_align_them()
     assert by_protocol["default"] == {"environment/error"}
     assert by_protocol["gs-ir"] == {"environment/error", "relight/psnr"}, "relit without the factor"
     unaligned = {"albedo": {"align": "none", "relights": True}}
-    assert depends_on("albedo/ssim", unaligned) == ("brightness",)
+    assert depends_on("albedo/ssim", unaligned) == BRIGHTNESS
     assert depends_on("relight/psnr", unaligned) == ()
     assert depends_on("nvs/psnr", unaligned) == depends_on("roughness/constant", unaligned) == ()
 

@@ -108,6 +108,8 @@ def found(case: str) -> dict[str, Determined]:
         ("half shiny ball, sun", "roughness variation", True),
         ("glossy ball, sun", "roughness variation", False),  # there is none
         ("open box, constant light", "brightness", True),  # by the walls' light on each other
+        ("open box, constant light", "brightness, albedo free", False),  # the walls' albedo could hide it
+        ("glossy ball, sun", "brightness, albedo free", True),
         ("open box, constant light", "roughness", False),
     ],
 )
@@ -171,7 +173,7 @@ def test_albedo_beyond_one_is_no_albedo() -> None:
 
 @pytest.mark.parametrize(
     ("given", "free"),
-    [((), QUANTITIES), (("roughness",), ("brightness",)), (("light",), ("roughness", "roughness variation")),
+    [((), QUANTITIES), (("roughness",), QUANTITIES[2:]), (("light",), QUANTITIES[:2]),
      (("albedo", "roughness"), ())],
 )  # fmt: skip
 def test_what_was_given_is_not_asked_of_the_images(given: tuple[Part, ...], free: tuple[str, ...]) -> None:
