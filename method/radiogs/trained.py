@@ -1,6 +1,6 @@
 """A trained RadioGS model as the harness shows it: under the light that it has recovered, and relit."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from radiogs_core.surfels.ply import write_ply
 from .model import Model
 from .relighting import Relit, relit_under, training_share
 from .rendering import Renderer
+from .varying import VaryingRadioGS
 
 SHADED: Mapping[str, MapKind] = {
     "image": MapKind("display"),
@@ -85,6 +86,11 @@ class TrainedRadioGS:
         share = self.training_share if self.run.variant.effects == "auto" else None
         relit = relit_under(self.model, light, scale, self.run, after_step, share)
         return _Relit(relit, surfels_alone=self.run.variant.relighting == "surfels")
+
+    def varying(self, cameras: Sequence[Camera]) -> VaryingRadioGS:
+        """Under its own light, with roughness or brightness changed; see ``radiogs_core.capabilities.Variable``."""
+        renderer = Renderer(self.model, self.run.budget.incident_samples, self.run.variant)
+        return VaryingRadioGS(renderer, cameras, self.run.variant.given)
 
     @cached_property
     def training_share(self) -> Float[Tensor, " surfels"]:

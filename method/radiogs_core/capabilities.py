@@ -1,7 +1,7 @@
 """What a method, or something that it makes, may offer beyond the contract; the harness looks whether it does."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from .contract import Run, Trained
 from .errors import DataError
+from .scene.camera import Camera
 from .scene.light import EnvironmentMap
 from .scene.scene import Scene
 
@@ -130,6 +131,43 @@ class TakesGiven(Protocol):
         a model keeps given geometry, albedo and roughness; light and indirect light are those of the training views.
         ``require_truth`` says whether a scene has it. Raises UsageError for a part that it cannot take.
         """
+
+
+Quantity = Literal["roughness", "roughness variation", "brightness", "brightness, albedo free"]
+QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
+"""What images may fail to determine, and what an amount of change is.
+
+roughness: added to that of every surface. roughness variation: the share of the way that every roughness moves to their
+mean (1: all alike, -1: twice as far from it). brightness: the natural logarithm of the factor by which all albedo grows
+and light is divided. brightness, albedo free: the same of the light, while each albedo becomes what hides that best."""
+
+
+@runtime_checkable
+class Varying(Protocol):
+    """A trained model under its own light, seen by a few cameras, that can be shown with one quantity changed."""
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """The recovered value of every quantity of ``QUANTITIES`` that training was free to find.
+
+        ``roughness``: the mean over what the cameras see; ``roughness variation``: the standard deviation over that;
+        ``brightness`` of either kind: mean linear radiance of the light over all directions and channels.
+        """
+
+    def images(self, quantity: str, amount: float) -> list[Float[Tensor, "height width 3"]]:
+        """An image for each camera, display sRGB on black, with one quantity changed by an amount; 0 is as recovered.
+
+        A change that a different albedo of the single surfaces would hide in all views is to be hidden so: what is left
+        in the images is what only this quantity explains.
+        """
+
+
+@runtime_checkable
+class Variable(Protocol):
+    """A trained model of which it can be measured what the images determine (docs/what_images_determine.md)."""
+
+    def varying(self, cameras: Sequence[Camera]) -> Varying:
+        """The model, ready to be seen by these cameras with a quantity changed."""
 
 
 def require_truth(scene: Scene, parts: tuple[str, ...]) -> None:

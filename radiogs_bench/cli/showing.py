@@ -6,6 +6,7 @@ from rich.table import Table
 
 from radiogs_baselines.published import published
 from radiogs_reports import write_reports
+from radiogs_reports.doubts import footnotes, marks
 from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
 from ..results.summary import summarise
@@ -20,8 +21,8 @@ def write_and_show(store: Store) -> None:
     summary, written = write(store)
     show(table_of(summary))
     say(explanation(summary))
-    for reason in reasons(summary):
-        say(reason)
+    for sentence in (*reasons(summary), *footnotes(summary)):
+        say(sentence)
     say(f"Metric protocol: {summary['protocol']}. Published values: {summary['published_data']}.")
     for path in written:
         say(f"wrote {path}")
@@ -45,7 +46,12 @@ def table_of(summary: Summary) -> Table:
     table = Table("", *(heading(column) for column in summary["columns"]), "seconds", title=title, show_lines=True)
     for row in summary["rows"]:
         entries = [
-            entry(summary["cells"][row["key"]][column["key"]], summary["published"].get(row["key"], {}), column)
+            entry(
+                summary["cells"][row["key"]][column["key"]],
+                summary["published"].get(row["key"], {}),
+                column,
+                marks(summary, row["key"], column["key"]),
+            )
             for column in summary["columns"]
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
@@ -81,10 +87,10 @@ def heading(column: ColumnSummary) -> str:
     return f"{column['label']} {arrow}" + (f" [{column['unit']}]" if column["unit"] else "").replace("[", r"\[")
 
 
-def entry(cell: CellSummary, published_row: dict[str, float], column: ColumnSummary) -> str:
-    """Mean, paired difference with its interval, and published value, each on a line."""
+def entry(cell: CellSummary, published_row: dict[str, float], column: ColumnSummary, mark: str = "") -> str:
+    """Mean with its marks, paired difference with its interval, and published value, each on a line."""
     digits = column["decimals"]
-    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}"]
+    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}{mark}"]
     difference = cell["difference"]
     if difference is not None and difference["low"] is not None and difference["high"] is not None:
         half_width = (difference["high"] - difference["low"]) / 2

@@ -19,6 +19,7 @@ from ..errors import MethodFailed
 from ..method_calls import calling, refused, require
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
+from .constant_maps import score_constant_light, score_constant_roughness
 from .frame_cost import FrameCosts
 from .light_maps import light_maps
 from .maps import Maps, on_black
@@ -27,6 +28,7 @@ from .scoring import (
     compared_indirect,
     coverage,
     lit_views,
+    mean_roughness,
     score_albedo,
     score_depth,
     score_light,
@@ -50,7 +52,8 @@ class Evaluation:
     ``metrics`` and ``timings`` (milliseconds per frame, megabytes) are by ``task/measure``; ``views`` are the names of
     the views in the order of each metric's values; ``albedo_scale`` aligns the recovered albedo with the true one, None
     if that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view`` (relit: under
-    ``shown_light``); ``protocol`` describes the conventions; ``maps`` names the maps that the method rendered.
+    ``shown_light``); ``protocol`` describes the conventions; ``maps`` names the maps that the method rendered;
+    ``recovered`` has the mean ``roughness`` over what the test views show, if there is any.
     """
 
     metrics: dict[str, MetricValue]
@@ -62,6 +65,7 @@ class Evaluation:
     arrays: dict[str, np.ndarray]
     protocol: dict[str, Any]
     maps: list[str] = field(default_factory=list)
+    recovered: dict[str, float] = field(default_factory=dict)
 
 
 def evaluate(
@@ -102,6 +106,7 @@ def evaluate(
         arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()},
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
+        recovered={"roughness": math.fsum(found) / len(found)} if (found := evaluator.roughness) else {},
     )
 
 
@@ -117,6 +122,7 @@ class _Evaluator:
     method: str
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
+    roughness: list[float] = field(default_factory=list)
     done: int = 0
 
     def __post_init__(self) -> None:
@@ -181,6 +187,8 @@ class _Evaluator:
             maps = self.rendered(prepared, view, *further)
             self.given |= maps.keys()
             score_view(self.scores, view, maps, self.scene.extent)
+            if (roughness := mean_roughness(view, maps)) is not None:
+                self.roughness.append(roughness)
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
@@ -200,11 +208,14 @@ class _Evaluator:
             )
         self.given.add("environment")
         score_light(self.scores, self.scene, light)
+        score_constant_light(self.scores, self.scene)
         if self.scene.training_light is not None:
             self.arrays |= light_maps(light, self.scene.training_light)
 
     def compare_whole(self) -> Float[Tensor, "3"] | None:
-        """Score depth and albedo, which are aligned over all views; returns the albedo's factor per channel."""
+        """Score what is compared over all views: depth, albedo, constants; returns the albedo's factor per channel."""
+        if "roughness" in self.given:
+            score_constant_roughness(self.scores, self.scene)
         score_depth(self.scores, self.scene, self.kept)
         scale = score_albedo(self.scores, self.scene, self.kept)
         if "albedo" in self.kept[self.shown.name]:

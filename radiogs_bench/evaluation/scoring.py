@@ -46,6 +46,12 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
         scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
 
 
+def mean_roughness(view: View, maps: Maps) -> float | None:
+    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask."""
+    inside = coverage(view)[..., 0] > 0.5
+    return float(maps["roughness"][inside].double().mean()) if "roughness" in maps and inside.any() else None
+
+
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
     """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
     views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]

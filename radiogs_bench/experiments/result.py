@@ -27,6 +27,8 @@ def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
         shown_light=None,
         albedo_scale=None,
         facts={},
+        recovered={},
+        determined={},
         maps=[],
         stages=[],
         losses={},

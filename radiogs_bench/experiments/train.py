@@ -8,6 +8,7 @@ from radiogs_core.contract import Trained
 from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
+from ..evaluation.determined import determined
 from ..evaluation.evaluate import Evaluation, evaluate
 from ..metrics import protocol
 from ..store.provenance import reset_peaks, session
@@ -49,11 +50,13 @@ def train_and_score(
     with recording() as instruments:
         started = time.perf_counter()
         evaluation = score(bench, cell, scene, model)
+        known = determined(model, scene, bench.device, cell.method, bench.interruption.check)
         seconds = time.perf_counter() - started
     facts = facts_of(cell.method, model)
     counted, spent = accounts(facts, ledgers) if accounts is not None else ({}, {})
     views = len(evaluation.views)
     result = _result(cell, ledgers, evaluation, facts)
+    result["determined"] = known
     result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
     result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
     add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])
@@ -74,7 +77,7 @@ def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, fact
     result["shown_light"] = evaluation.shown_light
     result["albedo_scale"] = evaluation.albedo_scale
     result["facts"] = facts
-    result["maps"] = evaluation.maps
+    result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
     result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
     for name, ledger in ledgers.items():
         result["losses"][name], result["trail"][name] = ledger["losses"], ledger["trail"]

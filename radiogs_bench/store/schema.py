@@ -48,6 +48,29 @@ class Session(TypedDict):
     """Peaks of this process during the stage: ``host``, resident set; ``device``, CUDA allocator (with a GPU)."""
 
 
+class Determined(TypedDict):
+    """How well the training images determine a recovered quantity (see ``evaluation.determined``)."""
+
+    value: float
+    """As it was recovered (``radiogs_core.capabilities.Varying.values``)."""
+    step: float
+    """The amount by which it was changed, upwards and downwards."""
+    views: int
+    """Training views that were compared."""
+    error: float
+    """Squared error of their images, display sRGB, per covered pixel."""
+    rise: float
+    """By how much a step raises that error: half the second difference over the three amounts."""
+    decibels: float
+    """The same in decibels."""
+    offset: float | None
+    """The change at which the error is lowest, by the parabola; None where ``rise`` is below half a level of 8 bits."""
+    half_width: float | None
+    """Half the width of the offset's 95 % jackknife interval over views; None where there is none."""
+    determined: bool
+    """Whether ``rise`` is above half a level of 8 bits and the offset's whole interval within a step of none."""
+
+
 class StageName(TypedDict):
     """A stage of training: the name that results use, and the title for people."""
 
@@ -83,6 +106,12 @@ class Result(TypedDict):
     facts: dict[str, Any]
     """The method's facts about its trained model (``radiogs_core.contract.Trained.facts``), such as ``surfels``, their
     number; RadioGS adds ``effects``: the plan, and the evidence for it."""
+    recovered: dict[str, float]
+    """``roughness``: the mean of what was recovered, inside the mask and over the test views; absent without the map,
+    and the whole key in results of earlier versions."""
+    determined: dict[str, Determined]
+    """How well the images determine what was recovered, by quantity (``radiogs_core.capabilities.QUANTITIES``); empty
+    where the method does not offer the measurement. Absent in results of earlier versions."""
     maps: list[str]
     """Maps that the method gave of the test views, and ``environment`` where it recovered a light; empty where no
     method was scored."""

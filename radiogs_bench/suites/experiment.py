@@ -8,7 +8,7 @@ from radiogs_core.contract import Method
 from ..metrics.weights import FILES, missing_weights
 from ..sources import code_digest
 
-EVALUATION = "radiogs_bench.evaluation.evaluate"
+EVALUATION = ("radiogs_bench.evaluation.evaluate", "radiogs_bench.evaluation.determined")
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Experiment:
     trains: bool = True
     scores_on_the_way: bool = False
     on_surfaces: bool = False
-    sources: tuple[str, ...] = (EVALUATION,)
+    sources: tuple[str, ...] = EVALUATION
 
     def evaluation_code(self, method: Method) -> str:
         """Digest of what turns a trained model into metrics.
@@ -56,8 +56,8 @@ EXPERIMENTS: Mapping[str, Experiment] = {
     each.name: each
     for each in (
         Experiment(TRAINING),
-        Experiment(COST, scores_on_the_way=True, sources=(EVALUATION, "radiogs_bench.experiments.cost")),
-        Experiment(AUDIT, sources=(EVALUATION, "radiogs_bench.experiments.audit")),
+        Experiment(COST, scores_on_the_way=True, sources=(*EVALUATION, "radiogs_bench.experiments.cost")),
+        Experiment(AUDIT, sources=(*EVALUATION, "radiogs_bench.experiments.audit")),
         Experiment(
             FORWARD_PARITY, trains=False, on_surfaces=True, sources=("radiogs_bench.experiments.forward_parity",)
         ),

@@ -45,6 +45,8 @@ MEASURES: Mapping[str, Measure] = {
     # Of a recovered environment map, as it is and after the protocol's alignment.
     "error": Measure("error", "", "down", 3),
     "error_scaled": Measure("error up to scale", "", "down", 3),
+    # Of the best map that is the same everywhere: a recovered one that is no better carries no information.
+    "constant": Measure("error of a constant", "", "down", 4),
     # Of float32 against float64, in units of its rounding, 1.19e-7.
     "safe": Measure("error, safe range", "eps", "down", 1),
     "hard": Measure("error, hard end", "eps", "down", 1),

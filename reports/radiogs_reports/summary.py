@@ -61,6 +61,17 @@ class RowSummary(TypedDict):
     """The title of the method that they were given to."""
 
 
+class Doubt(TypedDict):
+    """Why values of a column are not to be taken at their word, in the rows where that is so.
+
+    ``column`` is empty for what concerns no column, because the protocol takes it out of all of them.
+    """
+
+    column: str
+    rows: list[str]
+    text: str
+
+
 class SheetSummary(TypedDict):
     """One view of the contact sheet: the table row it belongs to, and the file of its maps, relative to OUT.
 
@@ -220,6 +231,8 @@ class Summary(TypedDict):
     """Every cell, in the order in which cells are run."""
     paper: list[PaperTable]
     """Tables of the paper with at least one measured value, those of other suites included."""
+    doubts: NotRequired[list[Doubt]]
+    """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from ..analysis.grid import Grid
 from ..analysis.ranks import suite_ranks
 from ..analysis.samples import cost_of
+from ..doubts import footnotes, marks
 from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary, half_width, row_texts
 from ..wording import ARROWS, plus_minus, signed
 from ..write.paper.layout import as_printed
@@ -42,13 +43,17 @@ class Entry:
 
 @dataclass(frozen=True)
 class Table:
-    """A table: rows of entries under ``heads``, the row's name first. ``title``: shown while the table is folded."""
+    """A table: rows of entries under ``heads``, the row's name first. ``title``: shown while the table is folded.
+
+    ``footnotes``: below the table, each behind the mark that entries have.
+    """
 
     name: str
     caption: str
     heads: list[Head]
     rows: list[list[Entry]]
     title: str = ""
+    footnotes: Sequence[str] = ()
 
     @property
     def reasons(self) -> list[str]:
@@ -80,23 +85,24 @@ def suite_table(summary: Summary) -> Table:
                 column,
                 published.get(column["key"]),
                 ranks[column["key"]].get(row["key"], 0),
+                marks(summary, row["key"], column["key"]),
             )
             for column in summary["columns"]
         ]
         rows.append([Entry(row["text"], row["text"]), *values, seconds_entry(row)])
     heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
-    return Table("means", summary["title"], heads, rows)
+    return Table("means", summary["title"], heads, rows, footnotes=footnotes(summary))
 
 
-def value_entry(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int) -> Entry:
-    """A value with its difference to the reference row and the published value."""
+def value_entry(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int, mark: str = "") -> Entry:
+    """A value with the marks of its footnotes, its difference to the reference row and the published value."""
     decimals = column["decimals"]
     interval = cell["difference"]
     difference = ""
     if interval is not None:
         difference = plus_minus(signed(interval["mean"], decimals), half_width(interval), decimals)
     return Entry(
-        text="n/a" if cell["mean"] is None else f"{cell['mean']:.{decimals}f}",
+        text="n/a" if cell["mean"] is None else f"{cell['mean']:.{decimals}f}{mark}",
         value=sort_value(cell["mean"], column),
         difference=difference,
         difference_value=None if interval is None else interval["mean"],

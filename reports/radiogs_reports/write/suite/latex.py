@@ -1,6 +1,7 @@
 """The suite's table in LaTeX: booktabs, the paper's rank colours, published values beside the measured ones."""
 
 from ...analysis.ranks import suite_ranks
+from ...doubts import footnotes, marks
 from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width
 from ...wording import plus_minus, signed
 from ..caption import unfinished
@@ -40,6 +41,7 @@ def suite_latex(summary: Summary) -> str:
         lines += _row_lines(summary, row, ranks, notes)
     lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
+    lines += [rf"\par\smallskip\footnotesize {escape(footnote)}" for footnote in footnotes(summary)]
     return "\n".join([*lines, r"\end{table}", ""])
 
 
@@ -50,7 +52,8 @@ def _row_lines(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int
         cell = summary["cells"][row["key"]][column["key"]]
         published = summary["published"].get(row["key"], {}).get(column["key"])
         beside = "" if published is None else rf"~\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
-        upper.append(_mean(cell, column, ranks[column["key"]].get(row["key"]), notes) + beside)
+        mean = _mean(cell, column, ranks[column["key"]].get(row["key"]), notes)
+        upper.append(mean + escape(marks(summary, row["key"], column["key"])) + beside)
         lower.append(_difference(cell, column))
     seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
     lines = [f"{' & '.join(upper)} & {seconds} \\\\"]

@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from ...doubts import footnotes, marks, texts_of
 from ...summary import CellSummary, ColumnSummary, Summary, row_texts
 from ...wording import heading, signed
 from ..caption import run_note
@@ -15,14 +16,18 @@ def suite_markdown(summary: Summary) -> str:
     heads = ["", *map(heading, summary["columns"]), *(f"paper: {heading(column)}" for column in published), "s"]
     lines = [f"# {summary['title']}", "", *table_head(heads)]
     for row in summary["rows"]:
-        values = [measured(summary["cells"][row["key"]][c["key"]], c["decimals"]) for c in summary["columns"]]
+        values = [
+            measured(summary["cells"][row["key"]][c["key"]], c["decimals"], marks(summary, row["key"], c["key"]))
+            for c in summary["columns"]
+        ]
         beside = [
             f"{value:.{c['decimals']}f}" if (value := summary["published"].get(row["key"], {}).get(c["key"])) else ""
             for c in published
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
         lines.append(table_line([row["text"], *values, *beside, seconds]))
-    return "\n".join([*lines, "", f"{_brackets(summary)}{run_note(summary)}", ""])
+    below = [f"{_brackets(summary)}{run_note(summary)}", *footnotes(summary)]
+    return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
 
 
 def _brackets(summary: Summary) -> str:
@@ -33,11 +38,11 @@ def _brackets(summary: Summary) -> str:
     return f"In brackets: paired difference to '{row_texts(summary)[reference]}', with its 95 % t interval. "
 
 
-def measured(cell: CellSummary, decimals: int) -> str:
-    """The mean, and the paired difference with the ends of its interval."""
+def measured(cell: CellSummary, decimals: int, mark: str = "") -> str:
+    """The mean with the marks of its footnotes, and the paired difference with the ends of its interval."""
     if cell["mean"] is None:
         return f"n/a ({cell['reason']})"
-    text = f"{cell['mean']:.{decimals}f}"
+    text = f"{cell['mean']:.{decimals}f}{mark}"
     difference = cell["difference"]
     if difference is None:
         return text
@@ -48,7 +53,7 @@ def measured(cell: CellSummary, decimals: int) -> str:
 
 
 def suite_csv(summary: Summary) -> str:
-    """One record per value: row, column, mean, count, difference, interval, published value, reason."""
+    """One record per value: row, column, mean, count, difference, interval, published value, reason, doubt."""
     records = []
     for row in summary["rows"]:
         for column in summary["columns"]:
@@ -64,6 +69,7 @@ def suite_csv(summary: Summary) -> str:
                     **difference_fields(cell["difference"]),
                     "published": summary["published"].get(row["key"], {}).get(column["key"]),
                     "reason": cell["reason"],
+                    "doubt": texts_of(summary, row["key"], column["key"]) or None,
                 }
             )
     return pd.DataFrame.from_records(records).to_csv(index=False)

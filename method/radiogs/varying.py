@@ -1,0 +1,126 @@
+"""A trained model with roughness or brightness changed, for the measurement of what the images determine."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import texel_solid_angles
+from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
+from radiogs_core.transport.shading import lambert_albedo, shade_materials
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, displayed, splat, towards
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+
+from .effects.measure.image_share import image_share
+from .rendering import Renderer
+
+FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
+    "roughness": ("roughness",),
+    "roughness variation": ("roughness",),
+    "brightness": ("light", "albedo"),
+    "brightness, albedo free": ("light", "albedo"),
+}
+"""The given parts of the truth (``Variant.given``) that settle a quantity."""
+
+BRIGHTNESS = ("brightness", "brightness, albedo free")
+
+
+class VaryingRadioGS:
+    """See ``radiogs_core.capabilities.Varying``.
+
+    Outgoing radiance is a U + R: U is the diffuse radiance of an albedo of 1, R the rest, which is that of the lobe.
+    When roughness or light changes, the albedo of each surfel takes up the mean change of R over the cameras, weighted
+    by how much of each image the surfel is, within [0, 1]. What arrives from other surfels is their own radiance, which
+    was fitted to the images and is held. So ``brightness`` is told by indirect light, which grows with albedo while
+    direct light stays, and by highlights, whose strength is F0 times the light. With albedo free at every surfel,
+    indirect light tells nothing: under any light there is an albedo that sends out the same, unless it exceeds 1.
+    """
+
+    def __init__(self, renderer: Renderer, cameras: Sequence[Camera], given: tuple[str, ...]) -> None:
+        self.renderer, self.surfels = renderer, renderer.model.surfels
+        like = self.surfels.centre
+        self.cameras = [camera.to(like.device, like.dtype) for camera in cameras]
+        with torch.no_grad():
+            self.albedo, self.roughness = self.surfels.albedo.detach(), self.surfels.roughness.detach()
+            self.light = renderer.model.environment.detach()
+        self.weight = torch.stack([image_share([camera], self.surfels) for camera in self.cameras])
+        self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
+        self.mean_roughness = (self.share * self.roughness).sum()
+        self.unit, self.rest = self._shaded(self.roughness, self.light)
+        self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & set(given)]
+
+    @property
+    def values(self) -> Mapping[str, float]:
+        """Mean and standard deviation of roughness over the images, and the light's mean radiance."""
+        weight = texel_solid_angles(*self.light.shape[:2], dtype=torch.float64)[..., None].expand(self.light.shape)
+        deviation = (self.share * (self.roughness - self.mean_roughness).square()).sum().sqrt()
+        found = {
+            "roughness": float(self.mean_roughness),
+            "roughness variation": float(deviation),
+            **dict.fromkeys(BRIGHTNESS, float((weight * self.light.cpu().double()).sum() / weight.sum())),
+        }
+        return {name: found[name] for name in self.free}
+
+    @torch.no_grad()
+    def images(self, quantity: str, amount: float) -> list[Float[Tensor, "height width 3"]]:
+        """Display sRGB on black, clipped to [0, 1]. Raises UsageError for a quantity that is given or unknown."""
+        if quantity not in self.free:
+            raise UsageError(f"'{quantity}' cannot be changed here", f"What can be: {', '.join(self.free)}.")
+        roughness, light, factor = self.roughness, self.light, 1.0
+        if quantity == "roughness":
+            roughness = roughness + amount
+        elif quantity == "roughness variation":
+            roughness = self.mean_roughness + (1 - amount) * (roughness - self.mean_roughness)
+        else:
+            factor, light = math.exp(amount), light * math.exp(-amount)
+        unit, rest = self._shaded(roughness.clamp(ROUGHNESS_FLOOR, 1), light)
+        albedo = factor * self.albedo
+        change = rest - self.rest
+        if quantity == "brightness, albedo free":
+            change = change + albedo * unit - self.albedo * self.unit
+        albedo = self._absorbing(albedo, unit, change)
+        return [
+            self._seen(camera, albedo * diffuse + other)
+            for camera, diffuse, other in zip(self.cameras, unit, rest, strict=True)
+        ]
+
+    def _shaded(
+        self, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
+    ) -> tuple[Float[Tensor, "cameras surfels 3"], Float[Tensor, "cameras surfels 3"]]:
+        """Towards each camera: the diffuse radiance of an albedo of 1, and what does not depend on albedo."""
+        unit, rest = zip(*(self._shaded_for(camera, roughness, light) for camera in self.cameras), strict=True)
+        return torch.stack(unit), torch.stack(rest)
+
+    @torch.no_grad()
+    def _shaded_for(
+        self, camera: Camera, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
+    ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
+        normal, outgoing = self.surfels.frame[..., 2], towards(camera, self.surfels)
+        white, incident = torch.ones_like(self.albedo), self.renderer.incident
+        if incident is None:
+            return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light))
+        specular_at = self.renderer.model.plan.specular_among(self.albedo)
+        parts = shade_materials(normal, white, roughness, outgoing[:, None], incident, light, specular_at)[:, 0]
+        diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
+        unit = diffuse / lambert_albedo(white, roughness, specular_at)
+        return unit, parts.sum(1) - unit
+
+    def _absorbing(
+        self,
+        albedo: Float[Tensor, "surfels 3"],
+        unit: Float[Tensor, "cameras surfels 3"],
+        change: Float[Tensor, "cameras surfels 3"],
+    ) -> Float[Tensor, "surfels 3"]:
+        """The albedo less what makes up for the mean change of radiance, in [0, 1]; as it is where nothing arrives."""
+        weight = self.weight[..., None]
+        mean_change, irradiance = (weight * change).sum(0), (weight * unit).sum(0)
+        lit = irradiance > 0
+        return (albedo - torch.where(lit, mean_change / torch.where(lit, irradiance, 1.0), 0.0)).clamp(0, 1)
+
+    def _seen(self, camera: Camera, radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "height width 3"]:
+        seen = splat(camera, self.surfels, {"radiance": radiance}, depth_unit=1.0)
+        return displayed(seen.images["radiance"], seen.alpha, self.renderer.straight).clamp(0, 1)

@@ -1,0 +1,173 @@
+"""Which values of a run are not to be taken at their word, and why, in sentences for the reports.
+
+Three kinds: the images do not determine the quantity (``evaluation.determined``); a map scores no better than the best
+one that is the same everywhere (``evaluation.constant_maps``); seeds find values that are far apart.
+"""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from radiogs_reports.statistics import Estimate, estimate
+from radiogs_reports.summary import Doubt
+
+from ..evaluation.determined import STEPS
+from ..store.schema import Determined, Result
+from ..suites.sweep import Place, Sweep
+
+Finished = Sequence[tuple[Place, Result]]
+"""Finished cells with their results."""
+
+CHANGES: Mapping[str, str] = {
+    "roughness": f"changing the roughness of everything by {STEPS['roughness']:g}",
+    "roughness variation": "giving everything the mean roughness",
+    "brightness": f"albedo {math.exp(STEPS['brightness']):g} times as bright in a light as much darker",
+    "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
+    " at each point that hides it best,",
+}
+"""What ``evaluation.determined`` changes, in words."""
+
+BRIGHTNESS = ("brightness", "brightness, albedo free")
+
+CONSTANTS = {"roughness/mse": "roughness", "environment/error_scaled": "light"}
+"""Metrics beside which ``task/constant`` is measured, and what is constant there."""
+
+FEWEST_SEEDS = 3
+"""The interval from two values is five times as wide as from three, and says little."""
+
+IN_NO_COLUMN = "No column depends on it: the protocol compares albedo and light up to a factor."
+
+
+def doubts(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[Doubt]:
+    """All doubts about a sweep's columns, in their order; last, what the protocol takes out of every column."""
+    finished = [(place, result) for place, result in cells if result is not None]
+    if not finished:
+        return []
+    conventions = finished[0][1]["protocol"]
+    found: list[Doubt] = []
+    for column in sweep["columns"]:
+        quantities = depends_on(column, conventions)
+        found += undetermined(finished, column, quantities)
+        found += no_better_than_constant(finished, column)
+        found += spread_over_seeds(finished, column, quantities)
+    if not any("brightness" in depends_on(column, conventions) for column in sweep["columns"]):
+        for doubt in undetermined(finished, "", BRIGHTNESS):
+            found.append(Doubt(column="", rows=doubt["rows"], text=f"{doubt['text']} {IN_NO_COLUMN}"))
+    return found
+
+
+def depends_on(column: str, conventions: Mapping[str, Any]) -> tuple[str, ...]:
+    """The quantities that a metric depends on under the conventions of a protocol (``Protocol.describe``)."""
+    task, _, measure = column.partition("/")
+    albedo = conventions.get("albedo", {})
+    if column == "roughness/mse":
+        return ("roughness", "roughness variation")
+    unaligned = {
+        "albedo": albedo.get("align") == "none",
+        "relight": albedo.get("relights") is False,
+        "environment": measure == "error",
+    }
+    return BRIGHTNESS if unaligned.get(task, False) else ()
+
+
+def undetermined(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
+    """One doubt for the rows with a cell in which the images do not determine one of the quantities; else none."""
+    rows: list[str] = []
+    sentences = []
+    for quantity in quantities:
+        measured = [(place["row"], result["determined"][quantity]) for place, result in finished
+                    if quantity in result.get("determined", {})]  # fmt: skip
+        failing = [(row, record) for row, record in measured if not record["determined"]]
+        if failing:
+            rows += [row for row, _ in failing]
+            of = len([row for row, _ in measured if row in rows])
+            sentences.append(_not_determined(quantity, [record for _, record in failing], of))
+    return [Doubt(column=column, rows=list(dict.fromkeys(rows)), text=" ".join(sentences))] if rows else []
+
+
+def no_better_than_constant(finished: Finished, column: str) -> list[Doubt]:
+    """A doubt for the rows whose mean error is at least that of the best map that is the same everywhere."""
+    if column not in CONSTANTS:
+        return []
+    rows, references = [], []
+    for row, results in _by_row(finished).items():
+        pairs = list(_pairs(results, column, f"{column.partition('/')[0]}/constant"))
+        if pairs and math.fsum(own - constant for own, constant in pairs) >= 0:
+            rows.append(row)
+            references.append(math.fsum(constant for _, constant in pairs) / len(pairs))
+    if not rows:
+        return []
+    text = (
+        f"no better than a {CONSTANTS[column]} that is the same everywhere: the best one has an error of"
+        f" {_range(references, 4)}. The recovered one carries no information."
+    )
+    return [Doubt(column=column, rows=rows, text=text)]
+
+
+def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]) -> list[Doubt]:
+    """A doubt for the rows in which seeds of a scene differ: the t interval of what they find is wider than a step."""
+    rows, sentences = [], []
+    for row, results in _by_row(finished).items():
+        for scene in dict.fromkeys(result["scene"] for result in results):
+            for quantity in quantities:
+                values = [each for result in results if result["scene"] == scene
+                          if (each := recovered(result, quantity)) is not None]  # fmt: skip
+                found = estimate(values) if len(values) >= FEWEST_SEEDS else None
+                if found is not None and found.half_width is not None and found.half_width > STEPS[quantity]:
+                    rows.append(row)
+                    sentences.append(_apart(quantity, scene, found))
+    text = f"seeds differ: {'; '.join(sentences)}."
+    return [Doubt(column=column, rows=list(dict.fromkeys(rows)), text=text)] if rows else []
+
+
+def recovered(result: Result, quantity: str) -> float | None:
+    """What a cell found, of any method: mean roughness, or the logarithm of the factor from its albedo to the true."""
+    if quantity == "roughness":
+        return result.get("recovered", {}).get("roughness")
+    scale = result["albedo_scale"] if quantity == "brightness" else None
+    return math.log(math.fsum(scale) / len(scale)) if scale and math.fsum(scale) > 0 else None
+
+
+def _by_row(finished: Finished) -> dict[str, list[Result]]:
+    rows: dict[str, list[Result]] = {}
+    for place, result in finished:
+        rows.setdefault(place["row"], []).append(result)
+    return rows
+
+
+def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[tuple[float, float]]:
+    for result in results:
+        own, constant = (result["metrics"].get(name, {"value": None})["value"] for name in (column, reference))
+        if own is not None and constant is not None:
+            yield own, constant
+
+
+def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:
+    changed = _range([record["decibels"] for record in records], 3)
+    reasons = " or ".join(dict.fromkeys(map(_why_not, records)))
+    where = "" if len(records) == of else f" in {len(records)} of {of} cells"
+    return (
+        f"{quantity}: {CHANGES[quantity]} changes the error of the training images by {changed} dB; {reasons}."
+        f" They do not determine it{where}."
+    )
+
+
+def _why_not(record: Determined) -> str:
+    if record["offset"] is None:
+        return "that is less than their 8 bits show"
+    if record["half_width"] is None:
+        return "no value suits all views"
+    away = abs(record["offset"]) + record["half_width"]
+    return f"by what single views say it may be off by {away / record['step']:.1f} times as much"
+
+
+def _apart(quantity: str, scene: str, found: Estimate) -> str:
+    assert found.half_width is not None
+    if quantity == "roughness":
+        return f"on {scene} {found.count} find a mean roughness of {found.mean:.2f} ± {found.half_width:.2f}"
+    return f"on {scene} {found.count} find an albedo up to a factor of {math.exp(found.half_width):.2f}, or its inverse"
+
+
+def _range(values: Sequence[float], decimals: int) -> str:
+    low, high = (f"{round(end, decimals) + 0.0:.{decimals}f}" for end in (min(values), max(values)))
+    return low if low == high else f"{low} to {high}"

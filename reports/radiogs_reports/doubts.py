@@ -1,0 +1,31 @@
+"""Marks beside values that are not to be taken at their word, and the footnotes that say why."""
+
+from .summary import Doubt, Summary
+
+MARKS = "†‡§¶"
+"""In the order of the footnotes; the fifth footnote has the first mark twice, and so on."""
+
+
+def marks(summary: Summary, row: str, column: str) -> str:
+    """The marks of a value; empty for one without a footnote."""
+    noted = enumerate(_of_columns(summary))
+    return "".join(_mark(place) for place, doubt in noted if doubt["column"] == column and row in doubt["rows"])
+
+
+def footnotes(summary: Summary) -> list[str]:
+    """Every footnote behind its mark, then the remarks that concern no column, without one."""
+    marked = [f"{_mark(place)} {doubt['text']}" for place, doubt in enumerate(_of_columns(summary))]
+    return marked + [doubt["text"] for doubt in summary.get("doubts", []) if not doubt["column"]]
+
+
+def texts_of(summary: Summary, row: str, column: str) -> str:
+    """The footnotes of a value, without marks."""
+    return " ".join(each["text"] for each in _of_columns(summary) if each["column"] == column and row in each["rows"])
+
+
+def _of_columns(summary: Summary) -> list[Doubt]:
+    return [doubt for doubt in summary.get("doubts", []) if doubt["column"]]
+
+
+def _mark(place: int) -> str:
+    return MARKS[place % len(MARKS)] * (1 + place // len(MARKS))

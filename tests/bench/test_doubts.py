@@ -1,0 +1,171 @@
+"""The sentences of a run's doubts follow from the stored results, for the rows that they are true of."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from bench.fake_method import FakeSweep, asked
+from radiogs_bench.evaluation.determined import STEPS
+from radiogs_bench.metrics import PROTOCOLS, protocol
+from radiogs_bench.results.doubts import (
+    BRIGHTNESS,
+    depends_on,
+    doubts,
+    no_better_than_constant,
+    recovered,
+    spread_over_seeds,
+    undetermined,
+)
+from radiogs_bench.results.summary import summarise
+from radiogs_bench.store.schema import Determined, MetricValue
+
+COLUMNS = ("nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "environment/error_scaled")
+
+
+def record(determined: bool, **changes: Any) -> Determined:
+    values = {"value": 0.6, "step": 0.1, "views": 8, "error": 1e-4, "rise": 1e-5, "decibels": 0.4, "offset": 0.02,
+              "half_width": 0.03, "determined": determined}  # fmt: skip
+    return Determined(**(values | changes))  # type: ignore[typeddict-item]
+
+
+def cell(row: str, seed: int = 0, scene: str = "corner", **content: Any) -> tuple[Any, Any]:
+    metrics = {name: MetricValue(value=value, reason=None, views=[])
+               for name, value in content.pop("metrics", {}).items()}  # fmt: skip
+    base = {"scene": scene, "protocol": protocol("default").describe(), "determined": {}, "albedo_scale": None}
+    return {"row": row, "scene": scene, "seed": seed, "key": f"{row}{seed}"}, {**base, **content, "metrics": metrics}
+
+
+def sweep(*rows: str, columns: tuple[str, ...] = COLUMNS) -> Any:
+    return {"rows": [{"key": row} for row in rows], "columns": list(columns)}
+
+
+def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> None:
+    cells = [
+        cell("ours", determined={"roughness": record(False, decibels=0.0123, offset=None, half_width=None)}),
+        cell("glossy", determined={"roughness": record(True)}),
+        cell("wide", determined={"roughness": record(False, decibels=0.2, offset=-0.1, half_width=0.3)}),
+    ]
+    (found,) = doubts(cells, sweep("ours", "glossy", "wide"))
+    assert (found["column"], found["rows"]) == ("roughness/mse", ["ours", "wide"])
+    assert found["text"] == (
+        "roughness: changing the roughness of everything by 0.1 changes the error of the training images by 0.012 to"
+        " 0.200 dB; that is less than their 8 bits show or by what single views say it may be off by 4.0 times as much."
+        " They do not determine it."
+    )
+
+
+def test_a_change_that_rounds_to_nothing_has_no_sign() -> None:
+    cells = [cell("ours", determined={"roughness": record(False, decibels=-1e-5, offset=None, half_width=None)})]
+    assert "images by 0.000 dB" in undetermined(cells, "roughness/mse", ("roughness",))[0]["text"]
+
+
+def test_a_row_is_marked_if_one_of_its_cells_is_not_determined() -> None:
+    cells = [cell("ours", seed, determined={"roughness": record(seed != 1, half_width=None)}) for seed in range(3)]
+    (found,) = undetermined(cells, "roughness/mse", ("roughness",))
+    assert found["text"].endswith("no value suits all views. They do not determine it in 1 of 3 cells.")
+
+
+def test_both_quantities_of_roughness_share_a_footnote() -> None:
+    both = {"roughness": record(False), "roughness variation": record(False), "brightness": record(True)}
+    (found,) = doubts([cell("ours", determined=both)], sweep("ours"))
+    assert "by 0.1 changes" in found["text"]
+    assert "roughness variation: giving everything the mean roughness" in found["text"]
+
+
+def test_brightness_that_no_column_depends_on_is_a_remark_without_a_mark() -> None:
+    dark = {"brightness": record(False)}
+    (found,) = doubts([cell("ours", determined=dark)], sweep("ours"))
+    assert found["column"] == ""
+    assert found["text"].startswith("brightness: albedo 1.25 times as bright in a light as much darker changes")
+    assert "No column depends on it" in found["text"]
+    (found,) = doubts([cell("ours", determined=dark)], sweep("ours", columns=("environment/error",)))
+    assert found["column"] == "environment/error"
+    assert "No column" not in found["text"]
+
+
+def test_columns_depend_on_brightness_where_their_protocol_does_not_align_them() -> None:
+    by_protocol = {
+        name: {column for column in ("albedo/psnr", "relight/psnr", "environment/error", "environment/error_scaled")
+               if "brightness" in depends_on(column, rules.describe())}
+        for name, rules in PROTOCOLS.items()
+    }  # fmt: skip
+    assert by_protocol["default"] == {"environment/error"}
+    assert by_protocol["gs-ir"] == {"environment/error", "relight/psnr"}, "relit without the factor"
+    unaligned = {"albedo": {"align": "none", "relights": True}}
+    assert depends_on("albedo/ssim", unaligned) == BRIGHTNESS
+    assert depends_on("relight/psnr", unaligned) == ()
+    assert depends_on("nvs/psnr", unaligned) == depends_on("roughness/constant", unaligned) == ()
+
+
+@pytest.mark.parametrize(
+    ("column", "constant"), [("roughness/mse", "roughness"), ("environment/error_scaled", "light")]
+)
+def test_a_map_that_is_no_better_than_a_constant_says_so(column: str, constant: str) -> None:
+    reference = f"{column.partition('/')[0]}/constant"
+    cells = [
+        cell("worse", metrics={column: 0.03, reference: 0.02}),
+        cell("equal", metrics={column: 0.02, reference: 0.02}),
+        cell("better", metrics={column: 0.0199, reference: 0.02}),
+        cell("unknown", metrics={column: 0.5}),
+    ]
+    (found,) = no_better_than_constant(cells, column)
+    assert found["rows"] == ["worse", "equal"]
+    assert found["text"].startswith(f"no better than a {constant} that is the same everywhere: the best one")
+    assert "0.0200" in found["text"]
+    assert [each["column"] for each in doubts(cells, sweep("worse", "equal", "better"))] == [column]
+    assert no_better_than_constant(cells, "nvs/psnr") == []
+
+
+def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
+    cells = [cell("ours", seed, metrics={"roughness/mse": value, "roughness/constant": 0.02})
+             for seed, value in enumerate((0.05, 0.001))]  # fmt: skip
+    (found,) = no_better_than_constant(cells, "roughness/mse")
+    assert found["rows"] == ["ours"]
+    cells = [*cells, cell("ours", 2, metrics={"roughness/mse": 0.001, "roughness/constant": 0.02})]
+    assert no_better_than_constant(cells, "roughness/mse") == []
+
+
+def test_seeds_that_find_different_roughness_are_told() -> None:
+    def of(*values: float, scene: str = "corner") -> list[tuple[Any, Any]]:
+        return [cell("ours", seed, scene, recovered={"roughness": value}) for seed, value in enumerate(values)]
+
+    # The interval's half-width is 4.303 s / sqrt(3) = 2.484 s for three seeds.
+    (found,) = spread_over_seeds(of(0.45, 0.5, 0.55), "roughness/mse", ("roughness",))
+    assert found["text"] == "seeds differ: on corner 3 find a mean roughness of 0.50 ± 0.12."
+    assert spread_over_seeds(of(0.47, 0.5, 0.53), "roughness/mse", ("roughness",)) == []
+    assert spread_over_seeds(of(0.2, 0.8), "roughness/mse", ("roughness",)) == [], "two seeds say nothing"
+    apart = [*of(0.3, 0.3, 0.3), *of(0.8, 0.8, 0.8, scene="bowl")]
+    assert spread_over_seeds(apart, "roughness/mse", ("roughness",)) == [], "scenes may differ"
+
+
+def test_seeds_that_find_different_brightness_are_told() -> None:
+    cells = [cell("ours", seed, albedo_scale=[scale] * 3) for seed, scale in enumerate((0.8, 1.0, 1.25))]
+    (found,) = spread_over_seeds(cells, "environment/error", ("brightness",))
+    half_width = 2.4841 * math.log(1.25)
+    assert half_width > STEPS["brightness"]
+    assert f"a factor of {math.exp(half_width):.2f}" in found["text"]
+    assert recovered(cells[2][1], "brightness") == pytest.approx(math.log(1.25))
+    assert recovered(cell("ours")[1], "brightness") is None
+
+
+def test_results_from_before_it_was_measured_leave_no_doubt(tmp_path: Path) -> None:
+    place, result = cell("ours")
+    del result["determined"]
+    assert doubts([(place, result), (place, None)], sweep("ours")) == []
+    assert doubts([(place, None)], sweep("ours")) == []
+
+
+def test_a_summary_carries_the_doubts_of_its_results(tmp_path: Path) -> None:
+    request = asked(1)
+    places = [place for place, _ in request.cells()]
+    bench = FakeSweep(tmp_path)
+    bench.run([each for _, each in request.cells()])
+    assert summarise(bench.store, request.manifest(places), {}, "none").get("doubts") == []
+    result = bench.store.result(places[1]["key"])
+    assert result is not None
+    result["determined"] = {"roughness": record(False)}
+    bench.store.put_result(result, {})
+    (found,) = summarise(bench.store, request.manifest(places), {}, "none").get("doubts", [])
+    assert (found["column"], found["rows"]) == ("roughness/mse", [places[1]["row"]])

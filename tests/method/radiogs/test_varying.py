@@ -1,0 +1,198 @@
+"""What the images determine, on models where that is known: balls, matte and glossy, and an open box."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cache
+
+import pytest
+import torch
+
+from known_ball import CPU
+from radiogs.budget import PRESETS
+from radiogs.model import Model
+from radiogs.trained import TrainedRadioGS
+from radiogs.variant import Variant
+from radiogs_bench.evaluation.determined import HALF_A_LEVEL, determined
+from radiogs_bench.store.schema import Determined
+from radiogs_core.capabilities import QUANTITIES, Part, Variable, Varying
+from radiogs_core.contract import Run
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import texel_directions
+from radiogs_core.scene.scene import View
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit
+from radiogs_core.transport.plan import everything
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
+from scenes import look_at, sphere_scene, surfels_of_room, surfels_over
+
+SIZE, VIEWS = 32, 6
+BUDGET = replace(PRESETS["smoke"], incident_samples=128)
+DULL, SHINY = 0.9, 0.3
+CONSTANT = torch.ones(16, 32, 3)
+
+
+def ball(roughness: float) -> Surfels:
+    return surfels_over([Sphere((0.0, 0.0, 0.0), 1.0, Material((0.4, 0.3, 0.2), roughness))], 0.12)
+
+
+def half_shiny() -> Surfels:
+    """A ball whose upper half is shiny and whose lower half is dull."""
+    surfels = ball(DULL)
+    shiny = torch.tensor(roughness_to_logit(SHINY))
+    return replace(surfels, roughness_logit=torch.where(surfels.centre[:, 2] > 0, shiny, surfels.roughness_logit))
+
+
+def open_box() -> Surfels:
+    """A cube seen from inside, without its lid; every wall sends a radiance of 0.4 to the others."""
+    room = surfels_of_room(1.0, 0.12, 0.6)
+    box = room.take(torch.nonzero(room.centre[:, 2] < 0.95)[:, 0])
+    box = box.made_of(0.6, DULL)
+    box.sh[:, 0] = radiance_to_sh(torch.full((1, 3), 0.4))
+    return box
+
+
+def sunny() -> torch.Tensor:
+    """A sun 30 degrees wide, so that 128 directions find it, in a dim sky."""
+    towards = torch.nn.functional.normalize(torch.tensor([1.0, 0.3, 0.8]), dim=0)
+    disc = (texel_directions(16, 32) @ towards.double() > 0.966).float()
+    return (0.2 + 8 * disc)[..., None].repeat(1, 1, 3)
+
+
+def around() -> list[Camera]:
+    return [view.camera for view in sphere_scene(VIEWS, SIZE).train]
+
+
+def within() -> list[Camera]:
+    """Cameras in the middle of the box, each looking at another part of its walls and floor."""
+    turns = torch.arange(VIEWS) * (2 * torch.pi / VIEWS)
+    targets = torch.stack([turns.cos(), turns.sin(), torch.full_like(turns, -0.4)], -1)
+    return [look_at(torch.zeros(3), target, SIZE, 0.6 * SIZE) for target in targets]
+
+
+CASES: Mapping[str, tuple[Callable[[], Surfels], Callable[[], torch.Tensor], Callable[[], list[Camera]]]] = {
+    "matte ball, constant light": (lambda: ball(DULL), lambda: CONSTANT, around),
+    "glossy ball, sun": (lambda: ball(SHINY), sunny, around),
+    "half shiny ball, sun": (half_shiny, sunny, around),
+    "open box, constant light": (open_box, lambda: CONSTANT, within),
+}
+
+
+@cache
+def trained(case: str, *given: Part) -> TrainedRadioGS:
+    """The case's model, as if it had been trained on 8-bit images of itself."""
+    surfels, light, cameras = CASES[case]
+    model = Model(surfels(), light().log())
+    run = Run(sphere_scene(1, SIZE), Variant(given=given), BUDGET, 0, CPU)
+    prepared = TrainedRadioGS(model, run).prepare()
+    views = []
+    for place, camera in enumerate(cameras()):
+        image = (prepared.render(camera)["image"] * 255).round() / 255
+        views.append(View(f"view_{place}", camera, {"image": lambda image=image: image}))
+    return TrainedRadioGS(model, replace(run, scene=replace(run.scene, train=tuple(views))))
+
+
+@cache
+def found(case: str) -> dict[str, Determined]:
+    model = trained(case)
+    return determined(model, model.run.scene, CPU, "radiogs")
+
+
+@pytest.mark.parametrize(
+    ("case", "quantity", "expected"),
+    [
+        ("matte ball, constant light", "roughness", False),
+        ("matte ball, constant light", "brightness", False),
+        ("glossy ball, sun", "roughness", True),
+        ("glossy ball, sun", "brightness", True),  # by the highlight: F0 is known
+        ("half shiny ball, sun", "roughness variation", True),
+        ("glossy ball, sun", "roughness variation", False),  # there is none
+        ("open box, constant light", "brightness", True),  # by the walls' light on each other
+        ("open box, constant light", "brightness, albedo free", False),  # the walls' albedo could hide it
+        ("glossy ball, sun", "brightness, albedo free", True),
+        ("open box, constant light", "roughness", False),
+    ],
+)
+def test_what_is_determined_is_told_from_what_is_not(case: str, quantity: str, expected: bool) -> None:
+    record = found(case)[quantity]
+    assert record["determined"] is expected, record
+    margin = record["rise"] / HALF_A_LEVEL
+    assert margin > 1.5 if expected else margin < 0.67, "too near the threshold to be a test"
+
+
+def test_values_are_means_over_what_the_cameras_see() -> None:
+    values = {name: record["value"] for name, record in found("half shiny ball, sun").items()}
+    assert tuple(values) == QUANTITIES
+    # The cameras are a little above the equator and see more of the upper half.
+    assert SHINY < values["roughness"] < (SHINY + DULL) / 2
+    assert values["roughness variation"] == pytest.approx((DULL - SHINY) / 2, rel=0.1)
+    # A cap of half angle 15 degrees is 1.7 % of the sphere; its texels, some more or less.
+    assert values["brightness"] == pytest.approx(0.2 + 8 * 0.017, abs=0.01)
+
+
+def test_unchanged_it_shows_what_is_evaluated() -> None:
+    for case in CASES:
+        model = trained(case)
+        cameras = [view.camera for view in model.run.scene.train]
+        prepared, varying = model.prepare(), model.varying(cameras)
+        for quantity in QUANTITIES:
+            for camera, image in zip(cameras, varying.images(quantity, 0.0), strict=True):
+                torch.testing.assert_close(image, prepared.render(camera)["image"], atol=2e-5, rtol=0)
+
+
+def test_surfels_without_a_lobe_are_shown_as_they_are_evaluated() -> None:
+    """What the lobe would scatter is in their diffuse part, and does not grow with albedo."""
+    plan = replace(everything(), specular=False)
+    run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)
+    model = TrainedRadioGS(Model(ball(SHINY), sunny().log(), plan), run)
+    (camera, *_), prepared = around(), model.prepare()
+    (image,) = model.varying([camera]).images("roughness", 0.0)
+    torch.testing.assert_close(image, prepared.render(camera)["image"], atol=2e-5, rtol=0)
+
+
+def test_albedo_takes_up_what_it_can() -> None:
+    """In constant light a lobe differs little between views: what a change of roughness does is hidden by albedo."""
+    model = trained("matte ball, constant light")
+    varying = model.varying([view.camera for view in model.run.scene.train])
+    bare = model.varying([view.camera for view in model.run.scene.train])
+    bare.weight = torch.zeros_like(bare.weight)  # no camera sees anything: nothing is to be made up for
+    here = torch.stack(varying.images("roughness", 0.0))
+
+    def change(of: Varying) -> float:
+        return float((torch.stack(of.images("roughness", -0.4)) - here).square().mean())
+
+    assert change(varying) < 0.2 * change(bare)
+
+
+def test_albedo_beyond_one_is_no_albedo() -> None:
+    model = trained("matte ball, constant light")
+    varying = model.varying([view.camera for view in model.run.scene.train])
+    by_three = torch.stack(varying.images("brightness", 1.0986))
+    assert float(by_three[..., 0].mean()) < 0.95 * float(torch.stack(varying.images("brightness", 0.0))[..., 0].mean())
+
+
+@pytest.mark.parametrize(
+    ("given", "free"),
+    [((), QUANTITIES), (("roughness",), QUANTITIES[2:]), (("light",), QUANTITIES[:2]),
+     (("albedo", "roughness"), ())],
+)  # fmt: skip
+def test_what_was_given_is_not_asked_of_the_images(given: tuple[Part, ...], free: tuple[str, ...]) -> None:
+    model = trained("matte ball, constant light", *given)
+    assert tuple(determined(model, model.run.scene, CPU, "radiogs")) == free
+    for quantity in set(QUANTITIES) - set(free):
+        with pytest.raises(UsageError, match=quantity):
+            model.varying(around()).images(quantity, 0.1)
+
+
+def test_split_sum_shading_is_measured_too() -> None:
+    run = Run(sphere_scene(1, SIZE), Variant(shading="split-sum"), BUDGET, 0, CPU)
+    model = TrainedRadioGS(Model(ball(SHINY), sunny().log()), run)
+    assert isinstance(model, Variable)
+    cameras = around()
+    varying = model.varying(cameras)
+    assert isinstance(varying, Varying)
+    torch.testing.assert_close(
+        varying.images("brightness", 0.0)[2], model.prepare().render(cameras[2])["image"], atol=2e-5, rtol=0
+    )
+    changed = varying.images("roughness", 0.2)[2] - varying.images("roughness", 0.0)[2]
+    assert float(changed.square().mean()) > HALF_A_LEVEL

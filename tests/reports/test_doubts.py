@@ -1,0 +1,86 @@
+"""Every report marks a value that is not to be taken at its word, and says why below."""
+
+import io
+from collections.abc import Callable
+
+import pandas as pd
+import pytest
+
+from made_up_run import summary
+from radiogs_bench.cli.showing import table_of
+from radiogs_reports.doubts import footnotes, marks, texts_of
+from radiogs_reports.page.assemble import page
+from radiogs_reports.page.pictures import Album
+from radiogs_reports.page.tables import suite_table
+from radiogs_reports.summary import Summary
+from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
+
+LEVEL = "changing it by 0.1 changes the image by 0.01 dB"
+CONSTANT = "no better than a constant & more"
+REMARK = "brightness: no column depends on it"
+
+
+def doubted() -> Summary:
+    made = summary()
+    made["doubts"] = [
+        {"column": "normal/mae", "rows": ["ours", "no-rad"], "text": LEVEL},
+        {"column": "normal/mae", "rows": ["no-rad"], "text": CONSTANT},
+        {"column": "", "rows": ["ours"], "text": REMARK},
+    ]
+    return made
+
+
+def test_marks_are_of_the_rows_that_a_footnote_names() -> None:
+    made = doubted()
+    assert marks(made, "ours", "normal/mae") == "†"
+    assert marks(made, "no-rad", "normal/mae") == "†‡"
+    assert marks(made, "ours", "nvs/psnr") == marks(made, "no-rad", "nvs/psnr") == ""
+    assert footnotes(made) == [f"† {LEVEL}", f"‡ {CONSTANT}", REMARK]
+    assert texts_of(made, "no-rad", "normal/mae") == f"{LEVEL} {CONSTANT}"
+
+
+def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
+    made = summary()
+    made["doubts"] = [{"column": "nvs/psnr", "rows": ["ours"], "text": str(place)} for place in range(6)]
+    assert [each.split()[0] for each in footnotes(made)] == ["†", "‡", "§", "¶", "††", "‡‡"]
+
+
+def test_the_terminal_marks_values() -> None:
+    column = table_of(doubted()).columns[2]
+    assert [str(cell).splitlines()[0] for cell in column._cells] == ["7.50†", "7.00†‡"]
+
+
+def test_markdown_marks_values_and_says_why_below() -> None:
+    text = suite_markdown(doubted())
+    assert "| 7.50† |" in text
+    assert "| 7.00†‡ (-0.50, -1.00 to 0.00) |" in text
+    assert text.endswith(f"\n\n† {LEVEL}\n\n‡ {CONSTANT}\n\n{REMARK}\n")
+
+
+def test_latex_marks_values_and_says_why_below() -> None:
+    text = suite_latex(doubted())
+    assert r"7.50$^\dagger$" in text
+    assert r"7.00$^\dagger$$^\ddagger$" in text
+    assert rf"\footnotesize $^\dagger$ {LEVEL}" in text
+    assert r"\footnotesize $^\ddagger$ no better than a constant \& more" in text
+    assert text.index(r"\end{tabular}") < text.index(LEVEL) < text.index(r"\end{table}")
+
+
+def test_csv_gives_the_footnotes_of_each_value() -> None:
+    table = pd.read_csv(io.StringIO(suite_csv(doubted()))).set_index(["row", "column"])["doubt"]
+    assert table["no-rad", "normal/mae"] == f"{LEVEL} {CONSTANT}"
+    assert pd.isna(table["ours", "nvs/psnr"])
+
+
+def test_the_page_marks_values_and_still_sorts_them_by_number() -> None:
+    entries = {row[0].text: row[2] for row in suite_table(doubted()).rows}
+    assert [(entry.text, entry.value) for entry in entries.values()] == [("7.50†", 7.5), ("7.00†‡", 7.0)]
+    text = page(doubted(), Album({}, {}, {}, 1))
+    assert f'<p class="hint">† {LEVEL}</p>' in text
+    assert f'<p class="hint">‡ {CONSTANT.replace("&", "&amp;")}</p>' in text
+
+
+@pytest.mark.parametrize("made", [suite_markdown, suite_latex])
+def test_a_summary_without_doubts_has_no_marks(made: Callable[[Summary], str]) -> None:
+    assert "†" not in made(summary())
+    assert "dagger" not in made(summary())
