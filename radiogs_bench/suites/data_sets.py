@@ -83,9 +83,7 @@ MIPNERF360_NG = Suite(
     title="Cost of a frame of whole rooms over N_g",
     published="mipnerf360-ng",
     reference="ng-2048",
-    rows=knob_rows(
-        "ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0, 16384: 8.0}
-    ),
+    rows=knob_rows("ng", "N_g", "consistency_surfels", (1024, 2048, 4096, 8192, 16384)),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
     download=FROM_MIPNERF360,
@@ -96,7 +94,7 @@ MIPNERF360_NS = Suite(
     title="Cost of a frame of whole rooms over N_s",
     published="mipnerf360-ns",
     reference="ns-64",
-    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0}),
+    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64)),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
     download=FROM_MIPNERF360,
