@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from .device import chosen_device
-from .options import positive
+from .options import add_data, positive
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,6 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     group.add_argument("--views", choices=["train", "test"], default="train", help="that are fused (default: train)")
     group.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="that renders them (default: cpu)")
+    add_data(group)
     group.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
 
 

@@ -135,7 +135,7 @@ class Suite:
     ``published`` names the published table that is shown beside it, if any. Differences and their intervals are paired
     against the row ``reference`` (None if rows are not variants of one method). ``scenes`` and ``protocol`` are the
     defaults of ``run``. ``experiment`` is what is done for every cell (see ``experiment``). ``download`` says where to
-    find scenes that do not come with the package.
+    find scenes that do not come with the package, ``data_set`` the folder that they are in below the root of data.
     """
 
     name: str
@@ -148,6 +148,7 @@ class Suite:
     experiment: str = TRAINING
     protocol: str = "default"
     download: str = ""
+    data_set: str = ""
 
     def __post_init__(self) -> None:
         keys = [row.key for row in self.rows]
