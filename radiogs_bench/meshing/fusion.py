@@ -1,11 +1,10 @@
 """Fusion of depth maps into a truncated signed distance field (Curless and Levoy 1996), as 2DGS makes its meshes.
 
-Each view adds, to the lattice points near the surfaces that it sees, their distance from the surface, in units of the
-truncation and cut at 1: positive in front, negative behind. Points that are further behind than the truncation, along
-the ray, are hidden from the view and get nothing from it; nor do those that it sees before an empty background. The
-mean over views is zero at the surface. Distances are perpendicular, from the plane that neighbouring pixels span, and
-weighted by the cosine at which it is seen: along the ray they would be too large for oblique views, unequally so before
-and behind a curved surface.
+Each view adds, to the lattice points near the surfaces that it sees, their distance from the surface along the ray, in
+units of the truncation and cut at 1: positive in front, negative behind. Points that are further behind than the
+truncation are hidden from the view and get nothing from it; nor do those that it sees before an empty background. The
+mean over views is zero at the surface. Views are weighted by the cosine at which they see the surface: distances along
+oblique rays are too large, unequally so before and behind a curved surface, and noise of the depth counts for more.
 
 2DGS fuses with Open3D. That is 400 MB for one class, so the field is kept here in blocks that exist near surfaces only
 (as in Niessner et al. 2013), and its zero level is found by scikit-image's marching cubes.
@@ -116,21 +115,18 @@ class Fusion:
         right, down = x / safe, y / safe
         surface = depths.at(right, down)
         known = before & (surface.inverse > 0)
-        share = 1 - z * surface.inverse
-        along = share / torch.where(known, surface.inverse, 1.0) * (1 + right.square() + down.square()).sqrt()
+        along = (1 / torch.where(known, surface.inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
         weight = torch.where(known & (along >= -self.lattice.truncation), surface.weight, 0.0)
-        distance = (share * surface.per_share / self.lattice.truncation).clamp(max=1)
+        distance = (along / self.lattice.truncation).clamp(max=1)
         self.blocks.sums[rows] += (weight * distance).float().numpy()
         self.blocks.weights[rows] += weight.float().numpy()
 
 
 @dataclass(frozen=True)
 class _Surface:
-    """What rays meet: its inverse z-depth (zero: nothing), and the perpendicular distance from it of a point of
-    z-depth z on the ray, divided by 1 - z * inverse."""
+    """What rays meet: its inverse z-depth (zero: nothing), and the weight of that, the cosine of ray and normal."""
 
     inverse: Float[Tensor, "*points"]
-    per_share: Float[Tensor, "*points"]
     weight: Float[Tensor, "*points"]
 
 
@@ -139,7 +135,7 @@ class _DepthMap:
     """Inverse z-depth at pixel centres, zero where no surface is; ``near`` is how far apart depths of one surface are.
 
     A plane m . X = 1 in camera axes has the inverse depth m . r along the ray r = (right, down, 1): it is linear in the
-    image, so planes are interpolated exactly. Their distance from X = z r is (1 - z m . r) / |m|.
+    image, so planes are interpolated exactly. The cosine of ray and normal is m . r / (|m| |r|).
     """
 
     inverse: Float[Tensor, "height width"]
@@ -150,7 +146,7 @@ class _DepthMap:
         """The surface along rays of those slopes.
 
         Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
-        sees, and faces the camera.
+        sees, with the weight ``EDGE``.
         """
         fx, fy = self.camera.fx, self.camera.fy
         column, row = fx * right + self.camera.cx - 0.5, fy * down + self.camera.cy - 0.5
@@ -170,6 +166,6 @@ class _DepthMap:
         inverse = torch.where(plane, torch.lerp(upper, under, below), torch.where(inside, nearest, 0.0))
         mx, my = fx * torch.lerp(b - a, d - c, below), fy * (under - upper)
         length = (mx.square() + my.square() + (inverse - right * mx - down * my).square()).sqrt()
-        facing = (1 + right.square() + down.square()).sqrt() / torch.where(inverse > 0, inverse, 1.0)
-        per_share = torch.where(plane, 1 / torch.where(plane, length, 1.0), facing)
-        return _Surface(inverse, per_share, torch.where(plane, (per_share / facing).clamp(min=EDGE), EDGE))
+        ray = (1 + right.square() + down.square()).sqrt()
+        cosine = inverse / torch.where(plane, length * ray, 1.0)
+        return _Surface(inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE))

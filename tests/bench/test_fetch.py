@@ -82,7 +82,7 @@ def nothing(*progress: object) -> None:
 
 
 def test_a_download_that_breaks_off_goes_on_where_it_stopped(server: Server, tmp_path: Path) -> None:
-    server.files["/a"], server.most = CONTENT, 400_000
+    server.files["/a"], server.most, server.version = CONTENT, 400_000, '"of today"'
     told: list[tuple[int, int]] = []
     for _ in range(2):
         with pytest.raises(DownloadFailed, match="ended early"):
