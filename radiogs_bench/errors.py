@@ -24,6 +24,10 @@ class StoreError(ExplainedError):
     """The store cannot be read or written; what was finished before is untouched."""
 
 
+class NotFetched(ExplainedError):
+    """Files of a data set could not be fetched; the message says what to fetch by hand, and where to put it."""
+
+
 class Interrupted(ExplainedError):
     """The user requested a stop; everything finished so far is on disk."""
 
@@ -33,6 +37,7 @@ DONE = 0
 EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (Interrupted, 130),  # 128 + SIGINT, as shells report it
     (NumericalFailure, 4),
+    (NotFetched, 5),
     (DataError, 3),
     (UsageError, 2),
     (ExplainedError, 1),

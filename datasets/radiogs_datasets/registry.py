@@ -8,6 +8,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
+from .data_root import below, below_root, data_root
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import surfaces_of_folder
 from .hard_cases import NAME as HARD_CASES
@@ -60,16 +61,44 @@ def scene_folder(name_or_path: str) -> Path:
     for room in (TINY, FORWARD):
         if name_or_path in (*scene_names(), *forward_names()) and (room / name_or_path).is_dir():
             return room / name_or_path
-    folder = Path(name_or_path)
-    if not folder.is_dir():
+    folder = located(name_or_path)
+    if folder is None:
         known = known_names()
         near = get_close_matches(name_or_path, known, 1)
         raise DataError(
             f"there is no scene '{name_or_path}'",
-            f"It is neither a folder nor one of the scenes that come with the package ({', '.join(known)}).",
+            f"It is neither a folder{below_root()} nor one of the scenes that come with the package"
+            f" ({', '.join(known)}).",
             f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
         )
     return folder
+
+
+def located(name_or_path: str) -> Path | None:
+    """The folder of that path; else the one below the root of data (``data_root``); None where there is neither.
+
+    ``<data set>/<scene>`` is also found in folders between, such as ``stanford-orb/blender_LDR/<scene>``. Raises
+    DataError where several are found.
+    """
+    folder, root = Path(name_or_path), data_root()
+    if folder.is_dir() or root is None:
+        return folder if folder.is_dir() else None
+    if (root / folder).is_dir() and _is_scene(root / folder):
+        return root / folder
+    found = [each for each in below(root, folder) if _is_scene(each)]
+    if len(found) > 1:
+        raise DataError(
+            f"there are {len(found)} scenes '{name_or_path}' in {root}",
+            f"They are {', '.join(str(each.relative_to(root)) for each in found)}.",
+            "Name one of them.",
+        )
+    if found:
+        return found[0]
+    return root / folder if (root / folder).is_dir() else None
+
+
+def _is_scene(folder: Path) -> bool:
+    return any(layout.looks_like(folder) for layout in LAYOUTS.values())
 
 
 def load_scene(name_or_path: str, layout: str | None = None) -> Scene:

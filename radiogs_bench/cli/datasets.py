@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import UsageError
 
-from .options import add_verbose, names, positive
+from . import fetch
+from .options import add_data, add_verbose, names, positive
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -19,7 +20,7 @@ DATA_EXIT = 3
 
 def add_to(commands: "Commands") -> None:
     """Declare the command and its actions."""
-    parser = commands.add_parser("datasets", help="list, check, convert, generate; weights", allow_abbrev=False)
+    parser = commands.add_parser("datasets", help="list, check, convert, generate, fetch; weights", allow_abbrev=False)
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
     listing = actions.add_parser("list", help="scenes that are at hand", allow_abbrev=False)
     listing.set_defaults(command=list_scenes)
@@ -52,6 +53,9 @@ def add_to(commands: "Commands") -> None:
     fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
     for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
+    for action in (checking, converting):
+        add_data(action)
+    fetch.add_to(actions)
 
 
 def list_scenes(options: argparse.Namespace) -> int:
@@ -138,7 +142,8 @@ def generate(options: argparse.Namespace) -> int:
 
 def weights(options: argparse.Namespace) -> int:
     """Download missing LPIPS backbones and heads, and check them."""
-    from ..metrics.download import fetch, sources
+    from ..metrics.download import fetch as fetch_weights
+    from ..metrics.download import sources
     from ..metrics.weights import WEIGHTS_VARIABLE, weights_folder
     from ..training.progress import progress_for_stderr
     from .reporter import say
@@ -146,7 +151,7 @@ def weights(options: argparse.Namespace) -> int:
     folder = options.to or weights_folder()
     for source in sources(options.nets):
         with progress_for_stderr() as progress:
-            fetched = fetch(source, folder, partial(progress.advance, source.name))
+            fetched = fetch_weights(source, folder, partial(progress.advance, source.name))
         say(f"{folder / source.name}: {'fetched from ' + source.url if fetched else 'is there'}")
     if folder != weights_folder():
         say(f"Use them:  export {WEIGHTS_VARIABLE}={folder}")

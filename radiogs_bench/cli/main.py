@@ -1,5 +1,6 @@
 """Entry: parse, run the command, and turn failures into three-part messages and exit codes."""
 
+import argparse
 import logging
 import os
 import sys
@@ -11,6 +12,16 @@ from radiogs_core.errors import ExplainedError
 from ..errors import Interrupted, exit_code, explain
 from .parser import build_parser
 from .reporter import complain
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run the command, with ``--data`` as the root of data if it was given."""
+    if getattr(options, "data", None) is None:
+        return int(options.command(options))
+    from radiogs_datasets.data_root import using_data_root
+
+    with using_data_root(options.data):
+        return int(options.command(options))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options = build_parser().parse_args(given)
         options.arguments = given
-        return int(options.command(options))
+        return _run(options)
     except KeyboardInterrupt:
         error: ExplainedError = Interrupted("stopped at once", "", "Run the same command again: it continues.")
     except BrokenPipeError:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import add_effects, add_verbose, positive
+from .options import add_data, add_effects, add_verbose, positive
 
 if TYPE_CHECKING:
     from radiogs_core.contract import Prepared, Run, Trained
@@ -51,6 +51,7 @@ def add_to(commands: "Commands") -> None:
     for command in (training, rendering, relighting):
         command.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
         command.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+        add_data(command)
         add_verbose(command)
 
 

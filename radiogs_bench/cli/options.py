@@ -1,6 +1,7 @@
 """Shared by the commands' options: the parser, and the types of values."""
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from radiogs_core.errors import UsageError
@@ -54,6 +55,13 @@ def part_of(text: str) -> tuple[int, int]:
     if not (number.isdecimal() and count.isdecimal() and int(number) < int(count)):
         raise argparse.ArgumentTypeError(f"'{text}' is not a part such as 0/2")
     return int(number), int(count)
+
+
+def add_data(parser: argparse._ActionsContainer) -> None:
+    """Add ``--data``, for commands that read scenes; ``main`` sets it."""
+    parser.add_argument(
+        "--data", type=Path, metavar="ROOT", help="folder of data sets (default: the variable RADIOGS_BENCH_DATA)"
+    )
 
 
 def add_verbose(parser: argparse.ArgumentParser) -> None:

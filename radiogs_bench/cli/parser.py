@@ -9,7 +9,8 @@ from . import bench, datasets, gate, methods, model, probe, run, score, stored, 
 from .options import ExplainingParser
 
 EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
-3 data is missing or malformed; 4 a non-finite value was caught; 130 stopped by Ctrl-C"""
+3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 130 stopped by
+Ctrl-C"""
 
 COMMANDS = (run, stored, gate, methods, model, probe, view, score, datasets, bench)
 

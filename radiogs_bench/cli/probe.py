@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .model import METHOD
-from .options import add_verbose, positive
+from .options import add_data, add_verbose, positive
 
 if TYPE_CHECKING:
     import torch
@@ -38,6 +38,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--json", action="store_true", help="the records instead of a table")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
     parser.set_defaults(device="cpu")
+    add_data(parser)
     add_verbose(parser)
 
 

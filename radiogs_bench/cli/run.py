@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..engines.choice import ENGINES, choose
-from .options import add_effects, add_verbose, names, part_of, positive
+from .options import add_data, add_effects, add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
     from ..suites.suite import Suite
@@ -40,6 +40,7 @@ def add_to(commands: "Commands") -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
     parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
+    add_data(parser)
     add_verbose(parser)
 
 

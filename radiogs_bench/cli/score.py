@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
-from .options import add_verbose
+from .options import add_data, add_verbose
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -35,6 +35,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--protocol", default="default", help="a metric protocol, or all (default: default)")
     parser.add_argument("--json", action="store_true", help="print the record instead of the table")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
+    add_data(parser)
     add_verbose(parser)
 
 

@@ -1,10 +1,11 @@
-"""``radiogs-bench status``, ``report`` and ``export``: state of a folder, its reports, all metrics as one table."""
+"""``radiogs-bench status``, ``report`` and ``export``: a folder's state, its reports, its metrics or mesh."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import mesh
 from .options import add_verbose
 
 if TYPE_CHECKING:
@@ -15,9 +16,10 @@ def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "status", "what a folder of results holds", status)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
-    exporting = _declare(commands, "export", "all metrics of all finished cells as one table", export)
+    exporting = _declare(commands, "export", "a run's metrics as one table, or a trained model's mesh", export)
     exporting.add_argument("--to", choices=["csv", "json", "parquet"], default="csv", help="(default: csv)")
-    exporting.add_argument("--file", type=Path, help="(default: OUT/export.csv and so on)")
+    exporting.add_argument("--file", type=Path, help="(default: OUT/export.csv and so on; OUT/mesh.ply)")
+    mesh.add_options(exporting)
 
 
 def _declare(
@@ -62,7 +64,9 @@ def report(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store."""
+    """Write one table of every metric in the store, or the mesh of a trained model."""
+    if options.mesh:
+        return mesh.export_mesh(options)
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep

@@ -1,9 +1,5 @@
 """Downloads the published LPIPS weights and checks their SHA-256 before they get their file name."""
 
-import hashlib
-import http.client
-import urllib.error
-import urllib.request
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -11,14 +7,9 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 
+from ..fetching.download import TIMEOUT, download, forget, sha256_of
 from ..store.atomic import explained
 from .conventions import Net
-
-TIMEOUT = 60.0
-"""Seconds without data after which a connection counts as dead."""
-
-CHUNK = 1 << 20
-"""Bytes per read."""
 
 TORCHVISION = "https://download.pytorch.org/models"
 HEADS = (
@@ -81,13 +72,15 @@ def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], tim
     than it promised or something else; StoreError if the folder cannot be written.
     """
     path = folder / source.name
-    if path.is_file() and _digest(path).startswith(source.sha256):
+    if path.is_file() and sha256_of(path).startswith(source.sha256):
         return False
     partial = path.with_name(f".{path.name}.part")
     with explained(path):
         folder.mkdir(parents=True, exist_ok=True)
+    forget(partial)
     try:
-        found = _stream(source, partial, advance, timeout)
+        download(source.url, partial, advance, _by_hand(source, folder), timeout)
+        found = sha256_of(partial)
         if not found.startswith(source.sha256):
             raise DataError(
                 f"{source.url} is not the published file",
@@ -97,44 +90,9 @@ def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], tim
         with explained(path):
             partial.replace(path)
     finally:
-        partial.unlink(missing_ok=True)
+        forget(partial)
     return True
-
-
-def _stream(source: Source, partial: Path, advance: Callable[[int, int], None], timeout: float) -> str:
-    """Write what the server sends and return its SHA-256."""
-    digest, done = hashlib.sha256(), 0
-    try:
-        with urllib.request.urlopen(source.url, timeout=timeout) as response:
-            promised = int(response.headers.get("Content-Length", 0))
-            with explained(partial):
-                file = partial.open("wb")
-            with file:
-                while chunk := response.read(CHUNK):
-                    digest.update(chunk)
-                    with explained(partial):
-                        file.write(chunk)
-                    done += len(chunk)
-                    advance(done, max(promised, done))
-    except urllib.error.HTTPError as refusal:
-        refusal.close()
-        answer = f"The server answers {refusal.code} {refusal.reason}."
-        raise DataError(f"cannot fetch {source.url}", answer, _by_hand(source, partial.parent)) from refusal
-    except (urllib.error.URLError, http.client.HTTPException, OSError) as failure:
-        raise DataError(f"cannot fetch {source.url}", f"{failure}.", _by_hand(source, partial.parent)) from failure
-    if done < promised:
-        raise DataError(
-            f"{source.url} ended early",
-            f"{done} of {promised} bytes came. Nothing was kept.",
-            "Run the same command again.",
-        )
-    return digest.hexdigest()
 
 
 def _by_hand(source: Source, folder: Path) -> str:
     return f"Try again later, or put a good copy at {folder / source.name} by hand."
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

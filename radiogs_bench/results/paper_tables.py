@@ -18,7 +18,7 @@ from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
-from ..suites.suite import MEASURES, TASKS, Row, Suite
+from ..suites.suite import MEASURES, NUMBER, TASKS, Row, Suite, with_numbers
 from ..suites.sweep import Sweep
 
 OURS = Row("ours", "Ours", "Ours")
@@ -105,7 +105,8 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
         reference=reference if rows.get(reference) else None,
         columns=[paper_column(name, table) for name in table.columns],
         rows=[
-            {"key": row, "text": text, "remark": table.remarks.get(row, "")} for row, text in table.labels.items()
+            {"key": row, "text": text, "remark": remark(table.remarks.get(row, ""), rows.get(row, []), suite, row)}
+            for row, text in table.labels.items()
         ],
         cells={
             row: {
@@ -114,6 +115,15 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
             for row in table.labels
         },
     )  # fmt: skip
+
+
+def remark(published: str, results: list[Result], suite: Suite | None, key: str) -> str:
+    """What the paper's table needs to be read, and what was measured, as the row's label is the paper's."""
+    row = next((each for each in suite.rows if each.key == key), None) if suite else None
+    if row is None or not results or not NUMBER.search(row.text):
+        return published
+    ran = f"Measured: {with_numbers(row.text, results[0]['cell']['budget'])}."
+    return f"{published} {ran}".strip()
 
 
 def paper_column(name: str, table: PublishedTable) -> PaperColumn:

@@ -11,6 +11,8 @@ def _parts(factor: float) -> str:
     return {0.125: "eighth", 0.25: "quarter", 0.5: "half", 1.0: "whole", 2.0: "double", 4.0: "fourfold"}[factor]
 
 
+ITERATIONS = "<finetune_iterations>"
+
 FINETUNED: tuple[tuple[str, str], ...] = (("finetuned", "PBR finetuned"), ("surfels", "Surfel finetuned"))
 
 FINETUNE = Suite(
@@ -22,7 +24,8 @@ FINETUNE = Suite(
         Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
         *(
             Row(
-                f"{mode}-{_parts(factor)}", rf"{text}, $\times{factor:g}$", f"{text}, iterations x {factor:g}",
+                f"{mode}-{_parts(factor)}",
+                f"{text}, {ITERATIONS} it.", f"{text}, {ITERATIONS} iterations (x {factor:g})",
                 {"relighting": mode}, {"finetune_iterations": factor},
             )
             for mode, text in FINETUNED
@@ -41,8 +44,8 @@ def _knob(key: str, latex: str, text: str, field: str, factors: Sequence[float])
     return tuple(
         Row(
             f"{key}-{_parts(factor)}",
-            rf"{latex} $\times{factor:g}$",
-            f"{text} x {factor:g}",
+            rf"{latex} $\times{factor:g}=<{field}>$",
+            f"{text} x {factor:g} = <{field}>",
             {},
             {field: factor},
         )
@@ -62,7 +65,9 @@ COST_OF_ACCURACY = Suite(
         *_knob("ng", "$N_g$", "N_g", "consistency_surfels", (0.25, 0.5, 2.0)),
         *_knob("refresh", "Refresh interval", "refresh interval", "refresh_interval", (0.25, 4.0)),
         Row(
-            "draft", "Draft", "draft: half of iterations, N_s and N_g", {},
+            "draft", "Draft",
+            "draft, half of all: <inverse_iterations> iterations, N_s <incident_samples>, N_g <consistency_surfels>",
+            {},
             {"inverse_iterations": 0.5, "incident_samples": 0.5, "consistency_surfels": 0.5},
         ),
         Row("split-sum", "Split-sum", "no visibility, no indirect light (split sum)", {"shading": "split-sum"}),

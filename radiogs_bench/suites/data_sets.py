@@ -12,6 +12,7 @@ SIMILARITY = ("psnr", "ssim", "lpips")
 
 TENSOIR = Suite(
     name="tensoir",
+    data_set="tensoir",
     title="TensoIR-Synthetic",
     published="tensoir",
     reference="ours",
@@ -31,6 +32,7 @@ TENSOIR = Suite(
 
 SYNTHETIC4RELIGHT = Suite(
     name="synthetic4relight",
+    data_set="synthetic4relight",
     title="Synthetic4Relight",
     published="synthetic4relight",
     reference="ours",
@@ -53,6 +55,7 @@ CAPTURES = {
 
 STANFORD_ORB = Suite(
     name="stanford-orb",
+    data_set="stanford-orb",
     title="Stanford-ORB",
     published=None,  # the paper shows pictures of it, and no table
     reference="ours",
@@ -80,12 +83,11 @@ COST_OF_A_FRAME = (Metric("nvs", "ms"), Metric("nvs", "megabytes"), *(Metric("nv
 
 MIPNERF360_NG = Suite(
     name="mipnerf360-ng",
+    data_set="mipnerf360",
     title="Cost of a frame of whole rooms over N_g",
     published="mipnerf360-ng",
     reference="ng-2048",
-    rows=knob_rows(
-        "ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0, 16384: 8.0}
-    ),
+    rows=knob_rows("ng", "N_g", "consistency_surfels", (1024, 2048, 4096, 8192, 16384)),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
     download=FROM_MIPNERF360,
@@ -93,10 +95,11 @@ MIPNERF360_NG = Suite(
 
 MIPNERF360_NS = Suite(
     name="mipnerf360-ns",
+    data_set="mipnerf360",
     title="Cost of a frame of whole rooms over N_s",
     published="mipnerf360-ns",
     reference="ns-64",
-    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0}),
+    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64)),
     columns=COST_OF_A_FRAME,
     scenes=ROOMS,
     download=FROM_MIPNERF360,

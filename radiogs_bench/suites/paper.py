@@ -92,7 +92,7 @@ NG = Suite(
     title="Surfels that radiometric consistency samples, N_g",
     published="ng",
     reference="ng-2048",
-    rows=knob_rows("ng", "N_g", "consistency_surfels", {1024: 0.5, 2048: 1.0, 4096: 2.0, 8192: 4.0}),
+    rows=knob_rows("ng", "N_g", "consistency_surfels", (1024, 2048, 4096, 8192)),
     columns=QUALITY,
 )
 
@@ -101,7 +101,7 @@ NS = Suite(
     title="Incident rays a surfel, N_s",
     published="ns",
     reference="ns-64",
-    rows=knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 32: 0.5, 64: 1.0, 128: 2.0}),
+    rows=knob_rows("ns", "N_s", "incident_samples", (16, 32, 64, 128)),
     columns=QUALITY,
 )
 
@@ -153,6 +153,7 @@ RELIGHT_COST = Suite(
 
 RELIGHT_RAYS = 384
 """Rays per surfel in preset ``paper`` when a model is relit: 256 over the hemisphere and 128 from the light."""
+TRACED = "<relight_hemisphere_samples+relight_light_samples>"
 
 EFFICIENCY = Suite(
     name="efficiency",
@@ -163,7 +164,7 @@ EFFICIENCY = Suite(
         Row("finetuned", "Ours (Finetuned)", "Surfel finetuned", {"relighting": "surfels"}),
         *(
             Row(
-                f"traced-{rays}", f"Ray tracing, $N={rays}$", f"Ray tracing, N x {rays}/{RELIGHT_RAYS} (paper: {rays})",
+                f"traced-{rays}", f"Ray tracing, $N={TRACED}$", f"Ray tracing, N = {TRACED} (paper: {rays})",
                 {},
                 dict.fromkeys(
                     ("relight_hemisphere_samples", "relight_light_samples"), rays / RELIGHT_RAYS

@@ -7,21 +7,32 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.layouts.inspection import shown
+from radiogs_datasets.registry import located
 
 from .suite import Suite
 
 
 def own_scenes(suite: Suite) -> Sequence[str]:
-    """The scenes of a suite. Raises DataError if they are not here and have to be downloaded."""
-    absent = [name for name in suite.scenes if not Path(name).is_dir()] if suite.download else []
+    """The scenes of a suite: folders here, else in the root of data, in the folder of the suite's data set.
+
+    Raises DataError if they are in neither and have to be downloaded.
+    """
+    if not suite.download:
+        return suite.scenes
+    places = {
+        name: next((each for each in (name, f"{suite.data_set}/{name}") if located(each) is not None), None)
+        for name in suite.scenes
+    }
+    absent = [name for name, place in places.items() if place is None]
     if absent:
+        fetch = f"radiogs-bench datasets fetch {suite.data_set} --data ROOT"
         raise DataError(
             f"suite '{suite.name}' needs scenes that are not here: {shown(absent)}",
             f"They do not come with the package. {suite.download}",
-            "Run this in the folder that holds them, or say where they are:  radiogs-bench run"
+            f"Fetch them:  {fetch}   and run with the same --data ROOT.  Or say where they are:  radiogs-bench run"
             f" {suite.name} --scenes PATH/{suite.scenes[0]},PATH/{suite.scenes[-1]}",
         )
-    return suite.scenes
+    return tuple(place for place in places.values() if place is not None)
 
 
 def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
@@ -41,4 +52,6 @@ def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
 
 def place_of(name_or_path: str) -> str:
     """A scene's name or absolute path, valid in another working folder."""
-    return name_or_path if name_or_path in scene_names() else str(Path(name_or_path).resolve())
+    if name_or_path in scene_names():
+        return name_or_path
+    return str((located(name_or_path) or Path(name_or_path)).resolve())

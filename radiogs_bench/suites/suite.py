@@ -111,7 +111,8 @@ class Metric:
 class Row:
     """A row of a table: a key, its label in LaTeX and in plain text, and the method and variant that it runs.
 
-    ``latex`` may be empty: reports then escape ``text``.
+    ``latex`` may be empty: reports then escape ``text``. Both may name numbers of the budget as ``<incident_samples>``,
+    for which a run puts those of its preset (``with_numbers``): a label says what was run.
     ``variant`` holds the fields that differ from the full method, as plain values.
     ``budget`` holds factors for fields of the preset, so that a row is the same share of the work in each preset.
     ``settings`` are those of the experiment, if it has any.
@@ -136,7 +137,7 @@ class Suite:
     ``published`` names the published table that is shown beside it, if any. Differences and their intervals are paired
     against the row ``reference`` (None if rows are not variants of one method). ``scenes`` and ``protocol`` are the
     defaults of ``run``. ``experiment`` is what is done for every cell (see ``experiment``). ``download`` says where to
-    find scenes that do not come with the package.
+    find scenes that do not come with the package, ``data_set`` the folder that they are in below the root of data.
     """
 
     name: str
@@ -149,6 +150,7 @@ class Suite:
     experiment: str = TRAINING
     protocol: str = "default"
     download: str = ""
+    data_set: str = ""
 
     def __post_init__(self) -> None:
         keys = [row.key for row in self.rows]
@@ -212,22 +214,49 @@ def _rungs(suite: Suite, name: str, key: str, title: str) -> list[Row]:
     ]
 
 
-def knob_rows(key: str, symbol: str, name: str, values: Mapping[int, float]) -> tuple[Row, ...]:
-    """Rows that change one field ``name`` of the budget; ``values`` maps the paper's value to a factor of the preset's.
+PAPER_BUDGET: Mapping[str, int] = {"consistency_surfels": 4096, "incident_samples": 64}
+"""N_g and N_s of preset ``paper``."""
 
-    >>> [row.key for row in knob_rows("ns", "N_s", "incident_samples", {16: 0.25, 64: 1.0})]
-    ['ns-16', 'ns-64']
+
+def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[Row, ...]:
+    """Rows that change one field ``name`` of the budget: to the paper's ``values`` under preset ``paper``.
+
+    Under any other preset a row is the same share of the preset's value; its label says the value that is run.
+
+    >>> [(row.key, row.budget) for row in knob_rows("ns", "N_s", "incident_samples", (16, 64))]
+    [('ns-16', {'incident_samples': 0.25}), ('ns-64', {'incident_samples': 1.0})]
     """
     return tuple(
         Row(
-            f"{key}-{paper}",
-            f"{FRACTIONS.get(factor, f'{factor:g}')} ${symbol}$",
-            f"{symbol} x {factor:g} (paper: {paper})",
-            {},
-            {name: factor},
+            f"{key}-{paper}", f"${symbol}=<{name}>$", f"{symbol} = <{name}> (paper: {paper})",
+            {}, {name: paper / PAPER_BUDGET[name]},
         )
-        for paper, factor in values.items()
-    )
+        for paper in values
+    )  # fmt: skip
 
 
-FRACTIONS: Mapping[float, str] = {0.25: r"$\frac{1}{4}$", 0.5: r"$\frac{1}{2}$"}
+NUMBER = re.compile(r"<([a-z_]\w*(?:\+[a-z_]\w*)*)>")
+"""A number of the budget in a label, or a sum of some: ``<incident_samples>``."""
+
+
+def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
+    """A row's label with the numbers that its budget (plain, by field) has in place of their names.
+
+    Raises UsageError for a name that is none of the budget's fields.
+
+    >>> with_numbers("N = <first+second> of <first>", {"first": 2, "second": 1})
+    'N = 3 of 2'
+    """
+
+    def number(found: re.Match[str]) -> str:
+        names = found[1].split("+")
+        for name in names:
+            if name not in budget:
+                raise UsageError(
+                    f"the label '{label}' names '{name}', which the budget does not have",
+                    f"It has: {', '.join(budget)}.",
+                    "Labels name numbers of the budget as <name>.",
+                )
+        return f"{sum(budget[name] for name in names)}"
+
+    return NUMBER.sub(number, label)

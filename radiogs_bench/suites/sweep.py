@@ -9,6 +9,7 @@ from typing import NotRequired, TypedDict, cast
 from radiogs_core.capabilities import require_truth
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 
 from ..methods import budget_of, variant_of, why_not_given, with_given
@@ -16,7 +17,7 @@ from ..methods import method as find_method
 from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name, strict_json
 from .cell import Cell, Work, cell_of
-from .suite import Row, Suite
+from .suite import Row, Suite, with_numbers
 
 SWEEP_SCHEMA = "radiogs-bench/sweep/2"
 
@@ -131,9 +132,11 @@ class Request:
         return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
     def _line(self, row: Row) -> Line:
-        line = Line(key=row.key, latex=row.latex, text=row.text)
+        used = self.method(row.method)
+        budget = to_plain(scaled(budget_of(used, self.preset), row.budget))
+        line = Line(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
-            line["method"], line["given"] = self.method(row.method).title, list(row.given)
+            line["method"], line["given"] = used.title, list(row.given)
         refusal = self.refused().get(row.key)
         if refusal is not None:
             line["refused"] = refusal

@@ -13,13 +13,13 @@ from typing import Any
 from radiogs_baselines.published import published_tables
 from radiogs_core.contract import whole_numbers
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.plain_values import PlainReader
+from radiogs_core.plain_values import PlainReader, to_plain
 from radiogs_datasets import known_names
 
 from ..methods import SUFFIX, method
 from .experiment import EXPERIMENTS
 from .registry import SUITES
-from .suite import MEASURES, TASKS, Metric, Row, Suite
+from .suite import MEASURES, TASKS, Metric, Row, Suite, with_numbers
 
 NAME = re.compile(r"[\w.-]+")
 
@@ -83,6 +83,8 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
         reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
     reader.build(used.variant, row.variant, f"{where}.variant")
     scaled = whole_numbers(next(iter(used.presets.values())))
+    for label in (row.text, row.latex):
+        with_numbers(label, to_plain(next(iter(used.presets.values()))))
     for name, factor in row.budget.items():
         reader.known(f"{where}.budget", "field", name, scaled)
         reader.expect(factor > 0, f"{where}.budget.{name}", factor, "above zero")

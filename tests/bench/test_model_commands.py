@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from plyfile import PlyData
 
 from radiogs.trained import TrainedRadioGS
 from radiogs_bench.cli.main import main
@@ -64,3 +65,43 @@ def test_wrong_use_is_explained(folder: Path, tmp_path: Path, capsys: pytest.Cap
     (tmp_path / "trained.json").write_text(json.dumps(about | {"checksum": "other"}))
     assert main(["render", str(tmp_path)]) == 3
     assert "nothing was trained" in capsys.readouterr().err
+
+
+def test_the_mesh_is_exported_with_its_distance_from_the_truth(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(folder), "--mesh", "--views", "test"]) == 0
+    said = capsys.readouterr().out
+    mesh, about = PlyData.read(str(folder / "mesh.ply")), json.loads((folder / "mesh.json").read_text())
+    assert [each.name for each in mesh["vertex"].properties] == ["x", "y", "z", "nx", "ny", "nz"]
+    assert (len(mesh["vertex"]), len(mesh["face"])) == (about["vertices"], about["faces"])
+    centre = np.stack([mesh["vertex"][name] for name in "xyz"]).mean(-1)
+    assert np.abs(centre).max() < 1, "the solids lie in a cube around the origin"
+    shape = about["shape"]
+    assert 0 < shape["chamfer"] == (shape["accuracy"] + shape["completeness"]) / 2 < 0.1
+    assert "Chamfer distance" in said
+    assert "solids" in said
+
+
+def test_settings_of_a_mesh_are_shares_of_the_extent(folder: Path, tmp_path: Path) -> None:
+    sizes = ["--voxel", "0.02", "--truncation", "3", "--views", "test", "--file", str(tmp_path / "coarse.ply")]
+    assert main(["export", str(folder), "--mesh", *sizes]) == 0
+    about = json.loads((tmp_path / "coarse.json").read_text())
+    assert about["voxel"] == pytest.approx(0.02 * about["extent"])
+    assert about["truncation"] == pytest.approx(3 * about["voxel"])
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "complaint"),
+    [
+        (["--memory", "0.00001"], 2, "than the"),
+        (["--voxel", "0.0001"], 2, "finer than"),
+        (["--voxel", "-1"], 2, "not a number above zero"),
+        (["--truncation", "1"], 2, "truncation is 1 voxels"),
+    ],
+)
+def test_a_mesh_that_cannot_be_made_is_explained(
+    options: list[str], code: int, complaint: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["export", str(folder), "--mesh", "--views", "test", *options]) == code
+    assert complaint in capsys.readouterr().err

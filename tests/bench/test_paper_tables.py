@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from bench.fake_method import FakeSweep, asked
+from radiogs.budget import PRESETS
 from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables
 from radiogs_bench.suites.paper import ABLATIONS, VIEWS
@@ -64,7 +65,11 @@ def test_other_tables_have_the_rows_that_they_share_and_say_how_to_get_the_other
     lacking = init["nvs-init-no-rad"]["nvs/psnr"]
     assert lacking["mean"] is None
     assert lacking["reason"] == "not in this store by this run's preset and code; radiogs-bench run init measures it"
-    assert tables["ng"]["cells"]["ng-2048"]["nvs/psnr"]["mean"] is not None
+    assert tables["ng"]["cells"]["ng-4096"]["nvs/psnr"]["mean"] is not None, "the full method is that of the text"
+    assert tables["ng"]["cells"]["ng-2048"]["nvs/psnr"]["mean"] is None
+    remarks = {row["key"]: row["remark"] for row in tables["ng"]["rows"]}
+    assert remarks["ng-4096"] == f"Measured: N_g = {PRESETS['smoke'].consistency_surfels} (paper: 4096)."
+    assert remarks["ng-2048"] == ""
     assert tables["ng"]["cells"]["ng-1024"]["nvs/psnr"]["mean"] is None
     assert tables["tensoir"]["cells"]["gs-ir"]["nvs/psnr"]["reason"] == "no suite runs this row"
 

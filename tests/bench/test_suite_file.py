@@ -184,3 +184,10 @@ def test_every_field_is_documented() -> None:
     for kind, prefix in ((Suite, ""), (Row, "rows.")):
         for field in dataclasses.fields(kind):
             assert f"`{prefix}{field.name}`" in documented, field.name
+
+
+def test_a_label_that_names_no_number_is_refused_before_anything_is_run(tmp_path: Path) -> None:
+    text = EXAMPLE.read_text().replace("<consistency_surfels>", "<consistency_surfel>")
+    (tmp_path / "wrong.toml").write_text(text)
+    with pytest.raises(UsageError, match="names 'consistency_surfel'"):
+        read_suite(tmp_path / "wrong.toml")

@@ -15,7 +15,7 @@ from radiogs_bench.metrics import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
-from radiogs_bench.suites.suite import MEASURES, Metric, Row, Suite, of_methods, with_field
+from radiogs_bench.suites.suite import MEASURES, NUMBER, PAPER_BUDGET, Metric, Row, Suite, of_methods, with_field
 from radiogs_bench.suites.sweep import Request
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
@@ -153,6 +153,44 @@ def test_rows_of_one_knob_share_stage_one_and_nothing_else(name: str) -> None:
     values = [getattr(cell.budget, knob) for cell in cells]
     assert values == sorted(values)
     assert getattr(PRESETS["tiny"], knob) in values
+    assert getattr(PRESETS["paper"], knob) == PAPER_BUDGET[knob]
+
+
+RELIT = ("relight_hemisphere_samples", "relight_light_samples")
+KNOBS = {
+    "ng": ("consistency_surfels",), "ns": ("incident_samples",), "mipnerf360-ng": ("consistency_surfels",),
+    "mipnerf360-ns": ("incident_samples",), "efficiency": RELIT,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", KNOBS)
+@pytest.mark.parametrize("preset", list(PRESETS))
+def test_a_row_is_labelled_by_what_it_runs_under_every_preset(name: str, preset: str) -> None:
+    request = asked(1, SUITES[name], preset)
+    lines = {line["key"]: line for line in request.manifest([])["rows"]}
+    for place, cell in request.cells():
+        if name == "efficiency" and not SUITES[name].rows[list(lines).index(place["row"])].budget:
+            continue
+        ran, paper = sum(getattr(cell.budget, field) for field in KNOBS[name]), place["row"].rpartition("-")[2]
+        line = lines[place["row"]]
+        assert f" = {ran} (paper: {paper})" in line["text"]
+        assert f"={ran}$" in line["latex"]
+        if preset == "paper":
+            assert ran == int(paper), "beside the paper's row stands what the paper ran"
+
+
+def test_numbers_that_a_row_changes_are_in_its_label() -> None:
+    """But for rows that compare something else, and take more of the budget to do it."""
+    for each in SUITES.values():
+        for row in (row for row in each.rows if row.budget and not row.settings):
+            assert {name for found in NUMBER.findall(row.text) for name in found.split("+")} == set(row.budget), row.key
+
+
+def test_a_label_that_names_no_number_of_the_budget_is_refused() -> None:
+    wrong = replace(SUITES["ns"], rows=(Row("ns-64", "", "N_s = <incident_rays>"),))
+    with pytest.raises(UsageError, match="names 'incident_rays'") as raised:
+        asked(1, wrong).manifest([])
+    assert "incident_samples" in raised.value.why
 
 
 def test_the_cost_is_measured_at_a_dozen_points_of_four_knobs_that_share_stage_one() -> None:

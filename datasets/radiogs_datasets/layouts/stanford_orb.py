@@ -46,7 +46,7 @@ def looks_like(folder: Path) -> bool:
 def load_stanford_orb(folder: Path) -> Scene:
     """Read a capture; its maps are read when asked for. Raises DataError that names what is wrong."""
     folder = Path(os.path.normpath(folder.absolute()))
-    truth = _ground_truth(folder)
+    truth = ground_truth_folder(folder)
     tables = {split: folder / f"transforms_{split}.json" for split in ("train", "test")}
     splits = {split: read_transforms(table) for split, table in tables.items()}
     images = {
@@ -92,9 +92,17 @@ def reduced(image: Float[Tensor, "height width channels"]) -> Float[Tensor, "row
     return image.unflatten(0, (-1, factor)).unflatten(2, (-1, factor)).mean((1, 3))
 
 
-def _ground_truth(folder: Path) -> Path | None:
+def ground_truth_folder(folder: Path) -> Path | None:
+    """Where the ground truth of a capture is; None where it was not downloaded."""
     places = (folder.parent.parent / "ground_truth" / folder.name, folder.parent / "ground_truth" / folder.name)
     return next((place for place in places if place.is_dir()), None)
+
+
+def true_mesh_file(folder: Path) -> Path | None:
+    """The scanned mesh of a capture, in the frame of its cameras; None where it is not there."""
+    truth = ground_truth_folder(folder)
+    path = None if truth is None else truth / "mesh_blender" / "mesh.obj"
+    return path if path is not None and path.is_file() else None
 
 
 def _truth_files(truth: Path | None, images: Sequence[Path]) -> list[Path]:
@@ -155,7 +163,7 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         single = read_transforms(table, {"camera_angle_x": angle, "frames": [frame]})
         other = folder.parent / capture
         image = _image(other, table, single.frames[0].file_path)
-        truth = _ground_truth(other)
+        truth = ground_truth_folder(other)
         light = None if truth is None else truth / "env_map" / f"{image.stem}.exr"
         mask = _mask(image)
         if light is None or not all(path.is_file() for path in (image, mask, light)):

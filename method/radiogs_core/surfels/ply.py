@@ -1,50 +1,74 @@
-"""Surfels as a PLY file with the field names of 3DGS and 2DGS, which viewers and other codes read.
+"""Surfels as a PLY file with the attributes of 3DGS, which splat viewers and other codes read.
 
-Fields: x y z; nx ny nz (the unit normal, for viewers); f_dc_0..2 and f_rest_0..44 (harmonics, all of red first, as
-3DGS orders them); opacity (a logit); scale_0, scale_1 (logarithms); rot_0..3 (w, x, y, z); and, of our own,
-albedo_logit_0..2 and roughness_logit. The radiance is linear: a viewer that takes it for display colour shows it dark.
+First the 62 attributes of 3DGS in its order: x y z; nx ny nz (the unit normal, for viewers); f_dc_0..2 and f_rest_0..44
+(harmonics of degree 0 and of 1 to 3, all of red first, then green and blue; colour = 1/2 + harmonics, display sRGB);
+opacity (a logit); scale_0..2 (natural logarithms; the third is a thousandth of the smaller of both, as viewers know no
+flat splats); rot_0..3 (w, x, y, z). Then our own: radiance_0..47 (the harmonics of linear radiance, in the same order),
+albedo_logit_0..2 and roughness_logit.
 """
 
+import math
 from pathlib import Path
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from plyfile import PlyData, PlyElement, PlyParseError
+from torch import Tensor
 
 from ..errors import DataError
+from .display_harmonics import display_harmonics
 from .harmonics import COEFFICIENTS
 from .surfels import Surfels
 
-REST = 3 * (COEFFICIENTS - 1)
+HARMONICS = 3 * COEFFICIENTS
+
+FLATNESS = 1e-3
+"""Thickness that viewers are told, in units of the smaller scale."""
+
+OF_3DGS = (
+    *("x", "y", "z", "nx", "ny", "nz"),
+    *(f"f_dc_{channel}" for channel in range(3)),
+    *(f"f_rest_{place}" for place in range(HARMONICS - 3)),
+    "opacity",
+    *(f"scale_{axis}" for axis in range(3)),
+    *(f"rot_{place}" for place in range(4)),
+)
+"""The attributes that viewers know, in 3DGS's order."""
 
 PARTS = {
     "centre": ("x", "y", "z"),
-    "sh": tuple(f"f_dc_{channel}" for channel in range(3)),
-    "sh_rest": tuple(f"f_rest_{place}" for place in range(REST)),
     "opacity_logit": ("opacity",),
     "log_scale": ("scale_0", "scale_1"),
     "rotation": tuple(f"rot_{place}" for place in range(4)),
+    "sh": tuple(f"radiance_{place}" for place in range(HARMONICS)),
     "albedo_logit": tuple(f"albedo_logit_{channel}" for channel in range(3)),
     "roughness_logit": ("roughness_logit",),
 }
-"""Columns of each raw parameter, in the order of the file."""
+"""Columns of each raw parameter."""
 
 
 def write_ply(surfels: Surfels, path: Path) -> None:
     """Write binary little-endian PLY, float32. Raises OSError."""
     raw = {name: value.detach().cpu().float() for name, value in surfels.parameters().items()}
-    raw["sh_rest"] = raw["sh"][:, 1:].transpose(1, 2).flatten(1)
-    raw["sh"] = raw["sh"][:, 0]
+    shown = _as_stored(display_harmonics(raw["sh"])).unbind(-1)
+    raw["sh"] = _as_stored(raw["sh"])
+    normal = surfels.frame[..., 2].detach().cpu().float()
     columns = {
         column: values
         for part, names in PARTS.items()
         for column, values in zip(names, raw[part].reshape(len(surfels), -1).unbind(-1), strict=True)
     }
-    columns |= dict(zip(("nx", "ny", "nz"), surfels.frame[..., 2].detach().cpu().float().unbind(-1), strict=True))
+    columns |= dict(zip(("nx", "ny", "nz"), normal.unbind(-1), strict=True))
+    columns |= dict(zip((name for name in OF_3DGS if name.startswith("f_")), shown, strict=True))
+    columns["scale_2"] = raw["log_scale"].amin(-1) + math.log(FLATNESS)
+    columns = {name: columns[name] for name in (*OF_3DGS, *columns)}
     rows = np.empty(len(surfels), dtype=[(column, "<f4") for column in columns])
     for column, values in columns.items():
         rows[column] = values.numpy()
-    PlyData([PlyElement.describe(rows, "vertex")], byte_order="<", comments=["linear radiance"]).write(str(path))
+    PlyData(
+        [PlyElement.describe(rows, "vertex")], byte_order="<", comments=["f_dc, f_rest: display sRGB; radiance: linear"]
+    ).write(str(path))
 
 
 def read_ply(path: Path) -> Surfels:
@@ -64,6 +88,11 @@ def read_ply(path: Path) -> Surfels:
         part: torch.from_numpy(np.stack([rows[column].astype(np.float32) for column in columns], -1))
         for part, columns in PARTS.items()
     }
-    rest = raw.pop("sh_rest").view(len(rows), 3, COEFFICIENTS - 1).transpose(1, 2)
-    raw["sh"] = torch.cat([raw["sh"][:, None], rest], 1).contiguous()
+    first, rest = raw["sh"][:, :3, None], raw["sh"][:, 3:].view(len(rows), 3, COEFFICIENTS - 1)
+    raw["sh"] = torch.cat([first, rest], 2).transpose(1, 2).contiguous()
     return Surfels.of(raw | {name: raw[name][:, 0] for name in ("opacity_logit", "roughness_logit")})
+
+
+def _as_stored(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfels 48"]:
+    """Degree 0 of all channels, then the others of red, of green and of blue."""
+    return torch.cat([sh[:, 0], sh[:, 1:].transpose(1, 2).flatten(1)], -1)

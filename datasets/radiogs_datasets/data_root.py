@@ -1,0 +1,68 @@
+"""Where downloaded scenes are: one folder, so that commands name scenes as ``tensoir/lego`` from anywhere."""
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from radiogs_core.errors import DataError
+
+DATA_VARIABLE = "RADIOGS_BENCH_DATA"
+
+DEEPEST = 3
+"""Folders that may lie between a data set's and a scene's."""
+
+
+def data_root() -> Path | None:
+    """The folder that the variable RADIOGS_BENCH_DATA names; None if it is unset or empty."""
+    named = os.environ.get(DATA_VARIABLE)
+    return Path(named).expanduser() if named else None
+
+
+@contextmanager
+def using_data_root(root: Path | None) -> Iterator[None]:
+    """With ``root`` as the root of data, in this process and those that it starts; None: as it is.
+
+    Raises DataError if there is no such folder.
+    """
+    if root is None:
+        yield
+        return
+    if not root.is_dir():
+        raise DataError(f"there is no folder '{root}'", "It was to hold the data.", "Make it, or name another.")
+    before = os.environ.get(DATA_VARIABLE)
+    os.environ[DATA_VARIABLE] = str(root.resolve())
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[DATA_VARIABLE]
+        else:
+            os.environ[DATA_VARIABLE] = before
+
+
+def below_root() -> str:
+    """For messages: where else a folder was looked for."""
+    root = data_root()
+    return f", here or in {root}," if root else f" (here; {DATA_VARIABLE} names no folder to look in)"
+
+
+def below(root: Path, name: Path) -> Iterator[Path]:
+    """Folders called like the last part of ``name``, within the folder that its other parts name.
+
+    Links are not followed. Only where ``name`` has several parts: a scene's name alone would be looked for in all data
+    sets.
+    """
+    if len(name.parts) < 2 or name.is_absolute() or ".." in name.parts:
+        return
+    level = [root / name.parent]
+    for _ in range(DEEPEST):
+        level = [
+            each
+            for folder in level
+            if folder.is_dir()
+            for each in sorted(folder.iterdir())
+            if each.is_dir() and not each.is_symlink() and not each.name.startswith(".")
+        ]
+        yield from (each for each in level if each.name == name.name)
+        level = [each for each in level if each.name != name.name]

@@ -1,0 +1,37 @@
+"""The harmonics that show a surfel's radiance as a display does: what viewers of splats expect."""
+
+import math
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..kernels.surfel.harmonics import harmonic_sum
+from ..scene.colour import srgb_encode
+from .harmonics import COEFFICIENTS
+
+DIRECTIONS = 256
+"""Over the sphere, at which both are compared."""
+
+AT_A_TIME = 1 << 13
+
+
+def display_harmonics(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfels 16 3"]:
+    """Harmonics whose value, plus 1/2, is the display sRGB of ``sh``'s linear radiance, cut at 1; on the CPU, float32.
+
+    The curve makes other harmonics of these, so it is the least-squares fit over the sphere. It is exact for what looks
+    the same from everywhere.
+    """
+    place = torch.arange(DIRECTIONS, dtype=torch.float64)
+    height = 1 - (2 * place + 1) / DIRECTIONS
+    turn = place * math.pi * (3 - math.sqrt(5))
+    side = (1 - height.square()).sqrt()
+    directions = torch.stack([side * turn.cos(), side * turn.sin(), height], -1)
+    unit = torch.eye(COEFFICIENTS, dtype=torch.float64)[..., None].expand(-1, -1, 3).contiguous()
+    basis = harmonic_sum(unit, directions.expand(COEFFICIENTS, -1, -1).contiguous())[..., 0].T
+    fit = torch.linalg.pinv(basis)
+    shown = [
+        torch.einsum("cd,ndk->nck", fit, srgb_encode((basis @ some.double() + 0.5).clamp(0, 1)) - 0.5)
+        for some in sh.detach().cpu().split(AT_A_TIME)
+    ]
+    return torch.cat(shown).float()

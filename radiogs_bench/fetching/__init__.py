@@ -1,0 +1,1 @@
+"""Fetches files and data sets: resumed downloads, and unpacking that stays within its folder."""

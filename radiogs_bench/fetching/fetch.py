@@ -1,0 +1,115 @@
+"""Fetches a data set: downloads, checks and unpacks what is missing, and records what it was."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.errors import DataError
+
+from ..errors import NotFetched
+from ..store.atomic import explained, write_atomically
+from .catalogue import DataSet, Piece
+from .download import DownloadFailed, download, forget, sha256_of
+from .unpack import unpack
+
+RECORD = "fetched.json"
+"""In a data set's folder: address, size and SHA-256 of every piece that was fetched."""
+
+Advance = Callable[[str, int, int], None]
+"""Called with a piece's name, and with the bytes done and those of all."""
+
+
+def fetch_data_set(of: DataSet, root: Path, advance: Advance, say: Callable[[str], None]) -> None:
+    """Make ``root/<name>`` hold the data set; what is there already is left alone.
+
+    A piece that lies in that folder under its own name, because somebody put it there, is taken instead of a download,
+    and kept. Raises NotFetched if pieces are missing at the end, with what to fetch by hand and where to put it;
+    DataError for a file that is not the published one, or that is no sound archive.
+    """
+    folder = root / of.name
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    missing: list[tuple[Piece, str]] = []
+    unreachable = ""
+    for piece in of.pieces:
+        if piece.name in _record(folder):
+            say(f"{piece.name}: is there")
+            continue
+        placed = (folder / piece.name).is_file()
+        if not placed and (piece.by_hand or unreachable):
+            missing.append((piece, "only a browser gets it" if piece.by_hand else unreachable))
+            continue
+        try:
+            if not placed:
+                _download(piece, folder, advance)
+        except DownloadFailed as failure:
+            missing.append((piece, failure.why))
+            unreachable = failure.why if failure.unreachable else ""
+            continue
+        say(f"{piece.name}: {_install(piece, folder, placed)}")
+    if missing:
+        raise not_fetched(of, folder, missing)
+
+
+def not_fetched(of: DataSet, folder: Path, missing: list[tuple[Piece, str]]) -> NotFetched:
+    """The error that says what to fetch by hand."""
+    lines = [
+        line
+        for piece, why in missing
+        for line in (f"  {piece.url}", f"    put it at  {folder / piece.name}   ({why.rstrip('.')})")
+    ]
+    return NotFetched(
+        f"{len(missing)} of {len(of.pieces)} files of {of.title} are missing",
+        "\n".join(["Fetch them by hand, as they are, without unpacking:", *lines]),
+        f"Then run the same command again: it unpacks them.  About the data: {of.page}",
+    )
+
+
+def _download(piece: Piece, folder: Path, advance: Advance) -> None:
+    partial = folder / f".{piece.name}.part"
+    download(piece.url, partial, lambda done, total: advance(piece.name, done, total))
+    size = partial.stat().st_size
+    if piece.bytes is not None and size != piece.bytes:
+        forget(partial)
+        raise DataError(f"{piece.url} has {size} bytes", f"Published are {piece.bytes}. Nothing was kept.", _BY_HAND)
+    with explained(partial):
+        partial.replace(folder / piece.name)
+
+
+_BY_HAND = "If the authors have published a new version, put it in its place by hand."
+
+
+def _install(piece: Piece, folder: Path, placed: bool) -> str:
+    """Check a piece, unpack it, and record it; returns what was done, in words."""
+    path = folder / piece.name
+    digest, size = sha256_of(path), path.stat().st_size
+    if piece.sha256 and digest != piece.sha256:
+        if not placed:
+            path.unlink()
+        raise DataError(
+            f"{path} is not the published file",
+            f"Its SHA-256 begins with {digest[:8]}, not with {piece.sha256[:8]}.",
+            f"Fetch it again from {piece.url}",
+        )
+    files = unpack(path, folder / piece.into) if piece.packed else 1
+    record = {"url": piece.url, "bytes": size, "sha256": digest, "files": files}
+    write_atomically(folder / RECORD, _text(_record(folder) | {piece.name: record}))
+    if piece.packed and not placed:
+        path.unlink()
+    known = "the published checksum" if piece.sha256 else f"no checksum is published; SHA-256 {digest}, recorded"
+    return f"{files} files; {known}"
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    try:
+        found = json.loads((folder / RECORD).read_bytes())
+    except FileNotFoundError:
+        return {}
+    except ValueError as error:
+        raise DataError(f"{folder / RECORD} is damaged: {error}", "", "Remove it to fetch everything anew.") from error
+    return dict(found)
+
+
+def _text(record: dict[str, Any]) -> bytes:
+    return (json.dumps(record, indent=1, sort_keys=True) + "\n").encode()

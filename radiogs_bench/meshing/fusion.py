@@ -1,0 +1,171 @@
+"""Fusion of depth maps into a truncated signed distance field (Curless and Levoy 1996), as 2DGS makes its meshes.
+
+Each view adds, to the lattice points near the surfaces that it sees, their distance from the surface along the ray, in
+units of the truncation and cut at 1: positive in front, negative behind. Points that are further behind than the
+truncation are hidden from the view and get nothing from it; nor do those that it sees before an empty background. The
+mean over views is zero at the surface. Views are weighted by the cosine at which they see the surface: distances along
+oblique rays are too large, unequally so before and behind a curved surface, and noise of the depth counts for more.
+
+2DGS fuses with Open3D. That is 400 MB for one class, so the field is kept here in blocks that exist near surfaces only
+(as in Niessner et al. 2013), and its zero level is found by scikit-image's marching cubes.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.camera import Camera
+
+from .blocks import NEAR, SIDE, Places, VoxelBlocks, key_of, place_of
+
+SOLID_ALPHA = 0.5
+"""Coverage above which a pixel's depth is that of a surface."""
+
+EDGE = 0.05
+"""Weight of what is seen at an edge or edge-on, where a depth is off by as much as neighbouring pixels differ. A
+surface that faces the view has the weight 1, an oblique one the cosine."""
+
+PIXELS_AT_A_TIME = 1 << 16
+BLOCKS_AT_A_TIME = 1 << 12
+"""Bounds on temporary memory: about 100 and 300 MB."""
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Where distances are sampled: ``voxel`` and ``truncation`` in world units, ``farthest`` z-depth that is fused."""
+
+    voxel: float
+    truncation: float
+    farthest: float
+
+    def __post_init__(self) -> None:
+        if not 0 < self.voxel < float("inf"):
+            raise UsageError(f"voxels of {self.voxel:g} world units", "Their size is above zero.")
+        if not self.truncation >= 2 * self.voxel:
+            raise UsageError(
+                f"the truncation is {self.truncation / self.voxel:g} voxels",
+                "Below two, cells at the surface have corners that no view has seen, and the mesh falls apart.",
+            )
+
+
+class Fusion:
+    """A field that depth maps are added to, one after the other; the result does not depend on their order."""
+
+    def __init__(self, lattice: Lattice, most_bytes: int) -> None:
+        self.lattice = lattice
+        self.blocks = VoxelBlocks(most_bytes)
+
+    def add(
+        self,
+        camera: Camera,
+        depth: Float[Tensor, "height width"],
+        alpha: Float[Tensor, "height width"] | None = None,
+    ) -> None:
+        """Add one view: z-depth in world units, and coverage (None: surfaces are where depth is above zero).
+
+        Raises UsageError where the field would exceed its memory, and where voxels are too fine for the view's pixels.
+        """
+        camera, depth = camera.to("cpu", torch.float64), depth.detach().cpu().double()
+        solid = depth.isfinite() & (depth > 0) & (depth <= self.lattice.farthest)
+        if alpha is not None:
+            solid &= alpha.detach().cpu() >= SOLID_ALPHA
+        rows = self.blocks.made(self._near_surface(camera, depth, solid))
+        seen = _DepthMap(torch.where(solid, depth.reciprocal(), 0.0), camera, self.lattice.truncation)
+        for some in np.split(rows, range(BLOCKS_AT_A_TIME, len(rows), BLOCKS_AT_A_TIME)):
+            self._add_to(some, camera, seen)
+
+    def _near_surface(
+        self, camera: Camera, depth: Float[Tensor, "height width"], solid: Bool[Tensor, "height width"]
+    ) -> Places:
+        """Blocks with lattice points within the truncation of the surface that solid pixels see."""
+        rays, depths = camera.ray_directions()[solid], depth[solid]
+        block = SIDE * self.lattice.voxel
+        margin = self.lattice.voxel + depths / min(camera.fx, camera.fy) / 2
+        if len(margin) and float(margin.max()) > block / 2:
+            footprint = float(depths.max()) / min(camera.fx, camera.fy)
+            raise UsageError(
+                f"voxels of {self.lattice.voxel:.3g} world units are finer than a sixth of a pixel, which is"
+                f" {footprint:.3g} wide at its surface",
+                "Between pixels nothing is known of the surface.",
+                "Choose larger voxels, or leave out what is far away.",
+            )
+        count = 1 + 2 * int(np.ceil(self.lattice.truncation / (block / 2)))
+        along = torch.linspace(-self.lattice.truncation, self.lattice.truncation, count, dtype=torch.float64)
+        corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0], dtype=torch.float64)] * 3)
+        keys = [np.zeros(0, np.int64)]
+        for some in torch.arange(len(rays)).split(PIXELS_AT_A_TIME):
+            ray = rays[some]
+            on_ray = depths[some, None] + along / ray.norm(dim=-1, keepdim=True)
+            points = camera.centre + on_ray[..., None] * ray[:, None]
+            around = points[:, :, None] + corners * margin[some, None, None, None]
+            found: Int[np.ndarray, "points 3"] = (around / block).floor().long().flatten(0, 2).numpy()
+            keys.append(np.unique(key_of(found)))
+        return place_of(np.unique(np.concatenate(keys)))
+
+    def _add_to(self, rows: Int[np.ndarray, " blocks"], camera: Camera, depths: "_DepthMap") -> None:
+        lattice = self.blocks.places[rows][:, None] * SIDE + NEAR
+        offset = torch.from_numpy(lattice * self.lattice.voxel) - camera.centre
+        x, y, z = (offset @ camera.axes).unbind(-1)
+        before = z > self.lattice.voxel
+        safe = torch.where(before, z, 1.0)
+        right, down = x / safe, y / safe
+        surface = depths.at(right, down)
+        known = before & (surface.inverse > 0)
+        along = (1 / torch.where(known, surface.inverse, 1.0) - z) * (1 + right.square() + down.square()).sqrt()
+        weight = torch.where(known & (along >= -self.lattice.truncation), surface.weight, 0.0)
+        distance = (along / self.lattice.truncation).clamp(max=1)
+        self.blocks.sums[rows] += (weight * distance).float().numpy()
+        self.blocks.weights[rows] += weight.float().numpy()
+
+
+@dataclass(frozen=True)
+class _Surface:
+    """What rays meet: its inverse z-depth (zero: nothing), and the weight of that, the cosine of ray and normal."""
+
+    inverse: Float[Tensor, "*points"]
+    weight: Float[Tensor, "*points"]
+
+
+@dataclass(frozen=True)
+class _DepthMap:
+    """Inverse z-depth at pixel centres, zero where no surface is; ``near`` is how far apart depths of one surface are.
+
+    A plane m . X = 1 in camera axes has the inverse depth m . r along the ray r = (right, down, 1): it is linear in the
+    image, so planes are interpolated exactly. The cosine of ray and normal is m . r / (|m| |r|).
+    """
+
+    inverse: Float[Tensor, "height width"]
+    camera: Camera
+    near: float
+
+    def at(self, right: Float[Tensor, "*points"], down: Float[Tensor, "*points"]) -> _Surface:
+        """The surface along rays of those slopes.
+
+        Between four pixels of one surface it is a plane through what they see. Elsewhere it is what the nearest pixel
+        sees, with the weight ``EDGE``.
+        """
+        fx, fy = self.camera.fx, self.camera.fy
+        column, row = fx * right + self.camera.cx - 0.5, fy * down + self.camera.cy - 0.5
+        height, width = self.inverse.shape
+        inside = (column > -0.5) & (column < width - 0.5) & (row > -0.5) & (row < height - 0.5)
+        left, top = column.floor().clamp(0, max(width - 2, 0)), row.floor().clamp(0, max(height - 2, 0))
+        across, below = (column - left).clamp(0, 1), (row - top).clamp(0, 1)
+        i, j = top.long(), left.long()
+        lower, later = (i + 1).clamp(max=height - 1), (j + 1).clamp(max=width - 1)
+        a, b, c, d = (self.inverse[place] for place in ((i, j), (i, later), (lower, j), (lower, later)))
+        upper, under = torch.lerp(a, b, across), torch.lerp(c, d, across)
+        corners = torch.stack([a, b, c, d])
+        least, most = corners.amin(0), corners.amax(0)
+        # 1/least - 1/most <= near, without dividing by the zero of an empty pixel.
+        plane = inside & (least > 0) & (most - least <= self.near * least * most)
+        nearest = torch.where(below < 0.5, torch.where(across < 0.5, a, b), torch.where(across < 0.5, c, d))
+        inverse = torch.where(plane, torch.lerp(upper, under, below), torch.where(inside, nearest, 0.0))
+        mx, my = fx * torch.lerp(b - a, d - c, below), fy * (under - upper)
+        length = (mx.square() + my.square() + (inverse - right * mx - down * my).square()).sqrt()
+        ray = (1 + right.square() + down.square()).sqrt()
+        cosine = inverse / torch.where(plane, length * ray, 1.0)
+        return _Surface(inverse, torch.where(plane, cosine.clamp(min=EDGE), EDGE))

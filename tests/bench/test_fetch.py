@@ -1,0 +1,231 @@
+"""Data sets come from a server that may break off, forget, change its mind or be gone; then it is said what to do."""
+
+import io
+import re
+import threading
+import zipfile
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+
+from radiogs_bench.cli import main
+from radiogs_bench.errors import NotFetched
+from radiogs_bench.fetching import catalogue
+from radiogs_bench.fetching.catalogue import DATA_SETS, DataSet, Piece
+from radiogs_bench.fetching.download import DownloadFailed, download, sha256_of
+from radiogs_bench.fetching.fetch import fetch_data_set
+from radiogs_bench.suites.registry import SUITES
+from radiogs_core.errors import DataError, UsageError
+
+CONTENT = bytes(range(256)) * 4000
+
+
+class Server(ThreadingHTTPServer):
+    """Serves ``files``; sends ``most`` bytes an answer and then breaks off; understands ranges if ``ranges``."""
+
+    files: dict[str, bytes]
+    most = 1 << 40
+    ranges = True
+    version = '"one"'
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), Answers)
+        self.files, self.asked = {}, []
+        self.asked: list[tuple[str, str | None]]
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.server_port}"
+
+
+class Answers(BaseHTTPRequestHandler):
+    server: Server
+
+    def do_GET(self) -> None:
+        wanted = self.headers.get("Range")
+        self.server.asked.append((self.path, wanted))
+        content = self.server.files.get(self.path)
+        if content is None:
+            self.send_error(404)
+            return
+        whole, first = len(content), 0
+        if wanted and self.server.ranges and self.headers.get("If-Range") == self.server.version:
+            first = int(re.fullmatch(r"bytes=(\d+)-", wanted)[1])  # type: ignore[index]
+            self.send_response(206)
+            self.send_header("Content-Range", f"bytes {first}-{whole - 1}/{whole}")
+        else:
+            self.send_response(200)
+        self.send_header("ETag", self.server.version)
+        self.send_header("Content-Length", str(whole - first))
+        self.end_headers()
+        self.wfile.write(content[first : first + self.server.most])
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        pass
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    serving = Server()
+    thread = threading.Thread(target=serving.serve_forever, kwargs={"poll_interval": 0.01})
+    thread.start()
+    yield serving
+    serving.shutdown()
+    thread.join()
+    serving.server_close()
+
+
+def nothing(*progress: object) -> None:
+    pass
+
+
+def test_a_download_that_breaks_off_goes_on_where_it_stopped(server: Server, tmp_path: Path) -> None:
+    server.files["/a"], server.most, server.version = CONTENT, 400_000, '"of today"'
+    told: list[tuple[int, int]] = []
+    for _ in range(2):
+        with pytest.raises(DownloadFailed, match="ended early"):
+            download(f"{server.url}/a", tmp_path / "a", lambda *each: told.append(each))
+    download(f"{server.url}/a", tmp_path / "a", lambda *each: told.append(each))
+    assert (tmp_path / "a").read_bytes() == CONTENT
+    assert [wanted for _, wanted in server.asked] == [None, "bytes=400000-", "bytes=800000-"]
+    assert told[-1] == (len(CONTENT), len(CONTENT))
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+@pytest.mark.parametrize("change", ["version", "ranges"])
+def test_it_starts_again_where_the_file_has_changed_or_the_server_knows_no_ranges(
+    change: str, server: Server, tmp_path: Path
+) -> None:
+    server.files["/a"], server.most = CONTENT, 400_000
+    with pytest.raises(DownloadFailed):
+        download(f"{server.url}/a", tmp_path / "a", nothing)
+    server.most = 1 << 40
+    if change == "version":
+        server.version, server.files["/a"] = '"two"', CONTENT[::-1]
+    else:
+        server.ranges = False
+    download(f"{server.url}/a", tmp_path / "a", nothing)
+    assert (tmp_path / "a").read_bytes() == server.files["/a"]
+
+
+def test_nothing_is_continued_that_another_address_began(server: Server, tmp_path: Path) -> None:
+    server.files |= {"/a": CONTENT, "/b": CONTENT[::-1]}
+    server.most = 400_000
+    with pytest.raises(DownloadFailed):
+        download(f"{server.url}/a", tmp_path / "part", nothing)
+    server.most = 1 << 40
+    download(f"{server.url}/b", tmp_path / "part", nothing)
+    assert (tmp_path / "part").read_bytes() == CONTENT[::-1]
+
+
+def archive(**members: bytes) -> bytes:
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as zipped:
+        for name, content in members.items():
+            zipped.writestr(name.replace("__", "/"), content)
+    return file.getvalue()
+
+
+def some_set(server: Server, **of_lego: object) -> DataSet:
+    server.files |= {"/lego.zip": archive(deep__lego__a=b"a", deep__lego__b=b"b"), "/sky.exr": b"sky"}
+    lego = {"name": "lego.zip", "url": f"{server.url}/lego.zip", "into": "lego"} | of_lego
+    return DataSet(
+        "some-set", "Some set", "https://page.example", "stated there",
+        (Piece(**lego), Piece("sky.exr", f"{server.url}/sky.exr", packed=False)),  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+def test_a_data_set_is_fetched_once_and_what_it_was_is_recorded(server: Server, tmp_path: Path) -> None:
+    said: list[str] = []
+    chosen = some_set(server)
+    for _ in range(2):
+        fetch_data_set(chosen, tmp_path, nothing, said.append)
+    folder = tmp_path / "some-set"
+    assert sorted(str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()) == [
+        "fetched.json", "lego/a", "lego/b", "sky.exr",
+    ]  # fmt: skip
+    assert len(server.asked) == 2
+    assert said[-2:] == ["lego.zip: is there", "sky.exr: is there"]
+    assert sha256_of(folder / "sky.exr") in said[1]
+    assert sha256_of(folder / "sky.exr") in (folder / "fetched.json").read_text()
+
+
+@pytest.mark.parametrize(("given", "says"), [({"sha256": "0" * 64}, "not the published file"), ({"bytes": 9}, "bytes")])
+def test_a_file_that_is_not_the_published_one_is_not_kept(
+    given: dict[str, object], says: str, server: Server, tmp_path: Path
+) -> None:
+    with pytest.raises(DataError, match=says):
+        fetch_data_set(some_set(server, **given), tmp_path, nothing, nothing)
+    assert not list((tmp_path / "some-set").iterdir())
+
+
+def test_without_a_network_it_is_said_what_to_fetch_and_where_to_put_it(server: Server, tmp_path: Path) -> None:
+    chosen = some_set(server)
+    gone = DataSet("some-set", "Some set", "https://page.example", "", tuple(
+        Piece(piece.name, piece.url.replace(str(server.server_port), "1"), piece.into, piece.packed)
+        for piece in chosen.pieces
+    ))  # fmt: skip
+    with pytest.raises(NotFetched, match="2 of 2 files") as raised:
+        fetch_data_set(gone, tmp_path, nothing, nothing)
+    for piece in gone.pieces:
+        assert f"  {piece.url}\n    put it at  {tmp_path / 'some-set' / piece.name}" in raised.value.why
+    # Put there by hand, they are unpacked and kept.
+    for piece in chosen.pieces:
+        (tmp_path / "some-set" / piece.name).write_bytes(server.files[f"/{piece.name}"])
+    fetch_data_set(gone, tmp_path, nothing, nothing)
+    assert (tmp_path / "some-set" / "lego" / "b").read_bytes() == b"b"
+    assert (tmp_path / "some-set" / "lego.zip").exists()
+
+
+def test_a_missing_file_does_not_keep_the_others_from_being_fetched(server: Server, tmp_path: Path) -> None:
+    chosen = some_set(server)
+    del server.files["/lego.zip"]
+    with pytest.raises(NotFetched, match="1 of 2 files") as raised:
+        fetch_data_set(chosen, tmp_path, nothing, nothing)
+    assert "404" in raised.value.why
+    assert (tmp_path / "some-set" / "sky.exr").read_bytes() == b"sky"
+
+
+def test_the_command_fetches_lists_and_has_an_exit_code_of_its_own(
+    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("RADIOGS_BENCH_DATA", raising=False)
+    monkeypatch.setattr(catalogue, "DATA_SETS", {"some-set": some_set(server)})
+    assert main(["datasets", "fetch", "some-set", "--data", str(tmp_path / "new")]) == 0
+    assert main(["datasets", "fetch", "some-sat", "--data", str(tmp_path)]) == 2
+    assert main(["datasets", "fetch", "some-set"]) == 2
+    assert main(["datasets", "fetch"]) == 0
+    server.files.clear()
+    assert main(["datasets", "fetch", "some-set", "--data", str(tmp_path)]) == 5
+    said = capsys.readouterr()
+    assert f"export RADIOGS_BENCH_DATA={tmp_path / 'new'}" in said.out
+    assert "checksum unknown: recorded at first download" in said.out
+    assert "(exit code 5)" in said.err
+    assert f"put it at  {tmp_path / 'some-set' / 'lego.zip'}" in said.err
+
+
+def test_every_suite_on_public_data_names_a_data_set_that_can_be_fetched() -> None:
+    for each in SUITES.values():
+        assert bool(each.download) == bool(each.data_set)
+        assert not each.data_set or catalogue.data_set(each.data_set).pieces
+    with pytest.raises(UsageError, match="Did you mean 'tensoir'"):
+        catalogue.data_set("tensoor")
+
+
+def test_the_catalogue_names_files_that_stay_in_their_folder() -> None:
+    for each in DATA_SETS.values():
+        names = [piece.name for piece in each.pieces]
+        assert len(set(names)) == len(names)
+        for piece in each.pieces:
+            assert Path(piece.name).name == piece.name
+            assert ".." not in Path(piece.into).parts
+            assert not Path(piece.into).is_absolute()
+            assert len(piece.sha256) in (0, 64)
+
+
+def test_checksums_of_the_lights_are_those_of_the_published_files(shared_data: Path) -> None:
+    for piece in DATA_SETS["synthetic4relight"].pieces:
+        if piece.sha256:
+            assert sha256_of(shared_data / "envmaps" / "synthetic4relight" / piece.name) == piece.sha256
