@@ -31,7 +31,7 @@ class GeometryWeights:
     breaks the geometry (normal error 52 degrees), and 0.1 to 0.3 reconstructs it better than 2."""
     mask: float = 0.05
     """Cross-entropy between coverage and the mask."""
-    normal_smoothness: float = 0.02
+    normal_smoothness: float = 0.05
     """Slopes of the normals where the image has no edges."""
 
 
