@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import cv2
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -119,16 +121,5 @@ def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width chan
 def area_mean(image: Float[Tensor, "height width channels"], size: Size) -> Float[Tensor, "rows columns channels"]:
     """Means over the areas of larger pixels; a pixel that lies in two of them counts for both by its share."""
     rows, columns = size
-    return _along_rows(_along_rows(image.double(), rows).transpose(0, 1), columns).transpose(0, 1).to(image.dtype)
-
-
-def _along_rows(image: Float[Tensor, "rows columns channels"], count: int) -> Float[Tensor, "fewer columns channels"]:
-    """Means over ``count`` equal parts of the first axis, from the integral up to each border."""
-    stored = len(image)
-    if count == stored:
-        return image
-    border = torch.arange(count + 1, dtype=torch.float64) * (stored / count)
-    whole = border.floor().long().clamp(max=stored - 1)
-    integral = torch.cat([torch.zeros_like(image[:1]), image.cumsum(0)])
-    upto = integral[whole] + (border - whole)[:, None, None] * image[whole]
-    return upto.diff(dim=0) * (count / stored)
+    small = cv2.resize(np.ascontiguousarray(image.numpy()), (columns, rows), interpolation=cv2.INTER_AREA)
+    return torch.from_numpy(small.reshape(rows, columns, image.shape[2]))

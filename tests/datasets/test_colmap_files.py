@@ -12,12 +12,12 @@ import pytest
 
 from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
-from radiogs_datasets.colmap_files import SparseModel, read_model
+from radiogs_datasets.colmap_files import SparseModel, StoredImage, read_model
 
 WIDTH, HEIGHT = 40, 30
 LENS = (30.0, 31.0, 19.5, 15.5, 0.05, -0.02, 0.001, 0.002)
-MOTIONS = [((1.0, 0.1, -0.2, 0.3), (0.5, -0.25, 2.0)), ((0.5, 0.5, 0.5, -0.5), (0.0, 1.0, 3.0)),
-           ((2.0, 0.0, 0.0, 0.2), (1.0, 1.0, 1.0))]  # fmt: skip
+MOTIONS = [((0.64, 0.48, -0.6, 0.0), (0.5, -0.25, 2.0)), ((0.5, 0.5, 0.5, -0.5), (0.0, 1.0, 3.0)),
+           ((0.8, 0.0, 0.0, 0.6), (1.0, 1.0, 1.0))]  # fmt: skip
 NAMES = ["set one/a.png", "set one/b ü.png", "c.png"]
 
 
@@ -105,6 +105,9 @@ def test_pycolmap_reads_the_same(scene: Path, text: bool) -> None:
     pycolmap = pytest.importorskip("pycolmap", reason="pycolmap is not installed")
     if text:
         write_text(scene / "sparse")
+        # pycolmap takes a name in text up to its first space; COLMAP itself writes such names as they are.
+        replaced("sparse/images.txt", "set one/b ü", "b")(scene)
+        replaced("sparse/images.txt", "set one", "set_one")(scene)
     compare(scene / "sparse", pycolmap)
 
 
@@ -130,6 +133,14 @@ def compare(folder: Path, pycolmap: ModuleType) -> SparseModel:
     np.testing.assert_array_equal(ours.positions, [point.xyz for point in points])
     np.testing.assert_array_equal(ours.colours, [point.color for point in points])
     return ours
+
+
+def test_a_quaternion_of_any_length_is_the_same_rotation() -> None:
+    rotation, translation = MOTIONS[0]
+    longer = StoredImage("a", 1, tuple(3 * value for value in rotation), translation)  # type: ignore[arg-type]
+    np.testing.assert_allclose(
+        longer.camera_to_world(), StoredImage("a", 1, rotation, translation).camera_to_world(), atol=1e-12
+    )
 
 
 def test_a_photo_is_not_turned_by_its_exif_mark(scene: Path) -> None:
