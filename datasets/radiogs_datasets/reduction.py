@@ -104,7 +104,9 @@ def _view(view: View, size: Callable[[int, int], Size]) -> View:
 
 def _read(view: View, name: str, size: Size) -> Float[Tensor, "height width channels"]:
     values = view.read(name)
-    if name == "alpha" or name in MULTIPLIED or name.endswith("/indirect"):
+    if name == "alpha":
+        return area_mean(values, size).clamp(0, 1)  # shares of a pixel sum to one but for rounding
+    if name in MULTIPLIED or name.endswith("/indirect"):
         return area_mean(values, size)
     weight = view.read("alpha") if view.has("alpha") else torch.ones_like(values[..., :1])
     if name == "depth":

@@ -81,6 +81,7 @@ def test_any_size_holds_the_same_light_and_sees_the_same(options: SceneOptions, 
         energy = [(srgb_decode(view.read("image")) * view.read("alpha")).double().mean() for view in (ours, theirs)]
         assert float(energy[0]) == pytest.approx(float(energy[1]), rel=1e-5)
         assert float(ours.read("alpha").mean()) == pytest.approx(float(theirs.read("alpha").mean()), rel=1e-5)
+        assert 0 <= float(ours.read("alpha").min()) <= float(ours.read("alpha").max()) <= 1
     assert less.checksum.startswith(scene.checksum)
     assert less.checksum != scene.checksum
     assert less.options == options.plain()

@@ -14,7 +14,8 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
-from ..image_files import read_image
+from ..image_files import read_bytes, read_image
+from ..image_structure import png_layout
 from ..lenses.lens import Lens
 from ..lenses.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..options import TEST_EVERY
@@ -151,7 +152,7 @@ def read_mask(path: Path) -> Float[Tensor, "height width 1"]:
     if image.shape[2] == 3 and not torch.equal(image.amin(-1), image.amax(-1)):
         raise DataError(f"{path} is a colour image, not a mask", DAMAGED_MASK, "Give black and white images.")
     mask = image[..., 3:] if image.shape[2] == 4 else image[..., :1]
-    if 0 < float(mask.max()) <= 1 / 255:
+    if 0 < float(mask.max()) < 1.5 / 255:
         raise DataError(
             f"{path} is a mask of the levels 0 and 1",
             "Levels run to 255 (or 65535): the object would be all but transparent.",
@@ -180,8 +181,14 @@ def _depth(photo: Photo) -> Float[Tensor, "height width 1"]:
 
 def _levels(path: Path) -> Float[Tensor, "height width 1"]:
     """The first channel; whole levels of a 16-bit PNG."""
-    scale = 65535.0 if path.suffix.lower() == ".png" else 1.0
-    return torch.from_numpy(read_image(path))[..., :1].contiguous() * scale
+    if path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).bits != 16:
+        raise DataError(
+            f"{path} is a depth map of 8 bits",
+            "A length in so few levels is a picture of the depth.",
+            "Export the depth with 16 bits, or take its path out of the file.",
+        )
+    values = torch.from_numpy(read_image(path))[..., :1].contiguous()
+    return (values * 65535).round() if path.suffix.lower() == ".png" else values
 
 
 def read_numbers(path: Path) -> Float[Tensor, "height width 1"]:

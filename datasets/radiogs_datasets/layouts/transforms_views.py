@@ -70,7 +70,7 @@ def listed_in(folder: Path, table: Path, transforms: Transforms) -> list[Listed]
 def _image(folder: Path, table: Path, frame: Frame) -> Path:
     """The image as written, or with the ending that a file has; PNG where there is none."""
     path = inside(folder, table, frame.file_path)
-    if path.suffix.lower() in ENDINGS:
+    if path.suffix.lower() in ENDINGS or path.is_file():
         return path
     named = [path.with_name(path.name + ending) for ending in ENDINGS]
     return next((choice for choice in named if choice.is_file()), named[0])

@@ -109,7 +109,7 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
             "Correct the file.",
         )
     model = fields.get("camera_model", "OPENCV_FISHEYE" if _is_set(fields.get("is_fisheye")) else None)
-    if model is not None and model not in PARAMETERS:
+    if model is not None and (not isinstance(model, str) or model not in PARAMETERS):
         raise DataError(
             f"{what}: 'camera_model' is {model!r:.40}",
             f"Undistorted on reading are: {', '.join(PARAMETERS)}.",
@@ -126,7 +126,11 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
     projection: Projection = "fisheye" if model is not None and model.endswith("FISHEYE") else "perspective"
     bent = coefficients_of(projection, {name: value for name, value in named.items() if name in ORDER[projection]})
     if any(abs(value) > LARGEST_COEFFICIENT for value in bent):
-        raise DataError(f"{what}: a coefficient of distortion is beyond {LARGEST_COEFFICIENT:g}", "No lens has it.")
+        raise DataError(
+            f"{what}: a coefficient of distortion is beyond {LARGEST_COEFFICIENT:g}",
+            "No lens has it.",
+            "Correct the file.",
+        )
     return projection, bent
 
 
