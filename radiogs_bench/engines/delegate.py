@@ -102,7 +102,7 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
     device = torch.device(order.cell.device)
     use_threads(order.threads)
     try:
-        scene = _scene(order.recipe, order.place)
+        scene = scene_for(order.recipe, order.place)
         _check_scene(order, scene, node)
         _check_sources(order, scene, node)
         _compile(order.recipe, order.cell, device)
@@ -130,7 +130,8 @@ def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
 
 
 @cache
-def _scene(recipe: Recipe, place: str) -> Scene:
+def scene_for(recipe: Recipe, place: str) -> Scene:
+    """A cell's scene, opened as for the run that ordered it."""
     return recipe.load(place) if recipe.options == AS_STORED else recipe.load(place, options=recipe.options)
 
 
