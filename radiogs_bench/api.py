@@ -166,7 +166,7 @@ def train(
             bench = Bench(store, torch.device(device), progress, interruption, lambda name: used)
             model, _ = trained(bench, cell, read)
         if out is not None:
-            write_trained(store, str(read.folder or read.name), cell, model)
+            write_trained(store, str(read.folder or read.name), read, cell, model)
     return Model(model, Run(read, cell.variant, cell.budget, seed, torch.device(device)))
 
 

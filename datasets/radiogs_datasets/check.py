@@ -14,10 +14,11 @@ from radiogs_core.scene.scene import Scene, View
 
 from .image_files import read_bytes, read_image
 from .image_structure import png_layout
+from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
 from .transforms import read_transforms
 
-IMAGES = (".png", ".exr", ".hdr")
+IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")
 
 UNIT_TOLERANCE = 0.05
@@ -55,15 +56,17 @@ class Report:
         return not any(finding.severity == "error" for finding in self.findings)
 
 
-def check_scene(name_or_path: str, layout: str | None = None, advance: Advance = lambda done, total: None) -> Report:
-    """Decode every image below the scene's folder, load the scene, and look at its views.
+def check_scene(
+    name_or_path: str, options: SceneOptions = AS_STORED, advance: Advance = lambda done, total: None
+) -> Report:
+    """Decode every image below the scene's folder, load the scene as the options say, and look at its views.
 
     ``advance`` is told (done, total) files, then views. Raises DataError only if there is no such folder.
     """
     folder = scene_folder(name_or_path)
     findings = list(_damaged_files(folder, advance))
     try:
-        scene: Scene | None = load_scene(name_or_path, layout)
+        scene: Scene | None = load_scene(name_or_path, options=options)
     except DataError as error:
         told = {finding.what for finding in findings}
         scene = None
@@ -78,7 +81,7 @@ def check_scene(name_or_path: str, layout: str | None = None, advance: Advance =
 
 
 def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
-    tables = sorted(folder.rglob("transforms_*.json"))
+    tables = sorted(folder.rglob("transforms*.json"))
     images = _images(folder)
     for done, path in enumerate([*tables, *images], start=1):
         place = path.relative_to(folder).as_posix()

@@ -59,12 +59,15 @@ def write_png(path: Path, image: NDArray[np.floating]) -> None:
 
 
 def read_jpeg(path: Path) -> NDArray[np.float32]:
-    """Values in [0, 1], RGB, display sRGB. Raises DataError if the file is missing, cut off or no JPEG."""
+    """Values in [0, 1], RGB, display sRGB, as stored: EXIF's orientation is ignored, as cameras are for stored pixels.
+
+    Raises DataError if the file is missing, cut off or no JPEG.
+    """
     data = read_bytes(path)
     jpeg_size(path, data)
     try:
         with _quiet():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     except cv2.error as error:
         raise damaged(path, f"OpenCV says: {error.err}") from error
     if image is None:

@@ -14,6 +14,8 @@ from .generate.surfaces import surfaces_of_folder
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
+from .options import AS_STORED, SceneOptions
+from .reduction import resized
 
 TINY = Path(__file__).parent / "tiny"
 FORWARD = Path(__file__).parent / "forward"
@@ -22,11 +24,15 @@ FORWARD = Path(__file__).parent / "forward"
 
 @dataclass(frozen=True)
 class Layout:
-    """A layout: what its folders are told by, in words and as a test, and how they are read."""
+    """A layout: what its folders are told by, in words and as a test, and how they are read.
+
+    ``of_photos``: whether views can be held out and masks given, as for captures; its ``load`` takes SceneOptions.
+    """
 
     marks: str
     looks_like: Callable[[Path], bool]
-    load: Callable[[Path], Scene]
+    load: Callable[..., Scene]
+    of_photos: bool = False
 
 
 LAYOUTS: Mapping[str, Layout] = {
@@ -35,8 +41,8 @@ LAYOUTS: Mapping[str, Layout] = {
         "train/<id>_rgb.exr", synthetic4relight.looks_like, synthetic4relight.load_synthetic4relight
     ),
     "stanford-orb": Layout("test_mask/", stanford_orb.looks_like, stanford_orb.load_stanford_orb),
-    "colmap": Layout("sparse/0/cameras.bin", colmap.looks_like, colmap.load_colmap),
-    "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender),
+    "colmap": Layout("sparse/0/cameras.bin or sparse/cameras.bin", colmap.looks_like, colmap.load_colmap, True),
+    "blender": Layout("transforms_train.json or transforms.json", blender.looks_like, blender.load_blender, True),
 }
 """In the order in which they are tried: the more particular marks first."""
 
@@ -101,15 +107,23 @@ def _is_scene(folder: Path) -> bool:
     return any(layout.looks_like(folder) for layout in LAYOUTS.values())
 
 
-def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
+def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptions = AS_STORED) -> Scene:
     """A miniature by its name, or the scene in a folder; for a folder that bears such a name write ``./name``.
 
-    The layout is told by the folder's files unless it is named. A generated scene knows its surfaces. Raises UsageError
-    for an unknown layout, DataError for what is no scene, and for a scene that is incomplete or damaged.
+    The layout is told by the folder's files unless ``layout`` or the options name it. A generated scene knows its
+    surfaces. Raises UsageError for an unknown layout and for options that the layout does not take, DataError for what
+    is no scene, and for a scene that is incomplete or damaged.
     """
+    scene = _as_stored(name_or_path, layout or options.layout, options)
+    return replace(resized(scene, options), options=options.plain())
+
+
+def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> Scene:
     if name_or_path in ALBEDOS:
+        _require_none(options, name_or_path)
         return replace(furnace(name_or_path), loaders=(furnace.__module__,))
     if name_or_path == HARD_CASES:
+        _require_none(options, name_or_path)
         return replace(hard_cases(), loaders=(hard_cases.__module__,))
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
@@ -119,7 +133,23 @@ def load_scene(name_or_path: str, layout: str | None = None) -> Scene:
         raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
     load, surfaces = LAYOUTS[chosen].load, surfaces_of_folder(folder)
     known_by = () if surfaces is None else (surfaces_of_folder.__module__,)
-    return replace(load(folder), folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
+    if LAYOUTS[chosen].of_photos:
+        scene = load(folder, options)
+        held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
+        scene = replace(scene, checksum=f"{scene.checksum}{held}")
+    else:
+        _require_none(options, name_or_path)
+        scene = load(folder)
+    return replace(scene, folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
+
+
+def _require_none(options: SceneOptions, scene: str) -> None:
+    if options.hold_out is not None or options.mask_folder is not None:
+        raise UsageError(
+            f"scene '{scene}' has test views and masks of its own",
+            "Views are held out, and folders of masks are read, of photos: layouts colmap and blender.",
+            "Leave --hold-out and --mask-folder out.",
+        )
 
 
 def _recognised(folder: Path) -> str:

@@ -1,11 +1,11 @@
-"""Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants: OpenGL camera-to-world, and either one
-angle or, as instant-ngp writes them, focal lengths and a principal point in pixels.
+"""Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants (instant-ngp, nerfstudio): OpenGL
+camera-to-world, a lens for the file or for a frame (``lenses.fields``), paths of images, masks and depth.
 """
 
 import json
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,116 +16,116 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 
-DISTORTION = ("k1", "k2", "k3", "k4", "p1", "p2")
+from .lenses.fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields
+
+SPLITS = ("train", "val", "test")
 
 RIGID_TOLERANCE = 1e-3
 """How far R R^T may be from the identity: matrices are often printed with four digits."""
 
 
+DEPTH_UNIT = 1e-3
+"""World units of a level of a depth map where the file does not say: nerfstudio's millimetres."""
+
+
 @dataclass(frozen=True)
 class Frame:
-    """What the file says of one view; ``camera_to_world`` has OpenCV axes, float32."""
+    """What the file says of one view.
+
+    ``camera_to_world`` has OpenCV axes, float32; ``lens`` is that of an image of (height, width). ``mask_path`` and
+    ``depth_path`` are as written, None where there is none.
+    """
 
     file_path: str
     camera_to_world: Float[Tensor, "4 4"]
-
-
-@dataclass(frozen=True)
-class Intrinsics:
-    """Focal lengths and principal point in pixels of an image of ``width`` x ``height``."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
-
-    def __post_init__(self) -> None:
-        sizes = (self.fx, self.fy, self.width, self.height)
-        if not all(math.isfinite(value) and value > 0 for value in sizes) or not math.isfinite(self.cx + self.cy):
-            raise ValueError("focal lengths and sizes must be above zero, and all of them finite")
+    lens: LensOfSize
+    mask_path: str | None = None
+    depth_path: str | None = None
 
 
 @dataclass(frozen=True)
 class Transforms:
-    """All views of a split, in the file's order; ``intrinsics`` are those of an image of any size."""
+    """All views of a file, in its order.
 
-    intrinsics: Callable[[int, int], Intrinsics]
+    ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
+    the poses; ``splits``: lists of images by split, where the file names them.
+    """
+
     frames: tuple[Frame, ...]
+    depth_unit: float = DEPTH_UNIT
+    points_path: str | None = None
+    splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
-        """The pinhole camera of a frame whose image has this size. Raises DataError for a size it does not know."""
-        lens = self.intrinsics(height, width)
-        return Camera(frame.camera_to_world, lens.fx, lens.fy, lens.cx, lens.cy, width, height)
+        """The pinhole camera of a frame whose image has this size.
 
-    def only(self, frames: Sequence[Frame]) -> "Transforms":
-        """The same lens for some of the frames."""
-        return replace(self, frames=tuple(frames))
+        Raises DataError for a size that its lens does not know, and for a lens that distorts.
+        """
+        lens = frame.lens(height, width)
+        if not lens.pinhole:
+            raise DataError(
+                f"the lens of {frame.file_path} distorts",
+                "Images of this layout come with maps of their pixels, which are not undistorted.",
+                "Undistort the images, or use layout blender.",
+            )
+        return Camera(frame.camera_to_world, lens.fx, lens.fy, lens.cx, lens.cy, width, height)
 
 
 def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
     """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
     table = _read_object(path) if content is None else content
-    intrinsics = _lens(path, table) if "fl_x" in table else _angle(path, table)
     frames = table.get("frames")
     if not isinstance(frames, list) or not frames:
         raise DataError(
             f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
         )
-    return Transforms(intrinsics, tuple(_frame(path, place, frame) for place, frame in enumerate(frames)))
-
-
-def _angle(path: Path, table: dict[str, Any]) -> Callable[[int, int], Intrinsics]:
-    """Square pixels and a principal point in the middle, of a horizontal field of view in radians."""
-    angle = table.get("camera_angle_x")
-    if isinstance(angle, bool) or not isinstance(angle, int | float) or not 0 < angle < math.pi:
-        raise DataError(
-            f"{path}: 'camera_angle_x' is {angle!r}",
-            "It must be the horizontal field of view in radians, between 0 and pi; the focal length follows from it.",
-            "Correct the file.",
-        )
-
-    def intrinsics(height: int, width: int) -> Intrinsics:
-        focal = 0.5 * width / math.tan(0.5 * angle)
-        return Intrinsics(focal, focal, width / 2, height / 2, width, height)
-
-    return intrinsics
-
-
-def _lens(path: Path, table: dict[str, Any]) -> Callable[[int, int], Intrinsics]:
-    """instant-ngp's: pixels of an image of one size; images of another size are refused, not guessed at."""
-    names = ("fl_x", "fl_y", "cx", "cy", "w", "h")
-    values = [table.get(name, table.get("fl_x") if name == "fl_y" else None) for name in names]
-    fx, fy, cx, cy, width, height = (
-        float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan for value in values
+    own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]
+    common = None if all(own) else lens_of_fields(str(path), table)
+    _check_applied(path, table.get("applied_transform"))
+    return Transforms(
+        tuple(_frame(path, place, frame, table, common) for place, frame in enumerate(frames)),
+        _depth_unit(path, table),
+        _path(str(path), table, "ply_file_path"),
+        {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
     )
-    bent = [name for name in DISTORTION if table.get(name)]
-    if bent:
+
+
+def _check_applied(path: Path, rows: object) -> None:
+    """nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked."""
+    if rows is None:
+        return
+    padded = [*rows, [0, 0, 0, 1]] if isinstance(rows, list) and len(rows) == 3 else rows
+    _rigid(f"{path}: 'applied_transform'", padded, "It says how the poses were turned into the world that they are in.")
+
+
+def _depth_unit(path: Path, table: dict[str, Any]) -> float:
+    name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
+    unit = finite(table.get(name, DEPTH_UNIT))
+    if not (math.isfinite(unit) and unit > 0):
         raise DataError(
-            f"{path}: its lens distorts ({', '.join(bent)})",
-            "Surfels are drawn by pinhole cameras; a distorted image would bend what is learnt from it.",
-            "Undistort the images (COLMAP's image_undistorter does it) and write the pinhole camera's values.",
-        )
-    try:
-        lens = Intrinsics(fx, fy, cx, cy, int(width), int(height))
-    except ValueError as error:
-        raise DataError(
-            f"{path}: {', '.join(names)} are {values!r}",
-            f"They must be finite numbers: {error}.",
+            f"{path}: '{name}' is {table[name]!r:.40}",
+            "It is the length of a level of a depth map in world units.",
             "Correct the file.",
-        ) from error
+        )
+    return unit
 
-    def intrinsics(height: int, width: int) -> Intrinsics:
-        if (lens.height, lens.width) != (height, width):
-            raise DataError(
-                f"{path} is written for images of {lens.width} x {lens.height} pixels, one is {width} x {height}",
-                "Its focal lengths count those pixels.",
-                "Use the images that the file was made for.",
-            )
-        return lens
 
-    return intrinsics
+def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...]:
+    names = table.get(field_name)
+    if names is None:
+        return ()
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise DataError(f"{path}: '{field_name}' must be a list of images", "It names a split.", "Correct the file.")
+    return tuple(names)
+
+
+def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
+    """The first of some fields that is there, as a path."""
+    name = next((name for name in names if fields.get(name) is not None), None)
+    value = None if name is None else fields[name]
+    if value is not None and (not isinstance(value, str) or not value or "\0" in value):
+        raise DataError(f"{what}: '{name}' is {value!r:.40}", "It must be the path of a file.", "Correct the file.")
+    return value
 
 
 def _read_object(path: Path) -> dict[str, Any]:
@@ -144,7 +144,7 @@ def _read_object(path: Path) -> dict[str, Any]:
     return table
 
 
-def _frame(path: Path, place: int, frame: object) -> Frame:
+def _frame(path: Path, place: int, frame: object, table: dict[str, Any], common: LensOfSize | None) -> Frame:
     name = frame.get("file_path") if isinstance(frame, dict) else None
     if not isinstance(frame, dict) or not isinstance(name, str) or not name or "\0" in name:
         raise DataError(
@@ -152,17 +152,27 @@ def _frame(path: Path, place: int, frame: object) -> Frame:
             "It says which image the camera took.",
             "Correct the file.",
         )
-    return Frame(name, _camera_to_world(f"{path}: frame {place} ({name})", frame.get("transform_matrix")))
+    what = f"{path}: frame {place} ({name})"
+    lens = common if common is not None and FIELDS.isdisjoint(frame) else lens_of_fields(what, _merged(table, frame))
+    pose = _rigid(f"{what}: 'transform_matrix'", frame.get("transform_matrix"), "It places the camera in the world.")
+    # OpenGL looks along -z with y up; OpenCV looks along z with y down.
+    pose[:3, 1:3] *= -1
+    mask, depth = _path(what, frame, "mask_path"), _path(what, frame, "depth_file_path", "depth_path")
+    return Frame(name, pose.float(), lens, mask, depth)
 
 
-def _camera_to_world(what: str, rows: object) -> Float[Tensor, "4 4"]:
-    """The rigid matrix with OpenCV axes; ``what`` names its place in errors."""
-    numbers = [number for row in rows for number in row] if _is_four_by_four(rows) else []  # type: ignore[attr-defined]
+def _merged(table: dict[str, Any], frame: dict[str, Any]) -> dict[str, Any]:
+    """The file's lens with the frame's fields in their place; a frame's angle of view makes the file's pixels void."""
+    own_angle = "camera_angle_x" in frame and "fl_x" not in frame
+    return {name: value for name, value in table.items() if not (own_angle and name in PIXELS)} | frame
+
+
+def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
+    """The matrix in float64; ``what`` names its place in errors."""
+    numbers = [finite(number) for row in rows for number in row] if _is_four_by_four(rows) else []  # type: ignore[attr-defined]
     if not numbers or not all(math.isfinite(number) for number in numbers):
         raise DataError(
-            f"{what}: 'transform_matrix' is not 4 rows of 4 finite numbers",
-            "It places the camera in the world.",
-            "Correct the file, or take the view out of it.",
+            f"{what} is not 4 rows of 4 finite numbers", purpose, "Correct the file, or take the view out of it."
         )
     matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
     rotation = matrix[:3, :3]
@@ -170,19 +180,12 @@ def _camera_to_world(what: str, rows: object) -> Float[Tensor, "4 4"]:
     affine = matrix[3].tolist() == [0, 0, 0, 1]
     if not affine or deviation > RIGID_TOLERANCE or float(torch.linalg.det(rotation)) < 0:
         raise DataError(
-            f"{what}: 'transform_matrix' is not a rigid motion (R R^T is {deviation:.2g} from the identity)",
+            f"{what} is not a rigid motion (R R^T is {deviation:.2g} from the identity)",
             "A scaled, mirrored or projective camera would bend every normal and depth.",
             "Write camera-to-world matrices without scale, in OpenGL axes, with last row 0 0 0 1.",
         )
-    # OpenGL looks along -z with y up; OpenCV looks along z with y down.
-    matrix[:3, 1:3] *= -1
-    return matrix.float()
+    return matrix
 
 
 def _is_four_by_four(rows: object) -> bool:
-    return (
-        isinstance(rows, list)
-        and len(rows) == 4
-        and all(isinstance(row, list) and len(row) == 4 for row in rows)
-        and all(isinstance(number, int | float) and not isinstance(number, bool) for row in rows for number in row)
-    )
+    return isinstance(rows, list) and len(rows) == 4 and all(isinstance(row, list) and len(row) == 4 for row in rows)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import UsageError
 
 from . import fetch
-from .options import add_data, add_verbose, names, positive
+from .options import add_scene_options, add_verbose, names, positive, scene_options
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -27,16 +27,15 @@ def add_to(commands: "Commands") -> None:
     checking = actions.add_parser("check", help="all that is wrong with a scene, at once", allow_abbrev=False)
     checking.set_defaults(command=check)
     checking.add_argument("scene", metavar="PATH", help="scene name or folder")
-    checking.add_argument("--layout", help="(default: told by the files)")
+    add_scene_options(checking)
     checking.add_argument("--json", action="store_true", help="print the findings as JSON")
     converting = actions.add_parser("convert", help="write a scene in another layout", allow_abbrev=False)
     converting.set_defaults(command=convert)
     converting.add_argument("scene", metavar="PATH", help="scene name or folder")
     converting.add_argument("--to", required=True, metavar="LAYOUT", help="tensoir, synthetic4relight or blender")
     converting.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
-    converting.add_argument("--layout", help="of the scene (default: told by the files)")
     converting.add_argument("--every", type=positive, default=1, metavar="N", help="keep every Nth view (default: 1)")
-    converting.add_argument("--smaller", type=positive, default=1, metavar="N", help="divide the images' sides by N")
+    add_scene_options(converting)
     generating = actions.add_parser("generate", help="path-trace miniature scenes ([generate])", allow_abbrev=False)
     generating.set_defaults(command=generate)
     generating.add_argument("names", nargs="+", metavar="NAME")
@@ -53,8 +52,6 @@ def add_to(commands: "Commands") -> None:
     fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
     for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
-    for action in (checking, converting):
-        add_data(action)
     fetch.add_to(actions)
 
 
@@ -79,7 +76,7 @@ def check(options: argparse.Namespace) -> int:
     from .reporter import say
 
     with progress_for_stderr() as progress:
-        report = check_scene(options.scene, options.layout, partial(progress.advance, "checking"))
+        report = check_scene(options.scene, scene_options(options), partial(progress.advance, "checking"))
     scene = report.scene
     if options.json:
         found = [asdict(finding) for finding in report.findings]
@@ -100,13 +97,13 @@ def check(options: argparse.Namespace) -> int:
 def convert(options: argparse.Namespace) -> int:
     """Write a scene in another layout, and say what that layout cannot carry."""
     from radiogs_datasets import load_scene
-    from radiogs_datasets.reduction import every, smaller
+    from radiogs_datasets.reduction import every
     from radiogs_datasets.writing import convert as write
 
     from ..training.progress import progress_for_stderr
     from .reporter import say
 
-    scene = smaller(every(load_scene(options.scene, options.layout), options.every), options.smaller)
+    scene = every(load_scene(options.scene, options=scene_options(options)), options.every)
     with progress_for_stderr() as progress:
         lost = write(scene, options.out, options.to, partial(progress.advance, "converting"))
     for line in (*scene.repairs, *lost):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import add_data, add_effects, add_verbose, positive
+from .options import add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
     from radiogs_core.contract import Prepared, Run, Trained
@@ -34,6 +34,7 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
 
     add_effects(training)
+    add_scene_options(training)
 
     rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
     rendering.set_defaults(command=render)
@@ -48,10 +49,10 @@ def add_to(commands: "Commands") -> None:
     for command in (rendering, relighting):
         command.add_argument("folder", type=Path, metavar="DIR", help="where the model was trained")
         command.add_argument("--views", choices=["test", "train"], default="test", help="(default: test)")
+        add_data(command)
     for command in (training, rendering, relighting):
         command.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
         command.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
-        add_data(command)
         add_verbose(command)
 
 
@@ -81,13 +82,16 @@ def train(options: argparse.Namespace) -> int:
     from .reporter import say
 
     device = chosen_device(options)
-    used, scene, store = method(options.method), load_scene(options.scene), Store(options.out)
+    opened = scene_options(options)
+    used, scene, store = method(options.method), load_scene(options.scene, options=opened), Store(options.out)
+    for repair in scene.repairs:
+        say(f"{scene.name}: {repair}")
     work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
     cell = cell_of(used, scene, work, options.method)
     with store.keeping_tracebacks(), progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
         model, ledgers = trained(Bench(store, device, progress, interruption, method), cell, scene)
-        facts, written = facts_of(cell.method, model), write_trained(store, options.scene, cell, model)
+        facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
     size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
     say(f"{scene.name}: {size}{seconds:.0f} s")

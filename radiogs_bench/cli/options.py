@@ -8,6 +8,7 @@ from radiogs_core.errors import UsageError
 
 if TYPE_CHECKING:
     from radiogs_core.transport.plan import Effects
+    from radiogs_datasets.options import SceneOptions
 
     Commands = argparse._SubParsersAction["ExplainingParser"]
 
@@ -47,6 +48,27 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number above zero")
     return int(text)
+
+
+def add_scene_options(parser: argparse.ArgumentParser) -> None:
+    """Add where scenes are looked for and how they are opened; ``scene_options`` reads the latter."""
+    group = parser.add_argument_group("how scenes are opened")
+    add_data(group)
+    group.add_argument("--layout", help="(default: told by the files)")
+    sizes = group.add_mutually_exclusive_group()
+    sizes.add_argument("--reduce", type=positive, metavar="N", help="divide the sides of images by N")
+    sizes.add_argument("--long-side", type=positive, metavar="PIXELS", help="of images, at most")
+    group.add_argument("--hold-out", type=positive, metavar="N", help="score every Nth view of photos (default: 8)")
+    group.add_argument("--mask-folder", type=Path, metavar="DIR", help="a mask for every photo, named as it is")
+
+
+def scene_options(options: argparse.Namespace) -> "SceneOptions":
+    """What ``add_scene_options`` was given. Raises UsageError."""
+    from radiogs_datasets.options import SceneOptions, absolute
+
+    return SceneOptions(
+        options.layout, options.hold_out, absolute(options.mask_folder), options.reduce, options.long_side
+    )  # fmt: skip
 
 
 def part_of(text: str) -> tuple[int, int]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .model import METHOD
-from .options import add_data, add_verbose, positive
+from .options import add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
     import torch
@@ -37,8 +37,8 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--picture", type=Path, metavar="PNG", help="where effects matter (default: probe-NAME.png)")
     parser.add_argument("--json", action="store_true", help="the records instead of a table")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+    add_scene_options(parser)
     parser.set_defaults(device="cpu")
-    add_data(parser)
     add_verbose(parser)
 
 
@@ -69,11 +69,15 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
     from dataclasses import replace
 
     from radiogs_core.contract import Run
+    from radiogs_core.errors import UsageError
+    from radiogs_datasets.options import AS_STORED
 
     from ..methods import budget_of, method, variant_of
 
     folder = Path(options.subject)
     if folder.is_dir() and (folder / "trained.json").exists():
+        if scene_options(options) != AS_STORED:
+            raise UsageError("a trained model has its scene", "It is opened as it was for training.", "Name the scene.")
         from ..training.trained_folder import read_about, read_trained
 
         run, model = read_trained(folder, device)
@@ -81,7 +85,7 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
         return folder.name, _probing(read_about(folder)["method"]).probe(run, model, light)
     from radiogs_datasets import load_scene
 
-    scene, used = load_scene(options.subject), method(options.method)
+    scene, used = load_scene(options.subject, options=scene_options(options)), method(options.method)
     run = Run(scene, variant_of(used, {}), budget_of(used, options.preset), options.seed or 0, device)
     return scene.name, _probing(options.method).probe(run, None, light)
 

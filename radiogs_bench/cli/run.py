@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..engines.choice import ENGINES, choose
-from .options import add_data, add_effects, add_verbose, names, part_of, positive
+from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive
 
 if TYPE_CHECKING:
     from ..suites.suite import Suite
@@ -29,6 +29,7 @@ def add_to(commands: "Commands") -> None:
         "--method", type=names, metavar="A,B", help="methods to run (see `methods`), or TOML files (default: the rows')"
     )
     add_effects(parser, default=None)
+    add_scene_options(parser)
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
     parser.add_argument("--engine", choices=ENGINES, help="what runs the cells (default: inprocess)")
@@ -40,7 +41,6 @@ def add_to(commands: "Commands") -> None:
     )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
     parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
-    add_data(parser)
     add_verbose(parser)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
-from .options import add_data, add_verbose
+from .options import add_scene_options, add_verbose, scene_options
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -32,10 +32,10 @@ def add_to(commands: "Commands") -> None:
         metavar="CODE",
         help="radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb, plain (default: told by the folder)",
     )
+    add_scene_options(parser)
     parser.add_argument("--protocol", default="default", help="a metric protocol, or all (default: default)")
     parser.add_argument("--json", action="store_true", help="print the record instead of the table")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
-    add_data(parser)
     add_verbose(parser)
 
 
@@ -90,7 +90,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
             "no scene was named", "The ground truth is read from it.", "Add --scene PATH (or --from stanford-orb)."
         )
     protocols = _protocols(options.protocol)
-    scene = load_scene(options.scene)
+    scene = load_scene(options.scene, options=scene_options(options))
     predictions = read_predictions(options.predictions, scene, options.code)
     with progress_for_stderr() as progress:
         scores = score_predictions(

@@ -23,6 +23,7 @@ from ..training.progress import SweepProgress, progress_for_stderr
 from ..training.stages import Bench
 from .device import chosen_device
 from .events import EventProgress, emit
+from .options import scene_options
 from .reporter import complain
 
 
@@ -31,10 +32,20 @@ def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.de
     device = chosen_device(options)
     rules = protocol(options.protocol or suite.protocol).name
     given = options.scenes or own_scenes(suite)
-    scenes = load_scenes(given)
+    opened = scene_options(options)
+    scenes = load_scenes(given, opened)
     places = dict(zip(scenes, map(place_of, given), strict=True))
     request = Request(
-        suite, scenes, options.seeds, options.preset, rules, options.device, options.shard, places, cache(method)
+        suite,
+        scenes,
+        options.seeds,
+        options.preset,
+        rules,
+        options.device,
+        options.shard,
+        places,
+        cache(method),
+        opened,
     )
     request.cells()  # a method or preset that is not there shows now
     return request, device

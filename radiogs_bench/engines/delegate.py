@@ -18,6 +18,7 @@ from radiogs_core.contract import Method
 from radiogs_core.errors import DataError, ExplainedError, UsageError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.scene import Scene
+from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..store.folder import Store, checkpoint_name, product_name
 from ..suites.cell import Cell, StageKey, Work, cell_of
@@ -34,13 +35,15 @@ Files = Mapping[str, bytes]
 class Recipe:
     """How cells are run: how methods are found, the experiment, and how scenes are loaded by name or path.
 
-    ``compiled_on`` is the scene on which kernels are compiled first.
+    ``compiled_on`` is the scene on which kernels are compiled first; ``options`` are what the cells' scenes are opened
+    with.
     """
 
     method: Callable[[str], Method]
     experiment: Callable[[Bench, Cell, Scene], None]
-    load: Callable[[str], Scene]
+    load: Callable[..., Scene]
     compiled_on: str
+    options: SceneOptions = AS_STORED
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,7 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
     device = torch.device(order.cell.device)
     use_threads(order.threads)
     try:
-        scene = _scene(order.recipe, order.place)
+        scene = scene_for(order.recipe, order.place)
         _check_scene(order, scene, node)
         _check_sources(order, scene, node)
         _compile(order.recipe, order.cell, device)
@@ -127,8 +130,9 @@ def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
 
 
 @cache
-def _scene(recipe: Recipe, place: str) -> Scene:
-    return recipe.load(place)
+def scene_for(recipe: Recipe, place: str) -> Scene:
+    """A cell's scene, opened as for the run that ordered it."""
+    return recipe.load(place) if recipe.options == AS_STORED else recipe.load(place, options=recipe.options)
 
 
 def _check_sources(order: Order, scene: Scene, node: str) -> None:

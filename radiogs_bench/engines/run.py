@@ -119,7 +119,7 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
                 "It keeps files between its stages, and stages run on any machine.",
                 "Leave --engine ray out.",
             )
-    recipe = Recipe(bench.method, EXPERIMENTS[request.suite.experiment], load_scene, COMPILED_ON)
+    recipe = Recipe(bench.method, EXPERIMENTS[request.suite.experiment], load_scene, COMPILED_ON, request.options)
     with connected(engine.address) as ray:
         threads = engine.threads or ONE_THREAD
         cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)

@@ -37,7 +37,9 @@ def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> 
     if "normal" in maps and view.has("normal"):
         scores.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
     if rules.depth_offset is not None and "depth" in maps and view.has("depth"):
-        offset = rules.score_depth_offset(maps["depth"], truth(view, "depth"), mask, extent)
+        target = truth(view, "depth")
+        # Measured depth is zero where it is unknown, and then there is nothing to compare.
+        offset = rules.score_depth_offset(maps["depth"], target, mask * (target > 0), extent)
         scores.add("depth", view.name, offset)
     if "roughness" in maps and view.has("roughness"):
         scores.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))

@@ -75,10 +75,7 @@ STANFORD_ORB = Suite(
 )
 
 ROOMS = ("bonsai", "counter", "kitchen", "room")
-FROM_MIPNERF360 = (
-    "jonbarron.info/mipnerf360 links to 360_v2.zip; a scene is a folder with images_2/ and sparse/0/, and is read by"
-    " pycolmap (pip install 'radiogs-bench[colmap]')."
-)
+FROM_MIPNERF360 = "jonbarron.info/mipnerf360 links to 360_v2.zip; a scene is a folder with images_2/ and sparse/0/."
 COST_OF_A_FRAME = (Metric("nvs", "ms"), Metric("nvs", "megabytes"), *(Metric("nvs", measure) for measure in SIMILARITY))
 
 MIPNERF360_NG = Suite(

@@ -7,6 +7,7 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.layouts.inspection import shown
+from radiogs_datasets.options import AS_STORED, SceneOptions
 from radiogs_datasets.registry import located
 
 from .suite import Suite
@@ -35,11 +36,14 @@ def own_scenes(suite: Suite) -> Sequence[str]:
     return tuple(place for place in places.values() if place is not None)
 
 
-def load_scenes(wanted: Sequence[str]) -> dict[str, Scene]:
-    """Scenes by their own names. Raises DataError for a missing scene, UsageError if two have the same name."""
+def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:
+    """Scenes by their own names, opened as the options say.
+
+    Raises DataError for a missing scene, UsageError if two have the same name.
+    """
     scenes: dict[str, Scene] = {}
     for each in wanted:
-        scene = load_scene(each)
+        scene = load_scene(each, options=options)
         if scene.name in scenes:
             raise UsageError(
                 f"two scenes are called '{scene.name}'",

@@ -11,6 +11,7 @@ from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
+from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..methods import budget_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
@@ -72,7 +73,7 @@ class Request:
     """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
 
     ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
-    method by its name.
+    method by its name; ``options`` are those that the scenes were opened with.
     """
 
     suite: Suite
@@ -84,6 +85,7 @@ class Request:
     shard: tuple[int, int] = (0, 1)
     places: Mapping[str, str] = field(default_factory=dict)
     method: Callable[[str], Method] = find_method
+    options: SceneOptions = AS_STORED
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.

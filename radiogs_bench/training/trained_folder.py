@@ -8,7 +8,7 @@ and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up,
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypedDict, cast
+from typing import Any, NotRequired, TypedDict, cast
 
 import torch
 
@@ -18,6 +18,7 @@ from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
+from radiogs_datasets.options import options_of
 
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
@@ -37,6 +38,8 @@ class About(TypedDict):
     """The method's name, or the path of its TOML file."""
     scene: str
     """As given to ``train``: a name, or a path relative to its working folder."""
+    options: NotRequired[dict[str, Any]]
+    """What the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
     checksum: str
     """Checksum of the scene's files at training."""
     preset: str
@@ -47,14 +50,14 @@ class About(TypedDict):
     """The method's facts about its model."""
 
 
-def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[Path]:
-    """Write ``trained.json`` and the model's files; returns their paths."""
+def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
+    """Write ``trained.json`` and the model's files; returns their paths. ``place``: the scene's name or folder."""
     folder = store.folder
     assert cell.training_key is not None
     about = About(
         schema=TRAINED_SCHEMA,
         method=cell.found_as,
-        scene=scene,
+        scene=place,
         checksum=cell.checksum,
         preset=cell.budget.name,
         seed=cell.seed,
@@ -62,6 +65,8 @@ def write_trained(store: Store, scene: str, cell: Cell, model: Trained) -> list[
         training_key=cell.training_key,
         facts=facts_of(cell.method, model),
     )
+    if scene.options:
+        about["options"] = dict(scene.options)
     with calling(cell.method, "export()"):
         written = [*model.export(folder)]
     with calling(cell.method, "light"):
@@ -120,7 +125,7 @@ def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
 
 def scene_of(about: About) -> Scene:
     """The scene that a model was trained on. Raises DataError if it is missing or has changed."""
-    scene = load_scene(about["scene"])
+    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
     if scene.checksum != about["checksum"]:
         raise DataError(
             f"scene '{about['scene']}' has changed since the model was trained",

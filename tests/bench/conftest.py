@@ -21,7 +21,7 @@ def fake_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., i
     monkeypatch.setitem(substitutes, fake_method.FAKE.name, fake_method.FAKE)
     monkeypatch.setitem(EXPERIMENTS, TRAINING, fake_method.experiment)
     for module in (scenes, sweeping):
-        monkeypatch.setattr(module, "load_scene", lambda name: sphere_scene(views=2, size=16))
+        monkeypatch.setattr(module, "load_scene", lambda name, **how: sphere_scene(views=2, size=16))
     fake_method.begun.clear()
 
     def start(*further: str) -> int:

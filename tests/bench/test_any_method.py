@@ -145,7 +145,7 @@ def run_chain(
     """``radiogs-bench run SUITE --method chain``, two seeds."""
     monkeypatch.setitem(substitutes, "chain", Chain(request.param))
     monkeypatch.setitem(EXPERIMENTS, TRAINING, train_and_score)
-    monkeypatch.setattr(scenes, "load_scene", lambda name: SCENE)
+    monkeypatch.setattr(scenes, "load_scene", lambda name, **how: SCENE)
     return lambda *further: fake_run(*further, "--scenes", "sphere", "--method", "chain")
 
 

@@ -1,5 +1,6 @@
 """The command line: exit codes, three-part messages, and a whole run of the fake method."""
 
+import json
 import os
 import shutil
 import signal
@@ -174,6 +175,25 @@ def test_a_second_run_begins_no_cell_and_shows_the_same_table(
     assert fake_method.begun == []
     assert main(["report", str(tmp_path)]) == 0
     assert capsys.readouterr().out == first
+
+
+def keys_planned(capsys: pytest.CaptureFixture[str], *how: str) -> set[str]:
+    capsys.readouterr()
+    arguments = ["run", "ablations", "--scenes", "convex", "--preset", "smoke", "--dry-run", "--json"]
+    assert main([*arguments, *how]) == 0
+    events = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    return {event["key"] for event in events if event["event"] == "planned"}
+
+
+def test_smaller_images_are_other_cells(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    plans = [keys_planned(capsys, *how) for how in ((), ("--long-side", "41"), ("--reduce", "2"), ("--reduce", "1"))]
+    assert all(len(plan) >= 5 for plan in plans)
+    for one, other in ((0, 1), (0, 2), (1, 2)):
+        assert plans[one].isdisjoint(plans[other])
+    assert plans[3] == plans[0]
 
 
 def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

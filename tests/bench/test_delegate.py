@@ -17,6 +17,7 @@ from radiogs_bench.engines.delegate import (
     deliver_cell,
     deliver_shared,
     names_of,
+    scene_for,
 )
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.store.folder import Store
@@ -24,6 +25,8 @@ from radiogs_bench.suites.cell import Cell
 from radiogs_bench.training.interruption import Interruption
 from radiogs_bench.training.stages import all_but_last
 from radiogs_core.errors import DataError, NumericalFailure, UsageError
+from radiogs_datasets import load_scene
+from radiogs_datasets.options import AS_STORED, SceneOptions
 
 RECIPE = Recipe(fake_method.method, fake_method.experiment, fake_method.load, "nowhere/fake")
 CELLS = [cell for _, cell in asked().cells()]
@@ -92,3 +95,12 @@ def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(mo
     assert isinstance(back, NumericalFailure)
     assert (back.what, back.why, back.remedy) == ("the loss is NaN", "it spreads", "look")
     assert deliver_cell(order(), {}, delivery) is delivery
+
+
+def test_a_scene_is_opened_on_another_machine_as_it_was_here() -> None:
+    recipe = replace(RECIPE, load=load_scene, options=SceneOptions(long_side=41))
+    assert (
+        scene_for(pickle.loads(pickle.dumps(recipe)), "convex").checksum
+        == load_scene("convex", options=SceneOptions(long_side=41)).checksum
+    )
+    assert scene_for(replace(recipe, options=AS_STORED), "convex").checksum == load_scene("convex").checksum

@@ -16,7 +16,8 @@ from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.evaluation import frame_cost
 from radiogs_bench.evaluation.evaluate import Evaluation, evaluate
-from radiogs_bench.evaluation.scoring import displayed, truth
+from radiogs_bench.evaluation.metrics_by_view import MetricsByView
+from radiogs_bench.evaluation.scoring import displayed, score_view, truth
 from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP, protocol
 from radiogs_core.contract import MapKind, NotOffered, Run
 from radiogs_core.scene.camera import Camera
@@ -284,6 +285,16 @@ def test_a_view_without_alpha_is_covered_everywhere() -> None:
     view = view_with(0, EVERYTHING)
     opaque = View("v", view.camera, {"image": view.sources["image"]})
     assert torch.equal(truth(opaque, "image"), view.read("image"))
+
+
+def test_depth_that_was_not_measured_is_not_compared() -> None:
+    """A sensor's depth is zero where it knows nothing; half of this map is, and the prediction is 9 units off there."""
+    depth = torch.full((SIZE, SIZE, 1), 2.0)
+    depth[: SIZE // 2] = 0
+    view = View("v", view_with(0, {}).camera, {"depth": lambda: depth})
+    scores = MetricsByView(protocol("default"), ["v"])
+    score_view(scores, view, {"depth": torch.where(depth > 0, depth + 0.5, 9.0)}, extent=10.0)
+    assert scores.metrics()["depth/offset"]["value"] == pytest.approx(5.0)
 
 
 def test_display_is_clipped() -> None:

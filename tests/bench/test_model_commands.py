@@ -56,9 +56,27 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     assert capsys.readouterr().out.count("ms a frame") == 4
 
 
+def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
+    """What the scene was opened with is kept beside the model: `render` has no such option."""
+    out = tmp_path / "small"
+    arguments = ["train", "convex", "--preset", "smoke", "--out", str(out)]
+    assert main([*arguments, "--long-side", "41"]) == 0
+    assert read_about(out)["options"] == {"long_side": 41}
+    assert main(["render", str(out)]) == 0
+    assert read_png(out / "render" / "test_000.png").shape == (41, 41, 3)
+    stages = len(list(out.glob("stages/*")))
+    assert main([*arguments, "--reduce", "3"]) == 0
+    assert len(list(out.glob("stages/*"))) > stages
+    assert read_trained(out, CPU)[0].scene.test[0].camera.width == 32
+
+
 def test_wrong_use_is_explained(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["render", str(tmp_path)]) == 3
     assert main(["relight", str(folder), "--envmap", "light.png"]) == 2
+    assert main(["probe", str(folder), "--long-side", "40"]) == 2
+    assert main(["train", "convex", "--reduce", "2", "--long-side", "40", "--out", str(tmp_path / "new")]) == 2
+    assert main(["train", "convex", "--hold-out", "8", "--out", str(tmp_path / "new")]) == 2
+    assert not (tmp_path / "new").exists()
     assert main(["relight", str(folder), "--envmap", str(tmp_path / "no.hdr")]) == 3
     assert main(["relight", str(folder), "--envmap", "x.hdr", "--albedo-scale", "1,2"]) == 2
     about = json.loads((folder / "trained.json").read_text())

@@ -78,7 +78,7 @@ def ladder(name: str, method: Chain, monkeypatch: pytest.MonkeyPatch) -> Suite:
 def strangers(fake_run: Callable[..., int], monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """``run`` of strangers' methods on a scene whose truth is known."""
     monkeypatch.setitem(EXPERIMENTS, TRAINING, train_and_score)
-    monkeypatch.setattr(scenes, "load_scene", lambda name: SCENE)
+    monkeypatch.setattr(scenes, "load_scene", lambda name, **how: SCENE)
     return fake_run
 
 

@@ -1,5 +1,6 @@
 """A scene written in another layout is the same scene, as far as the layout can carry it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -7,9 +8,11 @@ import torch
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.scene import Scene
+from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
+from radiogs_datasets.reduction import smaller
 from radiogs_datasets.writing import convert
+from scenes import sphere_scene
 
 HALF_LEVEL = 0.5 / 255 + 1e-6
 """What rounding to 8 bits may move a stored value by."""
@@ -103,9 +106,22 @@ def test_nothing_is_overwritten_and_no_half_scene_stays(scene: Scene, tmp_path: 
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
 
 
-def test_cameras_that_one_angle_cannot_say_are_refused(scene: Scene, tmp_path: Path) -> None:
-    from dataclasses import replace
+def test_photos_of_any_size_are_written_smaller_with_a_lens_each(tmp_path: Path) -> None:
+    """1000 x 659 by 8: 125 x 82, and pixels that are no longer square."""
+    camera = replace(sphere_scene().train[0].camera, fx=2000.0, fy=2010.0, cx=498.0, cy=331.0, width=1000, height=659)
+    view = View("a", camera, {"image": lambda: torch.full((659, 1000, 3), 0.5)})
+    other = replace(view, name="b", camera=replace(camera, fx=1900.0))
+    scene = smaller(Scene("two", "colmap", (view, other), (view,), {}, None, "0" * 64), 8)
+    convert(scene, tmp_path / "new", "blender")
+    again = load_scene(str(tmp_path / "new"))
+    for ours, theirs in zip((*again.train, *again.test), (*scene.train, *scene.test), strict=True):
+        assert (ours.camera.width, ours.camera.height) == (125, 82)
+        for name in ("fx", "fy", "cx", "cy"):
+            assert getattr(ours.camera, name) == pytest.approx(getattr(theirs.camera, name), rel=1e-12)
+        torch.testing.assert_close(ours.read("image"), theirs.read("image"), rtol=0, atol=HALF_LEVEL)
 
+
+def test_cameras_that_one_angle_cannot_say_are_refused(scene: Scene, tmp_path: Path) -> None:
     view = scene.train[0]
     camera = view.camera
     off = Camera(camera.camera_to_world, camera.fx, camera.fy, camera.cx + 3, camera.cy, camera.width, camera.height)

@@ -167,7 +167,7 @@ MISTAKES: dict[str, tuple[str, Callable[[Path], None], str]] = {
     ),
     "cut PNG": (BLENDER, lambda f: halve(f / "test/r_0.png"), "r_0.png"),
     "a PNG that is none": (BLENDER, lambda f: (f / "test/r_0.png").write_bytes(b"GIF89a"), "r_0.png"),
-    "lens distortion": (NGP, lambda f: rewrite(f / "transforms.json", lambda t: t.update(k1=0.1)), "distorts (k1)"),
+    "a divisor's k4": (NGP, lambda f: rewrite(f / "transforms.json", lambda t: t.update(k4=0.1)), "'k4' is 0.1"),
     "zero focal length": (NGP, lambda f: rewrite(f / "transforms.json", lambda t: t.update(fl_x=0)), "above zero"),
     "focal length as text": (NGP, lambda f: rewrite(f / "transforms.json", lambda t: t.update(fl_x="90")), "fl_x"),
     "images of another size": (

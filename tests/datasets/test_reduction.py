@@ -5,17 +5,21 @@ import resource
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode
+from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_png
-from radiogs_datasets.reduction import every, smaller
+from radiogs_datasets.options import SceneOptions
+from radiogs_datasets.reduction import area_mean, every, smaller, with_long_side
 
 
 def test_every_so_many_views_are_the_same_views() -> None:
@@ -47,11 +51,82 @@ def test_smaller_images_hold_the_same_light_and_their_cameras_see_the_same(facto
         torch.testing.assert_close(ours.read("normal")[covered].norm(dim=-1), torch.ones(int(covered.sum())))
 
 
-def test_a_factor_that_cuts_pixels_is_refused() -> None:
-    with pytest.raises(DataError, match="cannot be made 7 times smaller"):
-        smaller(load_scene("convex"), 7)
+def overlaps(stored: int, count: int) -> np.ndarray:
+    """Share of each of ``stored`` pixels in each of ``count`` larger ones, [count, stored], by their borders."""
+    edges, fine = np.arange(count + 1) * stored / count, np.arange(stored + 1)
+    low = np.maximum(edges[:-1, None], fine[None, :-1])
+    high = np.minimum(edges[1:, None], fine[None, 1:])
+    return np.clip(high - low, 0, None) * count / stored
+
+
+@pytest.mark.parametrize("size", [(7, 5), (31, 40), (32, 41), (1, 1), (11, 40)])
+def test_means_are_over_areas_whatever_the_size(size: tuple[int, int]) -> None:
+    image = torch.rand(32, 41, 3)
+    expected = np.einsum("ai,bj,ijc->abc", overlaps(32, size[0]), overlaps(41, size[1]), image.numpy())
+    np.testing.assert_allclose(area_mean(image, size).numpy(), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize(("options", "side"), [(SceneOptions(reduce=7), 14), (SceneOptions(long_side=41), 41)])
+def test_any_size_holds_the_same_light_and_sees_the_same(options: SceneOptions, side: int) -> None:
+    scene = load_scene("corner")
+    less = load_scene("corner", options=options)
+    for ours, theirs in zip(less.test[:2], scene.test[:2], strict=True):
+        assert ours.read("image").shape == (side, side, 3)
+        camera, stored = ours.camera, theirs.camera
+        # The corners of the image lie where they were.
+        assert camera.cx / camera.fx == pytest.approx(stored.cx / stored.fx, rel=1e-12)
+        assert (camera.width - camera.cx) / camera.fx == pytest.approx(
+            (stored.width - stored.cx) / stored.fx, rel=1e-12
+        )
+        energy = [(srgb_decode(view.read("image")) * view.read("alpha")).double().mean() for view in (ours, theirs)]
+        assert float(energy[0]) == pytest.approx(float(energy[1]), rel=1e-5)
+        assert float(ours.read("alpha").mean()) == pytest.approx(float(theirs.read("alpha").mean()), rel=1e-5)
+        assert 0 <= float(ours.read("alpha").min()) <= float(ours.read("alpha").max()) <= 1
+    assert less.checksum.startswith(scene.checksum)
+    assert less.checksum != scene.checksum
+    assert less.options == options.plain()
+    assert less.repairs != scene.repairs
+
+
+def test_the_code_that_reduces_is_part_of_the_key() -> None:
+    assert "radiogs_datasets.reduction" in load_scene("convex", options=SceneOptions(long_side=40)).loaders
+    assert "radiogs_datasets.reduction" not in load_scene("convex").loaders
+
+
+def test_a_longer_side_than_there_is_changes_nothing_in_the_views() -> None:
+    scene, same = load_scene("convex"), load_scene("convex", options=SceneOptions(long_side=500))
+    assert same.train[0].camera.fx == scene.train[0].camera.fx
+    torch.testing.assert_close(same.train[0].read("image"), scene.train[0].read("image"), rtol=0, atol=0)
+
+
+def test_portrait_and_landscape_keep_their_shapes() -> None:
+    camera = Camera(torch.eye(4), 90.0, 80.0, 51.0, 33.0, 101, 67)
+    view = View("wide", camera, {"image": lambda: torch.full((67, 101, 3), 0.5)})
+    tall = View("tall", replace(camera, width=67, height=101), {"image": lambda: torch.full((101, 67, 3), 0.5)})
+    scene = Scene("two", "colmap", (view,), (tall,), {}, None, "0" * 64)
+    less = with_long_side(scene, 50)
+    assert less.train[0].read("image").shape == (33, 50, 3)
+    assert less.test[0].read("image").shape == (50, 33, 3)
+    small = less.train[0].camera
+    assert (small.fx, small.fy) == (pytest.approx(90 * 50 / 101), pytest.approx(80 * 33 / 67))
+    assert (small.cx, small.cy) == (pytest.approx(51 * 50 / 101), pytest.approx(33 * 33 / 67))
+    torch.testing.assert_close(less.train[0].read("image"), torch.full((33, 50, 3), 0.5), rtol=0, atol=1e-6)
+
+
+def test_depth_that_was_not_measured_has_no_share_in_a_mean() -> None:
+    depth = torch.tensor([[2.0, 0.0], [4.0, 0.0]])[..., None].repeat(2, 2, 1)
+    view = View("v", Camera(torch.eye(4), 4.0, 4.0, 2.0, 2.0, 4, 4), {"depth": lambda: depth})
+    scene = Scene("one", "blender", (view,), (view,), {}, None, "0" * 64)
+    torch.testing.assert_close(smaller(scene, 2).train[0].read("depth"), torch.full((2, 2, 1), 3.0))
+
+
+def test_sizes_that_mean_nothing_are_refused() -> None:
     with pytest.raises(UsageError):
         smaller(load_scene("convex"), 0)
+    with pytest.raises(UsageError):
+        with_long_side(load_scene("convex"), 0)
+    with pytest.raises(UsageError, match="Give one of them"):
+        SceneOptions(reduce=2, long_side=40)
     with pytest.raises(UsageError):
         every(load_scene("convex"), 0)
 

@@ -13,6 +13,7 @@ import torch
 from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
+from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import read_png, write_exr, write_png
 from radiogs_datasets.layouts.stanford_orb import reduced
 
@@ -68,6 +69,13 @@ def capture(tmp_path: Path) -> Path:
     novel.append(novel[0] | {"scene_name": "teapot_scene009"})
     (first / "transforms_novel.json").write_text(json.dumps({"frames": novel}))
     return first
+
+
+def test_check_takes_the_angles_of_novel_frames_for_what_they_are(capture: Path) -> None:
+    """``transforms_novel.json`` has no angle of its own, as in the published captures."""
+    assert "camera_angle_x" not in json.loads((capture / "transforms_novel.json").read_text())
+    report = check_scene(str(capture))
+    assert [finding for finding in report.findings if finding.severity == "error"] == []
 
 
 def test_known_points_land_on_their_pixels(capture: Path) -> None:

@@ -43,6 +43,13 @@ class Place:
                 "It reads files, and this scene is computed.",
                 "Choose a scene that is a folder, or a method that is run in process.",
             )
+        if scene.options.keys() - {"layout"}:
+            asked = ", ".join(f"{name} {value}" for name, value in scene.options.items())
+            raise UsageError(
+                f"{file.title} cannot read scene '{scene.name}' as it was opened ({asked})",
+                "It reads the files as they are stored: other images and other views.",
+                "Write the scene that is meant first:  radiogs-bench datasets convert",
+            )
         if scene.layout not in file.layouts:
             raise UsageError(
                 f"{file.title} cannot read scene '{scene.name}', which is in the layout {scene.layout}",

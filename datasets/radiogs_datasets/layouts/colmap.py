@@ -1,116 +1,102 @@
-"""COLMAP's layout, as MipNeRF360 has it.
+"""COLMAP's layout: MipNeRF360's, what ``image_undistorter`` writes, and its own mapper's.
 
-    <scene>/sparse/0/{cameras,images,points3D}.bin|txt
+    <scene>/sparse/0/{cameras,images,points3D}.bin|txt      or sparse/ without a 0
     <scene>/images/  images_2/  images_4/  images_8/
 
-Read with pycolmap. Of the folders of images the first of images_2, images_4, images is taken (the papers use images_2
-indoors and images_4 outdoors), and the cameras are scaled to it. In the order of their names every eighth image is a
-test view, from the first on. Images have no alpha: every pixel counts. The sparse points come along.
+Of the folders of images the first of images_2, images_4, images is taken (the papers use images_2 indoors and images_4
+outdoors), and the cameras are scaled to it; lens distortion is undone on reading. In the order of their names every
+eighth image (or ``--hold-out N``) is a test view, from the first on. Photos have no alpha: every pixel counts, unless
+there is a folder of masks. The sparse points come along.
 """
 
 import os
-from collections.abc import Sequence
-from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 
-from radiogs_core.errors import DataError, UsageError
-from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.scene import Points, Scene, View
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Points, Scene
 
-from ..view_maps import read_colour
-from .inspection import decode_if_small, inside, inspect, require_files
+from ..colmap_files import SparseModel, StoredCamera, StoredImage, files_of, find_model, read_model
+from ..lenses.lens import Lens, lens_of
+from ..options import AS_STORED, SceneOptions
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
+from .photos import Photo, held_out, masks_of, said_of_lenses, view_of
 
-MODEL = "sparse/0"
 FOLDERS = ("images_2", "images_4", "images")
-TEST_EVERY = 8
 SMALLEST_DIFFERENCE = 1.0
 """Pixels by which a reduced image may be off its camera's size over the factor: sizes are rounded."""
 
 
 def looks_like(folder: Path) -> bool:
     """Whether there is a sparse model."""
-    return any((folder / MODEL / f"cameras.{end}").is_file() for end in ("bin", "txt"))
+    return find_model(folder) is not None
 
 
-def load_colmap(folder: Path) -> Scene:
-    """Read a scene; its images are read when asked for.
-
-    Raises DataError that names what is wrong, UsageError where pycolmap is not installed.
-    """
+def load_colmap(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
+    """Read a scene; its images are read when asked for. Raises DataError that names what is wrong."""
     folder = Path(os.path.normpath(folder.absolute()))
-    model = _read(folder / MODEL)
+    place = find_model(folder)
+    if place is None:
+        raise DataError(f"{folder} has no sparse model", "It lies in sparse/0 or sparse.", "Give a scene's folder.")
+    model = read_model(place)
     chosen = next((name for name in FOLDERS if (folder / name).is_dir()), "images")
-    found = sorted(model.images.values(), key=lambda image: image.name)
+    found = sorted(model.images, key=lambda image: image.name)
     if len(found) < 2:
-        raise DataError(f"{folder / MODEL} has {len(found)} images", "One must be left to score.", "Give at least two.")
-    paths = [inside(folder, folder / MODEL, f"{chosen}/{image.name}") for image in found]
+        raise DataError(f"{place} has {len(found)} images", "One must be left to score.", "Give at least two.")
+    paths = [inside(folder, place, f"{chosen}/{image.name}") for image in found]
+    require_distinct(folder, paths)
     require_files(folder, paths)
-    tables = [path for path in sorted((folder / MODEL).iterdir()) if path.suffix in (".bin", ".txt")]
+    masks = masks_of(options.mask_folder, ((image.name, path) for image, path in zip(found, paths, strict=True)))
     named = {path.relative_to(folder).as_posix(): path for path in paths}
-    sizes, checksum = inspect(named, tables)
-    views = [
-        View(
+    named |= {f"masks/{path.relative_to(folder).as_posix()}": mask for path, mask in masks.items()}
+    sizes, checksum = inspect(named, files_of(place))
+    for path, mask in masks.items():
+        require_same_size(mask, sizes[mask], sizes[path])
+    photos = [
+        Photo(
             Path(image.name).with_suffix("").as_posix(),
-            _camera(folder, image, model.cameras[image.camera_id], sizes[path]),
-            {"image": partial(read_colour, path)},
+            path,
+            torch.from_numpy(image.camera_to_world()).float(),
+            _lens(place, image, model.cameras[image.camera], sizes[path]),
+            mask=masks.get(path),
         )
         for image, path in zip(found, paths, strict=True)
     ]
+    views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
-    test = tuple(views[::TEST_EVERY])
-    train = tuple(view for place, view in enumerate(views) if place % TEST_EVERY)
-    said = (f"images are those of {chosen}", f"every {TEST_EVERY}th view is scored", "no alpha: every pixel counts")
-    return Scene(folder.name, "colmap", train, test, {}, None, checksum, said, points=_points(model))
+    train, test, said = held_out(views, options.hold_out)
+    repairs = (f"images are those of {chosen}", said, *_coverage(masks), *said_of_lenses(photos))
+    return Scene(
+        folder.name, "colmap", tuple(train), tuple(test), {}, None, checksum, repairs, points=_points(model)
+    )  # fmt: skip
 
 
-def _read(folder: Path) -> Any:
-    if find_spec("pycolmap") is None:
-        raise UsageError("COLMAP's models need pycolmap", "It is not installed.", "pip install 'radiogs-bench[colmap]'")
-    import pycolmap
+def _coverage(masks: dict[Path, Path]) -> tuple[str, ...]:
+    return () if masks else ("no alpha: every pixel counts",)
 
-    model = pycolmap.Reconstruction()
+
+def _lens(place: Path, image: StoredImage, stored: StoredCamera, size: tuple[int, int]) -> Lens:
     try:
-        model.read(str(folder))
-    except (RuntimeError, ValueError, IndexError, OSError, MemoryError) as error:
-        raise DataError(f"cannot read the model in {folder}", f"pycolmap says: {error}.", "Copy it again.") from error
-    return model
-
-
-def _camera(folder: Path, image: Any, stored: Any, size: tuple[int, int]) -> Camera:
-    kind = stored.model.name
-    if kind not in ("PINHOLE", "SIMPLE_PINHOLE"):
+        lens = lens_of(stored.model, stored.parameters, stored.width, stored.height)
+    except ValueError as error:
         raise DataError(
-            f"{folder / MODEL}: the camera of {image.name} is of model {kind}",
-            "Surfels are drawn by pinhole cameras; a distorted image would bend what is learnt from it.",
-            "Undistort the images:  colmap image_undistorter",
-        )
-    params = [float(value) for value in stored.params]
-    fx, fy, cx, cy = (params[0], *params) if kind == "SIMPLE_PINHOLE" else params
+            f"{place}: the camera of {image.name} has the parameters {', '.join(map(str, stored.parameters))}",
+            f"It is of model {stored.model}: {error}.",
+            "Copy the model again.",
+        ) from error
     height, width = size
     across, along = width / stored.width, height / stored.height
-    if abs(stored.height * across - height) > SMALLEST_DIFFERENCE or not np.isfinite(params).all() or min(fx, fy) <= 0:
+    if max(across, along) > 1 or abs(stored.height * across - height) > SMALLEST_DIFFERENCE:
         raise DataError(
-            f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}, f = {fx:g}",
-            "The image must be its camera's, or a reduction of it; focal lengths must be above zero.",
+            f"{image.name} is {width} x {height} pixels, its camera {stored.width} x {stored.height}",
+            "The image must be its camera's, or a reduction of it.",
             "Use the images that the model was made of.",
         )
-    world_to_camera = np.eye(4)
-    world_to_camera[:3] = image.cam_from_world().matrix()
-    if not np.isfinite(world_to_camera).all():
-        raise DataError(f"{folder / MODEL}: the pose of {image.name} is not finite", "", "Copy the model again.")
-    pose = torch.from_numpy(np.linalg.inv(world_to_camera)).float()
-    return Camera(pose, fx * across, fy * along, cx * across, cy * along, width, height)
+    return lens.at_size(height, width)
 
 
-def _points(model: Any) -> Points:
-    points: Sequence[Any] = [point for _, point in sorted(model.points3D.items())]
-    if not points:
-        return Points(torch.zeros(0, 3), torch.zeros(0, 3))
-    positions = np.stack([point.xyz for point in points]).astype(np.float32)
-    colours = np.stack([point.color for point in points]).astype(np.float32) / 255
-    return Points(torch.from_numpy(positions), torch.from_numpy(colours))
+def _points(model: SparseModel) -> Points:
+    colours = model.colours.astype(np.float32) / 255
+    return Points(torch.from_numpy(model.positions.astype(np.float32)), torch.from_numpy(colours))

@@ -57,7 +57,7 @@ def require_files(folder: Path, wanted: Sequence[Path]) -> None:
 def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dict[Path, tuple[int, int]], str]:
     """Height and width of every image, and the SHA-256 over names and digests of all files in the names' order.
 
-    ``tables`` come first in the digest, by their bare names; they, ``.json`` and ``.npy`` files are no images.
+    ``tables`` come first in the digest, by their bare names. They, and ``.json``, ``.npy`` and ``.ply``, are no images.
     """
     sizes, combined = {}, hashlib.sha256()
     for path in tables:
@@ -65,7 +65,7 @@ def inspect(files: Mapping[str, Path], tables: Sequence[Path] = ()) -> tuple[dic
     for name, path in sorted(files.items()):
         data = read_bytes(path)
         combined.update(name.encode() + b"\0" + hashlib.sha256(data).digest())
-        if path.suffix not in (".json", ".npy"):
+        if path.suffix not in (".json", ".npy", ".ply"):
             sizes[path] = image_size(path, data)
     return sizes, combined.hexdigest()
 

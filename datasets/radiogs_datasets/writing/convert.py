@@ -51,7 +51,7 @@ def _write(scene: Scene, folder: Path, layout: str, advance: Advance) -> tuple[s
     done, total = 0, len(scene.train) + len(scene.test)
     for split, views in (("train", scene.train), ("test", scene.test)):
         names = [writer.frame(split, number) for number in range(len(views))]
-        write_transforms(folder / f"transforms_{split}.json", views, names)
+        write_transforms(folder / f"transforms_{split}.json", views, names, writer.lenses)
         left: dict[str, int] = {}
         for number, view in enumerate(views):
             written = writer.view(folder, view, split, number)

@@ -27,13 +27,15 @@ class Layout:
     """How a layout is written.
 
     ``frame`` names a view's entry in the transforms file from its split and number; ``view`` writes its maps;
-    ``light`` a light's file below the scene's folder, or None where the layout has no lights.
+    ``light`` a light's file below the scene's folder, or None where the layout has no lights. ``lenses``: whether a
+    frame may have a lens of its own.
     """
 
     frame: Callable[[str, int], str]
     view: WriteView
     light: Callable[[Path, str, EnvironmentMap], Path] | None
     training_light: str | None
+    lenses: bool = False
 
 
 def _png(path: Path, image: Image, alpha: Mask | None = None) -> None:
@@ -124,5 +126,5 @@ WRITERS: Mapping[str, Layout] = {
     "synthetic4relight": Layout(
         lambda split, number: f"{split}/{number:03}", write_synthetic4relight_view, write_light_as_exr, "envmap3"
     ),
-    "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None),
+    "blender": Layout(lambda split, number: f"./{split}/r_{number}", write_blender_view, None, None, lenses=True),
 }

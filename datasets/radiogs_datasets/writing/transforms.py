@@ -1,4 +1,7 @@
-"""Cameras as ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them."""
+"""Cameras as ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them.
+
+Cameras that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them.
+"""
 
 import json
 import math
@@ -16,13 +19,28 @@ PIXEL_TOLERANCE = 1e-3
 """How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
 
 
-def write_transforms(path: Path, views: Sequence[View], names: Sequence[str]) -> None:
-    """Write the file. Raises DataError for cameras that one angle cannot say."""
-    angle = _field_of_view(views)
+def write_transforms(path: Path, views: Sequence[View], names: Sequence[str], lenses: bool = False) -> None:
+    """Write the file; with ``lenses`` a frame has one in pixels where one angle cannot say all cameras.
+
+    Raises DataError for such cameras without ``lenses``.
+    """
+    table: dict[str, Any] = {}
     frames: list[dict[str, Any]] = [
         {"file_path": name, "transform_matrix": _opengl(view.camera)} for view, name in zip(views, names, strict=True)
     ]
-    path.write_text(json.dumps({"camera_angle_x": angle, "frames": frames}, indent=1) + "\n", encoding="utf-8")
+    try:
+        table["camera_angle_x"] = _field_of_view(views)
+    except DataError:
+        if not lenses:
+            raise
+        for frame, view in zip(frames, views, strict=True):
+            frame |= _lens(view.camera)
+    path.write_text(json.dumps({**table, "frames": frames}, indent=1) + "\n", encoding="utf-8")
+
+
+def _lens(camera: Camera) -> dict[str, float]:
+    pixels = {"fl_x": camera.fx, "fl_y": camera.fy, "cx": camera.cx, "cy": camera.cy}
+    return pixels | {"w": camera.width, "h": camera.height}
 
 
 def _opengl(camera: Camera) -> list[list[float]]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import torch
 from jaxtyping import Float
@@ -71,6 +71,7 @@ class Scene:
     each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
     ``folder`` is where its files are, None for a scene that is computed. ``loaders`` names the modules that read or
     computed it: what they make of the files decides every metric, so their sources are part of a cell's key.
+    ``options`` are those that it was opened with, as plain values; empty for a scene taken as it is stored.
     ``surfaces`` samples the true surfaces where they are known, as those of generated scenes are (``true_surfaces``);
     ``surfaces_by`` names the modules that do, whose sources are part of the key of a cell that uses them.
     """
@@ -87,6 +88,7 @@ class Scene:
     points: Points | None = None
     folder: Path | None = None
     loaders: tuple[str, ...] = ()
+    options: Mapping[str, Any] = field(default_factory=dict)
     surfaces: Surfaces | None = field(default=None, compare=False, repr=False)
     surfaces_by: tuple[str, ...] = ()
 

@@ -94,6 +94,7 @@ def test_a_run_that_a_code_cannot_read_is_refused_before_anything_starts(
         (replace(run, workspace=None), "needs a folder to work in"),
         (replace(run, scene=replace(convex, folder=None)), "this scene is computed"),
         (replace(run, scene=replace(convex, layout="colmap")), "which is in the layout colmap"),
+        (replace(run, scene=replace(convex, options={"reduce": 2})), "as it was opened (reduce 2)"),
     ):
         with pytest.raises(UsageError) as error:
             stage.begin(changed, {})

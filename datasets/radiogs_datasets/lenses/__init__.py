@@ -1,0 +1,1 @@
+"""Lenses that bend straight lines, and pinhole images made of what they saw."""

@@ -1,0 +1,94 @@
+"""A photo's lens: focal lengths, principal point, and OpenCV's two models of distortion."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+Projection = Literal["perspective", "fisheye"]
+
+ORDER: Mapping[Projection, tuple[str, ...]] = {
+    "perspective": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "fisheye": ("k1", "k2", "k3", "k4"),
+}
+"""Coefficients of both models in the order in which OpenCV takes them."""
+
+LENS = ("fx", "fy", "cx", "cy")
+
+PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    "SIMPLE_PINHOLE": ("f", "cx", "cy"),
+    "PINHOLE": LENS,
+    "SIMPLE_RADIAL": ("f", "cx", "cy", "k1"),
+    "RADIAL": ("f", "cx", "cy", "k1", "k2"),
+    "OPENCV": (*LENS, "k1", "k2", "p1", "p2"),
+    "OPENCV_FISHEYE": (*LENS, "k1", "k2", "k3", "k4"),
+    "FULL_OPENCV": (*LENS, "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
+    "SIMPLE_FISHEYE": ("f", "cx", "cy"),
+    "FISHEYE": LENS,
+    "SIMPLE_RADIAL_FISHEYE": ("f", "cx", "cy", "k1"),
+    "RADIAL_FISHEYE": ("f", "cx", "cy", "k1", "k2"),
+}
+"""COLMAP's camera models that OpenCV can undistort, with their parameters in COLMAP's order (its
+``sensor/models.h``)."""
+
+LARGEST_COEFFICIENT = 1e6
+"""Above it a coefficient is damage: those of real lenses are below a hundred."""
+
+
+@dataclass(frozen=True)
+class Lens:
+    """How a point at (x, y, z) of the camera (OpenCV axes) reaches a pixel of an image of ``width`` x ``height``.
+
+    Focal lengths and principal point are in pixels, whose centres lie at +0.5. ``coefficients`` are those of OpenCV's
+    model, in its order, for normalised coordinates (x / z, y / z): "perspective" is its polynomial or rational model
+    with tangential terms, "fisheye" its equidistant one. Raises ValueError for values that no lens has.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+    projection: Projection = "perspective"
+    coefficients: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) and value > 0 for value in (self.fx, self.fy, self.width, self.height)):
+            raise ValueError("focal lengths and sizes must be finite and above zero")
+        if not (math.isfinite(self.cx) and math.isfinite(self.cy)):
+            raise ValueError("the principal point must be finite")
+        if not all(abs(value) <= LARGEST_COEFFICIENT for value in self.coefficients):
+            raise ValueError(f"coefficients of distortion must be finite and at most {LARGEST_COEFFICIENT:g}")
+
+    @property
+    def pinhole(self) -> bool:
+        """Whether it leaves straight lines straight."""
+        return self.projection == "perspective" and not any(self.coefficients)
+
+    def at_size(self, height: int, width: int) -> "Lens":
+        """The same lens for the photo brought to another size; distortion acts before pixels and stays."""
+        across, along = width / self.width, height / self.height
+        return replace(
+            self, fx=self.fx * across, fy=self.fy * along, cx=self.cx * across, cy=self.cy * along,
+            width=width, height=height,
+        )  # fmt: skip
+
+
+def lens_of(model: str, parameters: Sequence[float], width: int, height: int) -> Lens:
+    """The lens of one of COLMAP's camera models. Raises KeyError for one not in PARAMETERS, ValueError for bad values.
+
+    ``parameters`` are in COLMAP's order; pixel centres lie at +0.5 there, too.
+    """
+    names = PARAMETERS[model]
+    if len(parameters) != len(names):
+        raise ValueError(f"{model} has {len(names)} parameters, not {len(parameters)}")
+    given = dict(zip(names, parameters, strict=True))
+    projection: Projection = "fisheye" if model.endswith("FISHEYE") else "perspective"
+    fx, fy = (given["f"], given["f"]) if "f" in given else (given["fx"], given["fy"])
+    return Lens(fx, fy, given["cx"], given["cy"], width, height, projection, coefficients_of(projection, given))
+
+
+def coefficients_of(projection: Projection, named: Mapping[str, float]) -> tuple[float, ...]:
+    """Coefficients by name in OpenCV's order; those that are not named are zero."""
+    return tuple(float(named.get(name, 0.0)) for name in ORDER[projection])

@@ -1,0 +1,162 @@
+"""The pinhole image that a distorted photo holds, by OpenCV.
+
+The pinhole camera keeps the focal lengths, so that a pixel in the middle stays a pixel, and is cut to a rectangle all
+of whose pixels the photo shows (COLMAP's ``image_undistorter`` cuts its images, too). A border without a source would
+have to be marked as uncovered, which in a scene means that nothing is there.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import cv2
+import numpy as np
+import torch
+from jaxtyping import Float
+from numpy.typing import NDArray
+from torch import Tensor
+
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
+
+from .lens import Lens
+
+COARSE = 512
+"""Points a side on which it is tested where a lens folds the image over."""
+
+BORDER = 1e-2
+"""Pixels by which a source may lie outside the photo's outermost pixel centres: float32 places."""
+
+SMALLEST_SIDE = 8
+"""Pixels a side below which what is left is no image."""
+
+
+@dataclass(frozen=True)
+class Pinhole:
+    """The pinhole camera of a lens: its focal lengths, and the rectangle of the photo's pixel grid that it keeps.
+
+    ``kept`` is the share of the photo's area that the rectangle shows.
+    """
+
+    lens: Lens
+    left: int
+    top: int
+    width: int
+    height: int
+    kept: float
+
+    def camera(self, camera_to_world: Float[Tensor, "4 4"]) -> Camera:
+        """The camera of an image that ``undistorted`` gives."""
+        lens = self.lens
+        return Camera(
+            camera_to_world, lens.fx, lens.fy, lens.cx - self.left, lens.cy - self.top, self.width, self.height
+        )
+
+
+@lru_cache(maxsize=4096)
+def pinhole_of(lens: Lens) -> Pinhole:
+    """The pinhole camera of a lens; one that does not distort keeps all its pixels.
+
+    Raises ValueError if no rectangle of the image is left.
+    """
+    if lens.pinhole:
+        return Pinhole(lens, 0, 0, lens.width, lens.height, 1.0)
+    column, row = _sources(lens)
+    inside = (column >= -BORDER) & (column <= lens.width - 1 + BORDER)
+    inside &= (row >= -BORDER) & (row <= lens.height - 1 + BORDER)
+    unfolded, area = _unfolded(lens, column, row)
+    top, bottom, left, right = _whole_rectangle(inside & unfolded)
+    if min(bottom - top, right - left) < SMALLEST_SIDE:
+        raise ValueError("its distortion leaves no part of the image that a pinhole camera could have seen")
+    kept = float(area[top:bottom, left:right].sum()) / (lens.width * lens.height)
+    return Pinhole(lens, left, top, right - left, bottom - top, min(kept, 1.0))
+
+
+def undistorted(
+    image: Float[Tensor, "height width 3"], alpha: Float[Tensor, "height width 1"] | None, lens: Lens
+) -> Float[Tensor, "rows columns 3"]:
+    """A display sRGB photo, straight colour, as ``pinhole_of(lens)`` sees it: linear light between four pixels."""
+    light = srgb_decode(image)
+    if alpha is None:
+        return srgb_encode(_sampled(light, lens, cv2.INTER_LINEAR)).clamp(0, 1)
+    share = _sampled(alpha, lens, cv2.INTER_LINEAR)
+    light = _sampled(light * alpha, lens, cv2.INTER_LINEAR)
+    return srgb_encode(torch.where(share > 0, light / torch.where(share > 0, share, 1.0), 0.0)).clamp(0, 1)
+
+
+def undistorted_coverage(alpha: Float[Tensor, "height width 1"], lens: Lens) -> Float[Tensor, "rows columns 1"]:
+    """Coverage as ``pinhole_of(lens)`` sees it."""
+    return _sampled(alpha, lens, cv2.INTER_LINEAR).clamp(0, 1)
+
+
+def undistorted_depth(depth: Float[Tensor, "height width 1"], lens: Lens) -> Float[Tensor, "rows columns 1"]:
+    """Z-depth of the nearest pixel: it does not change with the lens, and means nothing between two surfaces."""
+    return _sampled(depth, lens, cv2.INTER_NEAREST)
+
+
+def _sampled(image: Tensor, lens: Lens, filtering: int) -> Tensor:
+    column, row = _rectangle(lens)
+    source = np.ascontiguousarray(image.numpy())
+    sampled = cv2.remap(source, column, row, filtering, borderMode=cv2.BORDER_REPLICATE)
+    return torch.from_numpy(sampled.reshape(*column.shape, image.shape[2]))
+
+
+@lru_cache(maxsize=1)
+def _rectangle(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Source columns and rows of the pixels that are kept. Views of one camera are read one after the other."""
+    column, row = _sources(lens)
+    kept = pinhole_of(lens)
+    window = np.s_[kept.top : kept.top + kept.height, kept.left : kept.left + kept.width]
+    return np.ascontiguousarray(column[window]), np.ascontiguousarray(row[window])
+
+
+def _sources(lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Where each pixel of a pinhole image of the photo's size lies in the photo, in OpenCV's integer centres."""
+    matrix = np.array([[lens.fx, 0, lens.cx - 0.5], [0, lens.fy, lens.cy - 0.5], [0, 0, 1]])
+    bent, size = np.array(lens.coefficients), (lens.width, lens.height)
+    if lens.projection == "fisheye":
+        column, row = cv2.fisheye.initUndistortRectifyMap(matrix, bent, np.eye(3), matrix, size, cv2.CV_32FC1)
+    else:
+        column, row = cv2.initUndistortRectifyMap(matrix, bent, np.eye(3), matrix, size, cv2.CV_32FC1)
+    return np.asarray(column, np.float32), np.asarray(row, np.float32)
+
+
+def _unfolded(
+    lens: Lens, column: NDArray[np.float32], row: NDArray[np.float32]
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Where the model is one to one, around the principal point, and how many pixels of the photo one pixel takes.
+
+    A polynomial fitted inside the image turns back outside: those pixels would show a part of the photo once more.
+    """
+    step = -(-max(lens.width, lens.height) // COARSE)
+    with np.errstate(invalid="ignore", over="ignore"):
+        down, across = (
+            np.gradient(each[::step, ::step].astype(np.float64), step, edge_order=1) for each in (column, row)
+        )
+        area = down[1] * across[0] - down[0] * across[1]
+    whole = np.nan_to_num(area) > 0
+    _, parts = cv2.connectedComponents(whole.astype(np.uint8), connectivity=4)
+    middle = (
+        int(np.clip(lens.cy // step, 0, whole.shape[0] - 1)),
+        int(np.clip(lens.cx // step, 0, whole.shape[1] - 1)),
+    )
+    own = whole & (parts == parts[middle])
+    taken = np.where(own, area, 0).astype(np.float32)
+
+    def spread(coarse: NDArray) -> NDArray:
+        return coarse.repeat(step, 0).repeat(step, 1)[: lens.height, : lens.width]
+
+    return spread(own), spread(taken)
+
+
+def _whole_rectangle(good: NDArray[np.bool_]) -> tuple[int, int, int, int]:
+    """Top, bottom, left and right of a rectangle of good pixels alone: its worst side is cut until none is bad."""
+    top, left, (bottom, right) = 0, 0, good.shape
+    while bottom > top and right > left:
+        window = good[top:bottom, left:right]
+        bad = [float(1 - side.mean()) for side in (window[0], window[-1], window[:, 0], window[:, -1])]
+        worst = int(np.argmax(bad))
+        if bad[worst] == 0:
+            return (top, bottom, left, right) if window.all() else (0, 0, 0, 0)
+        top, bottom = top + (worst == 0), bottom - (worst == 1)
+        left, right = left + (worst == 2), right - (worst == 3)
+    return 0, 0, 0, 0

@@ -1,0 +1,58 @@
+"""What may be asked for when a scene is opened: its layout, what is scored, masks, and the size of its images."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.errors import UsageError
+
+TEST_EVERY = 8
+"""Of views without a split of their own every eighth is scored, as for MipNeRF360."""
+
+
+@dataclass(frozen=True)
+class SceneOptions:
+    """How a scene is opened; the defaults take it as it is stored.
+
+    ``layout`` names its layout where the files do not tell it. ``hold_out`` N: every Nth view, in the order of names,
+    is scored (layouts ``colmap`` and ``blender``, where there is no test split). ``mask_folder`` holds a mask for every
+    photo (the same layouts). ``reduce`` N divides the sides of images by N, ``long_side`` brings the longer side down
+    to that many pixels; one of both. Raises UsageError for numbers that mean nothing.
+    """
+
+    layout: str | None = None
+    hold_out: int | None = None
+    mask_folder: str | None = None
+    reduce: int | None = None
+    long_side: int | None = None
+
+    def __post_init__(self) -> None:
+        if self.hold_out is not None and self.hold_out < 2:
+            raise UsageError(f"every {self.hold_out}th view cannot be held out", "None would be left to learn from.")
+        if self.reduce is not None and self.long_side is not None:
+            raise UsageError("--reduce and --long-side both set the size of images", "", "Give one of them.")
+        for name, value in (("reduce", self.reduce), ("long-side", self.long_side)):
+            if value is not None and value < 1:
+                raise UsageError(f"--{name} {value} leaves no pixels", "", "Give a whole number above zero.")
+
+    def plain(self) -> dict[str, Any]:
+        """What was asked for, without the defaults: empty for a scene as it is stored."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
+AS_STORED = SceneOptions()
+
+
+def options_of(plain: Mapping[str, Any]) -> SceneOptions:
+    """The options that ``plain()`` wrote. Raises UsageError for names and values that are none."""
+    kinds = {"layout": str, "hold_out": int, "mask_folder": str, "reduce": int, "long_side": int}
+    for name, value in plain.items():
+        if name not in kinds or not isinstance(value, kinds[name]) or isinstance(value, bool):
+            raise UsageError(f"a scene cannot be opened with {name} = {value!r}", f"It takes: {', '.join(kinds)}.")
+    return SceneOptions(**plain)
+
+
+def absolute(mask_folder: Path | None) -> str | None:
+    """A folder of masks as it is kept: valid in another working folder."""
+    return None if mask_folder is None else str(mask_folder.resolve())
