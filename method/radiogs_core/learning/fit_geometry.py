@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..contract import StageSpec, values_of
+from ..errors import DataError
 from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 from ..surfels.density import AdaptiveDensityControl, DensityControl
@@ -177,6 +178,7 @@ class FitGeometry:
         self.iteration += 1
         changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
         if changed is not None:
+            require_some(changed[0], self.iteration)
             self.optimiser.replace(*changed)
         return {name: float(value.detach()) for name, value in losses.items()}
 
@@ -258,6 +260,16 @@ def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
     tensors = {name: value.to(device) for name, value in state["optimiser"]["tensors"].items()}
     tensors["sh"] = torch.cat([tensors["sh"], tensors.pop("sh_rest")], 1)
     return Surfels.of({name: tensors[name] for name in Surfels.names()})
+
+
+def require_some(surfels: Surfels, iteration: int) -> None:
+    """Raises DataError where density control has left no surfel: there is nothing to learn any more."""
+    if len(surfels) == 0:
+        raise DataError(
+            f"no surfel is left after step {iteration} of stage 1",
+            "All of them were too faint, too large, or too small to show in any training view.",
+            "Look at the scene (radiogs-bench datasets check), or begin with more surfels: a larger preset.",
+        )
 
 
 def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:

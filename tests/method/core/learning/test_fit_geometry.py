@@ -9,14 +9,19 @@ import torch
 from radiogs.stages import Initialisation
 from radiogs.variant import Variant
 from radiogs_core.contract import Run, Stage
+from radiogs_core.errors import DataError
+from radiogs_core.learning.contribution import largest_contribution
 from radiogs_core.learning.fit_geometry import GEOMETRY_BUDGET, GeometryBudget, fit_geometry, surfels_of
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.views import load
+from radiogs_core.surfels.density import AdaptiveDensity
 from short_training import BUDGET, CPU, SCENE, through_a_file
+
+RUN = Run(SCENE, Variant(), BUDGET, 0, CPU)
 
 
 def begun() -> Stage:
-    spec = fit_geometry(GeometryLearning(), BUDGET)
-    return spec.begin(Run(SCENE, Variant(), BUDGET, 0, CPU), {})
+    return fit_geometry(GeometryLearning(), BUDGET).begin(RUN, {})
 
 
 def finished(stage: Stage) -> Stage:
@@ -45,6 +50,22 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
     resumed.restore(through_a_file(whole.state()))
     before, after = (surfels_of(finished(stage).product(), CPU).parameters() for stage in (whole, resumed))
     assert all(torch.equal(value, after[name]) for name, value in before.items())
+
+
+def test_a_stage_that_loses_its_last_surfel_says_so() -> None:
+    rules = AdaptiveDensity(start=0.0, hidden_at=(), opacity_floor=1.0)
+    spec = fit_geometry(GeometryLearning(density=rules), dataclasses.replace(BUDGET, densify_interval=2))
+    stage = spec.begin(Run(SCENE, Variant(), BUDGET, 0, CPU), {})
+    stage.step()
+    with pytest.raises(DataError, match="no surfel is left after step 2 of stage 1"):
+        stage.step()
+
+
+def test_surfels_that_show_in_no_view_do_not_outlive_the_stage() -> None:
+    rules = AdaptiveDensity(hidden_at=(1.0,), least_contribution=0.5)
+    surfels = surfels_of(finished(fit_geometry(GeometryLearning(density=rules), BUDGET).begin(RUN, {})).product(), CPU)
+    shown = largest_contribution(surfels, load(SCENE.train, CPU))
+    assert float(shown.min()) >= 0.5
 
 
 @pytest.mark.parametrize("colour", ["linear", "display"])
