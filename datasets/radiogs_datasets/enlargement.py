@@ -71,5 +71,7 @@ def _blocks(view: View, name: str, width: int, height: int) -> Float[Tensor, "he
 
 
 def _on_black(view: View, width: int, height: int) -> Float[Tensor, "height width 3"]:
-    image = _blocks(view, "image", width, height)
-    return image * _blocks(view, "alpha", width, height) if view.has("alpha") else image
+    """In 8 bits, as a camera stores it."""
+    image = view.read("image") * view.read("alpha") if view.has("alpha") else view.read("image")
+    plain = replace(view, sources={"image": lambda: (image * 255).round() / 255})
+    return _blocks(plain, "image", width, height)

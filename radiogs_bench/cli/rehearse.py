@@ -3,6 +3,7 @@
 import argparse
 import json
 import re
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,8 @@ RESERVE = 0.9
 """Share of the free memory that a run may take."""
 
 MINUTES = 60.0
+STOPPED = 130
+
 TEST_VIEWS = 8
 """Test views of an enlarged scene: the whole run's forecast counts as many."""
 
@@ -44,6 +47,10 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--test-views", type=positive, default=TEST_VIEWS, metavar="N", help="with --as (default: 8)")
     parser.add_argument("--no-masks", action="store_true", help="with --as: views without coverage")
     parser.add_argument("--minutes", type=float, default=MINUTES, metavar="M", help="larger sizes are not begun later")
+    parser.add_argument("--sizes", type=_sizes, metavar="N,N", help="of the model (default: from the start's up)")
+    parser.add_argument(
+        "--core-seconds", action="store_true", help="count the time with a core: others use this machine, one thread"
+    )
     parser.add_argument("--memory", type=float, metavar="GIB", help="of the machine (default: 90 %% of what is free)")
     parser.add_argument("--forecast-for", metavar="DEVICE", help="a forecast for another device, such as rtx-4090")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
@@ -58,7 +65,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..engines.run import COMPILED_ON
-    from ..rehearsal.climb import Bounds, climb
+    from ..rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
     from ..rehearsal.limits import KNOWN_DEVICES, memory_there
     from ..rehearsal.record import Asked, fits, record_of
     from ..store.atomic import write_atomically
@@ -70,6 +77,8 @@ def rehearse(options: argparse.Namespace) -> int:
 
     if options.forecast_for is not None and options.forecast_for not in KNOWN_DEVICES:
         raise UsageError(f"nothing is known of device '{options.forecast_for}'", f"Known: {', '.join(KNOWN_DEVICES)}.")
+    if options.core_seconds and (options.device != "cpu" or options.threads != 1):
+        raise UsageError("--core-seconds counts those of one thread", "", "Give --threads 1, and no --device cuda.")
     device = chosen_device(options)
     name, rows, scene, rules, cells = _asked(options)
     memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
@@ -79,14 +88,28 @@ def rehearse(options: argparse.Namespace) -> int:
     folder = options.out or Path("out") / f"rehearse-{name}"
     folder.mkdir(parents=True, exist_ok=True)
     compile_kernels(load_scene(COMPILED_ON), device, ((row.method, row.variant) for row in rows))
-    climbed = climb(rows, scene, rules, folder, device, bounds, LogProgress())
-    asked = Asked(name, options.preset, scene, cells, bounds, device, options.forecast_for)
+    name_of_clock, clock = ("core", time.process_time) if options.core_seconds else ("wall", time.perf_counter)
+    setting = Setting(device, LogProgress(), options.sizes or (), clock)
+    with stopped_by_signals():
+        climbed = climb(rows, scene, rules, folder, bounds, setting)
+    asked = Asked(
+        name,
+        options.preset,
+        scene,
+        cells,
+        bounds,
+        device,
+        options.forecast_for,
+        name_of_clock,
+    )
     record = record_of(asked, rows, climbed)
     write_atomically(folder / "rehearsal.json", strict_json(record))
     if options.json:
         say(json.dumps(record, allow_nan=False))
     else:
         _show(record, folder / "rehearsal.json")
+    if climbed.stopped:
+        return STOPPED
     return 0 if fits(record) else 1
 
 
@@ -134,6 +157,11 @@ def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
 
     views, width, height = options.size
     return enlarged(scene, views, options.test_views, width, height, not options.no_masks)
+
+
+def _sizes(text: str) -> list[int]:
+    """Sizes of the model, ascending."""
+    return sorted(positive(each) for each in names(text))
 
 
 def _size(text: str) -> tuple[int, int, int]:

@@ -38,7 +38,7 @@ def lines_of(record: Mapping[str, Any]) -> list[str]:
         f"`{record['name']}`, preset {record['preset']}: {scene['train']} training and {scene['test']} test views of"
         f" {scene['width']} x {scene['height']}{'' if scene['masks'] else ', no masks'}, {scene['lights']} lights."
         f" {machine['gpu'] or machine['cpu']}, {machine['threads']} thread{'s' if machine['threads'] > 1 else ''},"
-        f" {record['session']['date'][:10]}.{_shared(rungs)}",
+        f" {record['session']['date'][:10]}.{_shared(record)}",
         "",
     ]
     if not rungs:
@@ -49,9 +49,13 @@ def lines_of(record: Mapping[str, Any]) -> list[str]:
         "|---|" + "---:|---:|" * len(rungs) + "---:|",
     ]
     models: list[str] = []
-    for place, phase in enumerate(rungs[-1]["phases"]):
+    longest = max(rungs, key=lambda rung: len(rung["phases"]))["phases"]
+    for place, phase in enumerate(longest):
         cells = []
         for rung in rungs:
+            if place >= len(rung["phases"]):
+                cells.append(" | ")
+                continue
             found = rung["phases"][place]
             where = "device" if "device" in found["peaks"] else "host"
             cells.append(f"{seconds(_mean(found))} | {found['peaks'][where] / GIB:.2f}")
@@ -100,11 +104,12 @@ def _size(size: int | None, name: str) -> str:
     return "its own sizes" if size is None else f"{size:,} {name}"
 
 
-def _shared(rungs: Sequence[Mapping[str, Any]]) -> str:
-    if not rungs:
+def _shared(record: Mapping[str, Any]) -> str:
+    shares = " and ".join(f"{100 * rung['busy']:.0f} %" for rung in record["rungs"])
+    if not shares:
         return ""
-    shares = " and ".join(f"{100 * rung['busy']:.0f} %" for rung in rungs)
-    return f" The process had a core {shares} of the time."
+    counted = "Seconds are those with a core." if record["clock"] == "core" else "Seconds are those that passed."
+    return f" The process had a core {shares} of the time. {counted}"
 
 
 def _plain(facts: Mapping[str, int]) -> str:

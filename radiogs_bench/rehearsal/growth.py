@@ -12,9 +12,10 @@ HOST, DEVICE = "host", "device"
 class Rung:
     """One size of the model, None where a method does not say, and the phases measured at it.
 
-    base: bytes by place before anything was done. rows: keys of each row's phases. facts: counts of each row's model.
-    busy: share of the time that the process had a core, on average; below 1 where others share the machine, above it
-    with several threads. Phases may end early: ``broke_at`` is the title of the one that memory did not suffice for.
+    base: bytes by place before anything was done. seconds: that it took in all. rows: keys of each row's phases.
+    facts: counts of each row's model. busy: share of the time that the process had a core, on average; below 1 where
+    others share the machine, above it with several threads. Phases may end early: ``broke_at`` is the title of the one
+    that memory did not suffice for.
     """
 
     size: int | None
@@ -22,8 +23,15 @@ class Rung:
     phases: Sequence[Phase]
     rows: Mapping[str, Sequence[str]]
     facts: Mapping[str, Mapping[str, int]]
+    seconds: float
     busy: float
     broke_at: str | None = None
+    stopped: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether every phase was measured."""
+        return self.broke_at is None and not self.stopped
 
     def named(self) -> dict[tuple[str, str], Phase]:
         """The phases by row-independent place in order: keys of stages differ between sizes, their order does not."""
@@ -36,36 +44,26 @@ class Rung:
 def extended(rungs: Sequence[Rung], size: int) -> list[Phase]:
     """The phases at another size: seconds and bytes on the line through the last two rungs, never falling with size.
 
-    From a single rung, seconds are in proportion to the size, and so are the bytes above its base.
+    It takes two rungs: images and libraries take memory whatever the size, and one rung does not tell how much.
     """
-    last = rungs[-1]
-    before = rungs[-2].named() if len(rungs) > 1 else {}
-    found = []
+    earlier, last = rungs[-2], rungs[-1]
+    assert earlier.size is not None
+    assert last.size is not None
+    further = (size - last.size) / (last.size - earlier.size)
+    before, found = earlier.named(), []
     for name, phase in last.named().items():
-        earlier = before.get(name)
-        seconds = _line(rungs, None if earlier is None else earlier.mean, phase.mean, 0.0, size)
+        seconds = _line(before[name].mean, phase.mean, further)
         peaks = {
-            where: round(_line(rungs, _at(earlier, where), float(amount), float(last.base.get(where, 0)), size))
+            where: round(_line(float(before[name].peaks[where]), float(amount), further))
             for where, amount in phase.peaks.items()
         }
         found.append(Phase(phase.title, phase.key, (seconds,), phase.whole, peaks))
     return found
 
 
-def _at(phase: Phase | None, where: str) -> float | None:
-    return None if phase is None else float(phase.peaks[where])
-
-
-def _line(rungs: Sequence[Rung], before: float | None, here: float, base: float, size: int) -> float:
-    """A value at another size; ``base`` is what it is at size zero, unless two rungs say so."""
-    at = rungs[-1].size
-    assert at is not None
-    slope = (here - base) / at
-    if before is not None:
-        earlier = rungs[-2].size
-        assert earlier is not None
-        slope = (here - before) / (at - earlier)
-    return here + max(0.0, slope) * (size - at) if size >= at else here
+def _line(before: float, here: float, further: float) -> float:
+    """A value ``further`` beyond the second of two, in steps of their distance."""
+    return here + max(0.0, here - before) * further
 
 
 def peak(phases: Sequence[Phase], where: str) -> tuple[int, str]:

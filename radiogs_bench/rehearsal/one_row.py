@@ -1,6 +1,5 @@
 """Runs all phases of one row with few steps: training, checkpoint and resume, evaluation, relighting."""
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -210,7 +209,7 @@ class RowRehearsal:
         known = isinstance(self.row.method, Rehearsing)
 
         def after_step() -> None:
-            marks.append(time.perf_counter())
+            marks.append(self.phases.clock())
             if not known and len(marks) >= STEPS:
                 raise Enough
 

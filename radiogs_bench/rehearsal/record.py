@@ -21,7 +21,8 @@ SCHEMA = "radiogs-bench/rehearsal/1"
 
 @dataclass(frozen=True)
 class Asked:
-    """What was rehearsed: name of the suite or scene, preset, the scene, and on how many scenes the rows are run."""
+    """What was rehearsed: name of the suite or scene, preset, the scene, on how many scenes the rows are run, and
+    which seconds are counted, "wall" or "core"."""
 
     name: str
     preset: str
@@ -30,6 +31,7 @@ class Asked:
     bounds: Bounds
     device: torch.device
     other_device: str | None = None
+    clock: str = "wall"
 
 
 def record_of(asked: Asked, rows: Sequence[Row], climbed: Climb) -> dict[str, Any]:
@@ -53,18 +55,21 @@ def record_of(asked: Asked, rows: Sequence[Row], climbed: Climb) -> dict[str, An
         "rows": [row.key for row in rows],
         "cells": asked.cells,
         "size_name": named,
+        "clock": asked.clock,
         "memory": dict(asked.bounds.memory),
         "session": session(asked.device),
         "rungs": [_rung(rung) for rung in climbed.rungs],
         "refusal": None if climbed.refusal is None else asdict(climbed.refusal),
         "forecast": [],
     }
-    if climbed.rungs:
+    whole = [rung for rung in climbed.rungs if rung.whole]
+    if whole:
         start = min((sizes[0] for row in rows if (sizes := row.sizes()) is not None), default=None)
         for size in dict.fromkeys((start, climbed.largest)):
-            content["forecast"].append(_forecast(asked, climbed.rungs, size))
-        if asked.other_device is not None:
-            content["other"] = _other(asked.other_device, asked.device, content["forecast"], climbed.rungs)
+            if len(whole) > 1 or whole[0].size == size:
+                content["forecast"].append(_forecast(asked, whole, size))
+        if asked.other_device is not None and content["forecast"]:
+            content["other"] = _other(asked.other_device, asked.device, content["forecast"], whole)
     return content
 
 
@@ -78,6 +83,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
     return {
         "size": rung.size,
         "base": dict(rung.base),
+        "seconds": rung.seconds,
         "busy": rung.busy,
         "rows": {name: list(keys) for name, keys in rung.rows.items()},
         "facts": {name: dict(found) for name, found in rung.facts.items()},

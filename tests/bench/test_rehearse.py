@@ -1,6 +1,7 @@
 """Rehearsals: what is measured, what is forecast from it, and that what does not fit is told in time."""
 
 import json
+import signal
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -91,6 +92,30 @@ def test_memory_that_ends_within_a_step_is_a_finding_and_no_failure(
     assert "Traceback" not in capsys.readouterr().err
 
 
+class Endless(FakeStage):
+    """Is stopped in its second step."""
+
+    def step(self) -> Mapping[str, float]:
+        if self.iteration:
+            signal.raise_signal(signal.SIGTERM)
+        return super().step()
+
+
+def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def stages(self, variant: Any, budget: Any) -> Any:
+            first, second = super().stages(variant, budget)
+            return first, replace(second, begin=lambda run, before: Endless(before["place"], 1.0, run.seed))
+
+    with patch.dict(substitutes, {FAKE.name: Method()}):
+        assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
+    found = recorded(tmp_path)
+    assert found["refusal"]["why"] == "it was stopped after 'fake invert: beginning'"
+    assert found["forecast"] == []
+    assert found["rungs"][0]["phases"][0]["title"] == "fake initialise: beginning"
+    assert any("it was stopped" in line for line in lines_of(found))
+
+
 def test_a_method_that_does_not_say_its_sizes_is_rehearsed_as_it_begins(tmp_path: Path) -> None:
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         assert main(["rehearse", "ablations", "--preset", "smoke", "--out", str(tmp_path), "--json"]) == 0
@@ -109,6 +134,8 @@ def test_a_method_that_does_not_say_its_sizes_is_rehearsed_as_it_begins(tmp_path
     [
         (["corner", "--as", "3x40"], 2),
         (["corner", "--no-masks"], 2),
+        (["corner", "--core-seconds", "--threads", "2"], 2),
+        (["corner", "--sizes", "10,0"], 2),
         (["corner", "--forecast-for", "abacus"], 2),
         (["stability"], 2),
         (["no_such_scene"], 3),
@@ -159,13 +186,10 @@ def test_rounds_of_density_control_come_when_the_short_run_says(monkeypatch: pyt
 
 def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> Rung:
     phase = Phase("step", f"key-{size}", (seconds, seconds), 10, {"host": round(peak * GIB)})
-    return Rung(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 1.0)
+    return Rung(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
 
 
 def test_another_size_lies_on_the_line_through_the_last_two() -> None:
-    alone = extended([rung(100, 2.0, 3.0)], 400)[0]
-    assert alone.mean == pytest.approx(8.0)
-    assert alone.peaks["host"] / GIB == pytest.approx(1 + 2 * 4)
     both = extended([rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)], 400)[0]
     assert both.mean == pytest.approx(3.5)
     assert both.peaks["host"] / GIB == pytest.approx(4.5)
@@ -175,6 +199,8 @@ def test_another_size_lies_on_the_line_through_the_last_two() -> None:
 def test_sizes_that_would_not_fit_or_take_too_long_are_not_tried() -> None:
     rungs = [rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)]
     assert climbing._refusal(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 1e6) is None
+    # From one size alone nothing is concluded about memory: most of it may be that of the images.
+    assert climbing._refusal(rungs[:1], 400, Bounds({"host": 4 * GIB}, 1e6), 1e6) is None
     tight = climbing._refusal(rungs, 400, Bounds({"host": 4 * GIB}, 1e6), 1e6)
     assert tight is not None
     assert not tight.fits

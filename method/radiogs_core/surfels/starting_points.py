@@ -1,5 +1,6 @@
 """What surfels start as: random points that the silhouettes allow and that look alike from all training views."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -97,7 +98,8 @@ def initial_points(
 def possible_points(
     scene: Scene, silhouettes: Sequence["Silhouette"], count: int, generator: torch.Generator, start: SurfelStart
 ) -> Float[Tensor, "points 3"]:
-    """Candidates that the silhouettes leave possible: enough to keep ``count`` of them, where there are so many."""
+    """Candidates that the silhouettes leave possible: no more than it takes to keep ``count`` of them, where not all
+    of them have to be drawn."""
     centre, radius = scene.centre.float(), view_radius(scene)
     left, found = count * start.candidates, [torch.zeros(0, 3)]
     while left > 0 and start.consistent_share * sum(map(len, found)) < count:
@@ -106,7 +108,8 @@ def possible_points(
         distance = radius * torch.rand(drawn, 1, generator=generator) ** (1 / 3)
         found.append(inside_all(silhouettes, centre + direction * distance))
         left -= drawn
-    return torch.cat(found)
+    enough = math.ceil(count / start.consistent_share)
+    return torch.cat(found)[: enough if left else None]
 
 
 def inside_all(silhouettes: Sequence["Silhouette"], points: Float[Tensor, "points 3"]) -> Float[Tensor, "possible 3"]:
