@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, Probe, require_truth
+from radiogs_core.capabilities import PARTS, Probe, ShortRun, require_truth
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
@@ -12,6 +12,7 @@ from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
 from .model import Model
 from .probing import probed
 from .profile import PROFILES
+from .rehearsing import short_run, sizes
 from .stages import Initialisation, InverseRendering
 from .trained import TrainedRadioGS
 from .variant import Variant
@@ -29,6 +30,7 @@ class RadioGS:
     variant = Variant
     presets: Mapping[str, Budget] = PRESETS
     given_parts = PARTS
+    size_name = "surfels"
     sources = ("radiogs.trained",)
     profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
 
@@ -68,6 +70,14 @@ class RadioGS:
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.contract.Probing``."""
         return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
+
+    def sizes(self, budget: Budget) -> tuple[int, int]:
+        """Surfels at the start, and at most; see ``radiogs_core.capabilities.Rehearsing``."""
+        return sizes(budget)
+
+    def short_run(self, variant: Variant, budget: Budget, size: int) -> ShortRun:
+        """Few steps of every kind with so many surfels."""
+        return short_run(variant, budget, size)
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering."""

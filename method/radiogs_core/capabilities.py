@@ -116,6 +116,53 @@ class Probing(Protocol):
         """
 
 
+@dataclass(frozen=True)
+class StepKind:
+    """Steps of a stage that cost alike. steps: which of a short run's they are, from 0. whole: how many the whole run
+    takes."""
+
+    title: str
+    steps: frozenset[int]
+    whole: int
+
+
+@dataclass(frozen=True)
+class Relighting:
+    """A way to relight a trained model. variant: trained as the others are, and shown this way. whole: steps that its
+    preparation takes in the whole run; the short run's are counted as they are taken."""
+
+    title: str
+    variant: Any
+    whole: int
+
+
+@dataclass(frozen=True)
+class ShortRun:
+    """Few steps of every kind, with a model of a stated size.
+
+    budget: what the method is run with. kinds: those of every stage's steps, by its name. relighting: every way.
+    """
+
+    budget: Any
+    kinds: Mapping[str, tuple[StepKind, ...]]
+    relighting: tuple[Relighting, ...]
+
+
+@runtime_checkable
+class Rehearsing(Protocol):
+    """A method whose runs can be shortened without making the model smaller, for ``radiogs-bench rehearse``."""
+
+    @property
+    def size_name(self) -> str:
+        """What the size of its models is counted in, such as ``surfels``."""
+
+    def sizes(self, budget: Any) -> tuple[int, int]:
+        """The size at which a run begins, and the largest that it may reach."""
+
+    def short_run(self, variant: Any, budget: Any, size: int) -> ShortRun:
+        """A run of few steps whose model has about this size from the first step on."""
+
+
 @runtime_checkable
 class TakesGiven(Protocol):
     """A method that can be told parts of the truth instead of finding them: the rungs of suite ``oracles``."""

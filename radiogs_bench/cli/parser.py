@@ -5,14 +5,14 @@ Those modules import nothing heavy at the top, so that ``--help`` answers at onc
 
 from importlib.metadata import version
 
-from . import bench, datasets, gate, methods, model, probe, run, score, stored, view
+from . import bench, datasets, gate, methods, model, probe, rehearse, run, score, stored, view
 from .options import ExplainingParser
 
 EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
 3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 130 stopped by
 Ctrl-C"""
 
-COMMANDS = (run, stored, gate, methods, model, probe, view, score, datasets, bench)
+COMMANDS = (run, rehearse, stored, gate, methods, model, probe, view, score, datasets, bench)
 
 
 def build_parser() -> ExplainingParser:

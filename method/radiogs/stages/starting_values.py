@@ -6,6 +6,7 @@ import torch
 from torch import Tensor
 
 from radiogs_core.learning.views import TrainingView
+from radiogs_core.order_statistics import quantile
 from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
@@ -70,6 +71,5 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 def white_light(views: tuple[TrainingView, ...], start: MaterialStart) -> float:
     """Constant radiance under which the brightest surfaces of the views are white paint."""
-    seen = torch.cat([srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views])
-    brightest = float(seen.quantile(start.brightest)) if len(seen) else 0.0
-    return max(brightest, LINEAR_KNEE) / start.white
+    brightest = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), start.brightest)
+    return max(brightest or 0.0, LINEAR_KNEE) / start.white

@@ -69,7 +69,11 @@ def require_countable(entries: int, what: str, remedy: str) -> None:
 
 
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
-    """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors)."""
+    """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors).
+
+    Raises UsageError for a tensor with more entries than a kernel can count.
+    """
+    require_countable(tensor.numel(), "entries of an array", "Use fewer surfels, samples or pixels.")
     if tensor.numel() == 0:
         # A view of nothing may have any strides, and Warp takes them at their word.
         tensor = tensor.new_empty(tensor.shape)

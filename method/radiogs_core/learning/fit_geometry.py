@@ -117,7 +117,7 @@ class FitGeometry:
         chosen = chosen_views(scene, view_share, seed)
         self.views = load(chosen, device)
         self.depth_unit = mean_distance(self.views, scene.centre)
-        surfels = self._start(scene, chosen, budget.initial_surfels)
+        surfels = self._start(scene, tuple(view.reread() for view in self.views), budget.initial_surfels)
         self.generator = torch.Generator(device).manual_seed(seed)
         self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.geometry_rate))
         self.density: DensityControl = AdaptiveDensityControl(

@@ -1,6 +1,7 @@
 """The training views a stage learns from, and the order in which it sees them."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -8,21 +9,59 @@ from torch import Tensor
 
 from ..errors import DataError
 from ..scene.camera import Camera
+from ..scene.held_pixels import Levels, Whole, held, size
 from ..scene.scene import Scene, View
+
+HELD_BYTES = 2 * 2**30
+"""Memory that a stage's training views may take: 180 views of 1560 x 1040 take 0.9 GB as bytes. What is beyond is read
+from its files whenever its turn comes."""
 
 
 @dataclass(frozen=True)
 class TrainingView:
-    """One training view on the device: camera, straight display-sRGB image and coverage."""
+    """One training view on the device: camera, straight display-sRGB image and coverage.
+
+    ``view``: where the pixels come from. ``pixels`` and ``covered``: the image and its coverage where they are held;
+    ``pixels`` is None for a view that is read each time, ``covered`` for one that is covered everywhere, too.
+    """
 
     camera: Camera
-    image: Float[Tensor, "height width 3"]
-    mask: Float[Tensor, "height width"]
+    view: View
+    pixels: Levels | Whole | None
+    covered: Levels | Whole | None
+
+    @property
+    def image(self) -> Float[Tensor, "height width 3"]:
+        """Straight display sRGB."""
+        if self.pixels is None:
+            return self.view.read("image").to(self.device)
+        return self.pixels.values()
+
+    @property
+    def mask(self) -> Float[Tensor, "height width"]:
+        """Coverage; 1 everywhere for a view without alpha."""
+        if self.covered is not None:
+            return self.covered.values()
+        if self.view.has("alpha"):
+            return self.view.read("alpha")[..., 0].to(self.device)
+        return torch.ones(self.camera.height, self.camera.width, device=self.device)
+
+    @property
+    def device(self) -> torch.device:
+        """Where it is looked at."""
+        return self.camera.camera_to_world.device
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
         """The image composited on a grey background, in display sRGB (as every splatting code does)."""
         mask = self.mask[..., None]
         return self.image * mask + background * (1 - mask)
+
+    def reread(self) -> View:
+        """The view with the maps that are held in the place of files, on the CPU."""
+        sources = {"image": lambda: self.image.cpu()}
+        if self.view.has("alpha"):
+            sources["alpha"] = lambda: self.mask.cpu()[..., None]
+        return replace(self.view, sources=sources)
 
 
 def chosen_views(scene: Scene, share: float, seed: int) -> tuple[View, ...]:
@@ -34,15 +73,21 @@ def chosen_views(scene: Scene, share: float, seed: int) -> tuple[View, ...]:
     return tuple(scene.train[int(place)] for place in order[:count].sort().values)
 
 
-def load(views: tuple[View, ...], device: torch.device) -> tuple[TrainingView, ...]:
-    """Read the views onto the device. A view without alpha is covered everywhere."""
+def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) -> tuple[TrainingView, ...]:
+    """The views on a device, every one read once. A view without alpha is covered everywhere.
 
-    def one(view: View) -> TrainingView:
-        image = view.read("image")
-        mask = view.read("alpha")[..., 0] if view.has("alpha") else torch.ones(image.shape[:2])
-        return TrainingView(view.camera.to(device, torch.float32), image.to(device), mask.to(device))
-
-    return tuple(one(view) for view in views)
+    They are held in the depth of their files, up to ``most`` bytes in all; the others are read again when asked for.
+    """
+    loaded = []
+    for view in views:
+        camera = view.camera.to(device, torch.float32)
+        pixels = held(view.read("image"), device)
+        covered = held(view.read("alpha")[..., 0], device) if view.has("alpha") else None
+        needed = size(pixels) + (size(covered) if covered is not None else 0)
+        kept = (pixels, covered) if needed <= most else (None, None)
+        most -= needed if needed <= most else 0
+        loaded.append(TrainingView(camera, view, *kept))
+    return tuple(loaded)
 
 
 def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> TrainingView:

@@ -1,10 +1,12 @@
 """What surfels start as: random points that the silhouettes allow and that look alike from all training views."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Float, UInt8
 from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import grid_sample
@@ -19,12 +21,16 @@ MINIMUM_NEIGHBOUR_SHARE = 1e-3
 """Smallest starting scale, as a share of the mean one: duplicated points would start at zero."""
 
 
+DRAWN_AT_ONCE = 1 << 20
+"""Candidates that are drawn together: some 100 MB while they are projected."""
+
+
 @dataclass(frozen=True)
 class SurfelStart:
     """What surfels start as."""
 
     candidates: int = 128
-    """Points that are drawn for each surfel, to choose from."""
+    """Points that are drawn for each surfel at most, to choose from."""
     consistent_share: float = 1.0
     """Share of the possible points that are trusted to lie near a surface, in (0, 1]."""
     opacity: float = 0.1
@@ -66,31 +72,82 @@ def initial_points(
     """World points to start from, and the mean display-sRGB colour that the views see there.
 
     Candidates are uniform in the ball of ``view_radius``. One stays if some view sees it on or beside the object and
-    no view sees it elsewhere (silhouettes). Of those, ``start.consistent_share`` whose colour varies least between the
-    views is kept, and ``count`` points are drawn from it: a point on a surface looks alike from everywhere, one that
-    floats before it is seen against something else. Raises DataError if the silhouettes leave nothing, which means
-    that cameras and images do not belong together.
+    no view sees it elsewhere (silhouettes). They are drawn ``DRAWN_AT_ONCE`` at a time, until enough of them stay, or
+    ``start.candidates`` a point were drawn. Of those that stay, ``start.consistent_share`` whose colour varies least
+    between the views is kept, and ``count`` points are drawn from it: a point on a surface looks alike from everywhere,
+    one that floats before it is seen against something else. Raises DataError if the silhouettes leave nothing, which
+    means that cameras and images do not belong together.
     """
-    centre, radius = scene.centre.float(), view_radius(scene)
-    wanted = count * start.candidates
-    direction = torch.nn.functional.normalize(torch.randn(wanted, 3, generator=generator), dim=-1)
-    distance = radius * torch.rand(wanted, 1, generator=generator) ** (1 / 3)
-    points = centre + direction * distance
-    seen = Sightings.none(len(points))
-    for view in views:
-        stays = seen.add(points, view)
-        points, seen = points[stays], seen.take(stays)
-    points, seen = points[seen.count > 0], seen.take(seen.count > 0)
+    silhouettes = [Silhouette.of(view) for view in views]
+    points = possible_points(scene, silhouettes, count, generator, start)
     if len(points) == 0:
         raise DataError(
             f"no point of scene '{scene.name}' lies inside the silhouettes of all its training views",
             "The alpha maps and the camera poses contradict each other.",
             f"Check the scene:  radiogs-bench datasets check {scene.name}",
         )
+    seen = Sightings.none(len(points))
+    for view, silhouette in zip(views, silhouettes, strict=True):
+        seen.add(points, view, silhouette)
     enough = max(min(count, len(points)), int(start.consistent_share * len(points)))
     steadiest = seen.variance().argsort(stable=True)[:enough]
     chosen = steadiest[torch.randperm(len(steadiest), generator=generator)[:count]]
     return points[chosen], seen.mean()[chosen]
+
+
+def possible_points(
+    scene: Scene, silhouettes: Sequence["Silhouette"], count: int, generator: torch.Generator, start: SurfelStart
+) -> Float[Tensor, "points 3"]:
+    """Candidates that the silhouettes leave possible: no more than it takes to keep ``count`` of them, where not all
+    of them have to be drawn."""
+    centre, radius = scene.centre.float(), view_radius(scene)
+    left, found = count * start.candidates, [torch.zeros(0, 3)]
+    while left > 0 and start.consistent_share * sum(map(len, found)) < count:
+        drawn = min(left, DRAWN_AT_ONCE)
+        direction = torch.nn.functional.normalize(torch.randn(drawn, 3, generator=generator), dim=-1)
+        distance = radius * torch.rand(drawn, 1, generator=generator) ** (1 / 3)
+        found.append(inside_all(silhouettes, centre + direction * distance))
+        left -= drawn
+    enough = math.ceil(count / start.consistent_share)
+    return torch.cat(found)[: enough if left else None]
+
+
+def inside_all(silhouettes: Sequence["Silhouette"], points: Float[Tensor, "points 3"]) -> Float[Tensor, "possible 3"]:
+    """The points that some view sees on or beside the object, and none elsewhere."""
+    seen = torch.zeros(len(points), dtype=torch.bool)
+    for silhouette in silhouettes:
+        in_frame, on_object = silhouette.shows(*project(points, silhouette.camera))
+        stays = on_object | ~in_frame
+        points, seen = points[stays], (seen | on_object)[stays]
+    return points[seen]
+
+
+@dataclass(frozen=True)
+class Silhouette:
+    """Where a view shows the object: its coverage and one pixel around it, a bit a pixel; None where all is covered."""
+
+    camera: Camera
+    bits: UInt8[Tensor, " bytes"] | None
+
+    @classmethod
+    def of(cls, view: View) -> "Silhouette":
+        """The silhouette of a view. A view without alpha shows the object everywhere."""
+        if not view.has("alpha"):
+            return cls(view.camera, None)
+        # A pixel beside the object still admits it: its own coverage may round to nothing.
+        widened = torch.nn.functional.max_pool2d(view.read("alpha").permute(2, 0, 1)[None], 3, stride=1, padding=1)
+        return cls(view.camera, torch.from_numpy(np.packbits((widened > 0).numpy().ravel(), bitorder="little")))
+
+    def shows(self, pixel: Float[Tensor, "points 2"], depth: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
+        """Which points lie in the frame, and which of these on the object, both [points]."""
+        camera = self.camera
+        size = torch.tensor([camera.width, camera.height])
+        in_frame = ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
+        if self.bits is None:
+            return in_frame, in_frame
+        column, row = torch.where(in_frame[:, None], pixel, 0.0).long().unbind(-1)
+        place = row * camera.width + column
+        return in_frame, in_frame & (self.bits[place >> 3].int() >> (place & 7) & 1).bool()
 
 
 @dataclass
@@ -106,26 +163,19 @@ class Sightings:
         """No view yet."""
         return cls(torch.zeros(points), torch.zeros(points, 3), torch.zeros(points, 3))
 
-    def add(self, points: Float[Tensor, "points 3"], view: View) -> Bool[Tensor, " points"]:
-        """Look at the points from one more view; returns which of them its silhouette leaves possible."""
+    def add(self, points: Float[Tensor, "points 3"], view: View, silhouette: "Silhouette") -> None:
+        """Look at the points from one more view."""
         pixel, depth = project(points, view.camera)
-        size = torch.tensor([view.camera.width, view.camera.height])
-        inside = ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
+        _, on_object = silhouette.shows(pixel, depth)
+        some = torch.nonzero(on_object)[:, 0]
         image = view.read("image").permute(2, 0, 1)[None]
-        alpha = view.read("alpha").permute(2, 0, 1)[None] if view.has("alpha") else torch.ones_like(image[:, :1])
-        # A pixel beside the object still admits it: its own coverage may round to nothing.
-        widened = torch.nn.functional.max_pool2d(alpha, 3, stride=1, padding=1)
-        grid = (pixel / size * 2 - 1)[None, None]
-        on_object = inside & (grid_sample(widened, grid, mode="nearest", align_corners=False)[0, 0, 0] > 0)
-        colour = grid_sample(image * alpha, grid, mode="bilinear", align_corners=False)[0, :, 0].T
+        if view.has("alpha"):
+            image = image * view.read("alpha").permute(2, 0, 1)[None]
+        grid = (pixel[some] / torch.tensor([view.camera.width, view.camera.height]) * 2 - 1)[None, None]
+        colour = grid_sample(image, grid, mode="bilinear", align_corners=False)[0, :, 0].T
         self.count += on_object
-        self.total += torch.where(on_object[:, None], colour, 0.0)
-        self.square += torch.where(on_object[:, None], colour.square(), 0.0)
-        return on_object | ~inside
-
-    def take(self, chosen: Bool[Tensor, " points"]) -> "Sightings":
-        """The sums of some of the points."""
-        return Sightings(self.count[chosen], self.total[chosen], self.square[chosen])
+        self.total.index_add_(0, some, colour)
+        self.square.index_add_(0, some, colour.square())
 
     def mean(self) -> Float[Tensor, "points 3"]:
         """Mean colour over the views that see each point."""

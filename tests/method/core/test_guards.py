@@ -21,6 +21,7 @@ from radiogs_core.instruments.finite import require_finite
 from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
 from radiogs_core.learning.views import load
+from radiogs_core.scene.held_pixels import Whole
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.sampling import LightSampler
 from scenes import look_at
@@ -64,7 +65,9 @@ def too_deep() -> object:
 
 
 def nothing_to_seek_light_in() -> object:
-    views = tuple(replace(view, mask=torch.zeros_like(view.mask)) for view in load(SCENE.train, torch.device("cpu")))
+    views = tuple(
+        replace(view, covered=Whole(torch.zeros_like(view.mask))) for view in load(SCENE.train, torch.device("cpu"))
+    )
     return light_and_albedo(BALL, views, 8, LightStart(), torch.Generator().manual_seed(0))
 
 

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ...instruments import count
-from ..runtime import as_array, launch_in_parallel, workers
+from ..runtime import MOST_ENTRIES, as_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 
 SAMPLE_FIELDS = 8
@@ -34,14 +34,18 @@ def shade(
     bilinearly. Zero where a view is below the surface. ``specular_at`` says which surfels have specular parts (None:
     all); those of the others are zero, and no lobe is evaluated for them.
 
+    So many surfels at a time as kernels can count the samples of; 2 million by 384 samples take two launches.
+
     Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
     made without gradient, and get none.
     """
     if specular_at is None:
         specular_at = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
-    return _Shade.apply(
-        normal, albedo, roughness, outgoing, direction, weight, visibility, indirect, environment, specular_at
-    )
+    together = max(1, MOST_ENTRIES // max(3 * direction.shape[1], 12 * outgoing.shape[1]))
+    of_surfels = (normal, albedo, roughness, outgoing, direction, weight, visibility, indirect)
+    parts = zip(*(value.split(together) for value in (*of_surfels, specular_at)), strict=True)
+    shaded = [_Shade.apply(*part[:-1], environment, part[-1]) for part in parts]
+    return shaded[0] if len(shaded) == 1 else torch.cat(shaded)
 
 
 class _Shade(torch.autograd.Function):

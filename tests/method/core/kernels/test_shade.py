@@ -1,10 +1,13 @@
 """K3 against a dense float64 implementation, finite differences and furnaces."""
 
+import sys
+
 import pytest
 import torch
 
+from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.kernels.runtime import as_array, launch_in_parallel, use_threads
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.shade.shade_source import CPU_LANES
 from radiogs_core.scene.light import EnvironmentMap
@@ -209,3 +212,28 @@ def test_every_sample_of_every_view_is_counted() -> None:
     with recording() as instruments:
         shade(*inputs(surfels=5, views=3, samples=7).values())
     assert instruments.work["shaded_samples"] == 5 * 3 * 7
+
+
+def test_more_samples_than_a_kernel_counts_are_shaded_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
+    given = inputs(surfels=11, samples=16)
+    whole = shade(*given.values())
+    pull = torch.randn_like(whole)
+    at_once = gradients(shade, given, pull)
+    monkeypatch.setattr(sys.modules["radiogs_core.kernels.shade.shade"], "MOST_ENTRIES", 3 * 16 * 4)
+    launches = []
+    launch = launch_in_parallel
+    monkeypatch.setattr(
+        sys.modules["radiogs_core.kernels.shade.shade"],
+        "launch_in_parallel",
+        lambda kernel, count, *rest: launches.append(count) or launch(kernel, count, *rest),
+    )
+    assert torch.equal(shade(*given.values()), whole)
+    assert launches == [4, 4, 3]
+    for name, gradient in gradients(shade, given, pull).items():
+        torch.testing.assert_close(gradient, at_once[name], rtol=1e-12, atol=1e-14)
+
+
+def test_an_array_that_no_kernel_can_count_is_refused_before_it_is_used() -> None:
+    huge = torch.zeros(1).expand(2**31)
+    with pytest.raises(UsageError, match=r"2147483648 entries of an array"):
+        as_array(huge)

@@ -1,6 +1,10 @@
+import pytest
 import torch
 
 from radiogs_core.learning.views import chosen_views, load, view_at
+from radiogs_core.scene.held_pixels import held, size
+from radiogs_core.scene.scene import View
+from radiogs_datasets import load_scene
 from scenes import sphere_scene
 
 
@@ -25,3 +29,38 @@ def test_compositing_covers_what_the_mask_leaves_open() -> None:
     white = view.over(1.0)
     assert (white[view.mask == 0] == 1).all()
     torch.testing.assert_close(white[view.mask == 1], view.image[view.mask == 1])
+
+
+@pytest.mark.parametrize("most", [255, 65_535])
+def test_pixels_of_image_files_are_held_as_levels_bit_for_bit(most: int) -> None:
+    pixels = torch.arange(most + 1).float()[torch.randperm(most + 1)].view(-1, 2, 1) / most
+    kept = held(pixels, torch.device("cpu"))
+    assert size(kept) == (most + 1) * (1 if most == 255 else 2)
+    assert torch.equal(kept.values(), pixels)
+
+
+def test_pixels_between_the_levels_are_held_as_they_are() -> None:
+    pixels = torch.rand(8, 8, 3)
+    kept = held(pixels, torch.device("cpu"))
+    assert size(kept) == 4 * pixels.numel()
+    assert torch.equal(kept.values(), pixels)
+
+
+def test_a_scene_of_8_bits_takes_four_bytes_a_pixel_and_is_what_the_files_hold() -> None:
+    scene = load_scene("corner")
+    for view, loaded in zip(scene.train[:3], load(scene.train[:3], torch.device("cpu")), strict=True):
+        assert size(loaded.pixels) + size(loaded.covered) == 4 * view.camera.width * view.camera.height
+        assert torch.equal(loaded.image, view.read("image"))
+        assert torch.equal(loaded.mask, view.read("alpha")[..., 0])
+
+
+def test_views_beyond_the_budget_are_read_when_asked_for_and_look_the_same() -> None:
+    scene = load_scene("corner")
+    few = scene.train[:4]
+    held_at_all = 2 * 4 * few[0].camera.width * few[0].camera.height
+    loaded = load(few, torch.device("cpu"), most=held_at_all)
+    assert [view.pixels is None for view in loaded] == [False, False, True, True]
+    for view, whole in zip(loaded, load(few, torch.device("cpu")), strict=True):
+        assert torch.equal(view.over(0.5), whole.over(0.5))
+    uncovered = View("plain", few[0].camera, {"image": few[0].sources["image"]})
+    assert float(load([uncovered], torch.device("cpu"), most=0)[0].mask.min()) == 1.0

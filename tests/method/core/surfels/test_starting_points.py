@@ -5,7 +5,15 @@ import torch
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
-from radiogs_core.surfels.starting_points import SurfelStart, initial_points, neighbour_spacing, view_radius
+from radiogs_core.surfels import starting_points
+from radiogs_core.surfels.starting_points import (
+    Silhouette,
+    SurfelStart,
+    initial_points,
+    neighbour_spacing,
+    possible_points,
+    view_radius,
+)
 from scenes import sphere_scene
 
 
@@ -44,3 +52,38 @@ def test_spacing_of_a_lattice_is_its_step_and_never_zero() -> None:
     doubled = torch.cat([lattice, lattice, lattice, lattice])
     assert float(neighbour_spacing(torch.cat([doubled, torch.rand(3, 3)])).min()) > 0
     assert neighbour_spacing(torch.zeros(1, 3)).tolist() == [1.0]
+
+
+def test_candidates_are_drawn_until_enough_stay(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, start = sphere_scene(views=8, size=32), SurfelStart()
+    monkeypatch.setattr(starting_points, "DRAWN_AT_ONCE", 500)
+    silhouettes, drawn = [Silhouette.of(view) for view in scene.train], [0]
+    look = starting_points.inside_all
+
+    def counted(among: list[Silhouette], points: torch.Tensor) -> torch.Tensor:
+        drawn[0] += len(points)
+        return look(among, points)
+
+    monkeypatch.setattr(starting_points, "inside_all", counted)
+    pool = possible_points(scene, silhouettes, 300, torch.Generator().manual_seed(0), start)
+    assert len(pool) == 300  # of the 300 * 128 that could be drawn
+    assert drawn[0] < 300 * 128 / 2
+    careful = dataclasses.replace(start, consistent_share=0.25)
+    pool = possible_points(scene, silhouettes, 300, torch.Generator().manual_seed(0), careful)
+    assert len(pool) == 1200
+
+
+def test_a_silhouette_is_the_coverage_and_one_pixel_around_it() -> None:
+    view = sphere_scene(size=21).train[0]
+    alpha = torch.zeros(21, 21, 1)
+    alpha[4, 7] = 1 / 255
+    spot = View("spot", view.camera, {**view.sources, "alpha": lambda: alpha})
+    row, column = torch.meshgrid(torch.arange(21), torch.arange(21), indexing="ij")
+    pixel = torch.stack([column, row], -1).flatten(0, 1) + 0.5
+    in_frame, shown = Silhouette.of(spot).shows(pixel, torch.ones(441))
+    assert in_frame.all()
+    assert torch.equal(shown.view(21, 21), (row - 4).abs().le(1) & (column - 7).abs().le(1))
+    outside = torch.tensor([[-0.1, 4.0], [7.0, 21.5], [7.5, 4.5]])
+    in_frame, shown = Silhouette.of(spot).shows(outside, torch.tensor([1.0, 1.0, -1.0]))
+    assert not in_frame.any()
+    assert not shown.any()

@@ -1,0 +1,58 @@
+"""Quantiles of any number of values, exactly: ``torch.quantile`` refuses more than 2^24 of them, and sorts a copy."""
+
+import math
+from collections.abc import Callable, Iterable
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+HALF = 1 << 16
+"""Values that half of a 32-bit key can take: a key is found by counting twice, its upper half and then its lower."""
+
+Parts = Callable[[], Iterable[Float[Tensor, " values"]]]
+"""Gives the values again each time it is called, part by part, float32; only one part is held at a time."""
+
+
+def quantile(parts: Parts, share: float) -> float | None:
+    """The value below which a share in [0, 1] of all values lies, linear between two of them; None without values.
+
+    That is ``torch.quantile`` of all parts joined, but for the rounding of its place, which is in float64 here. Takes
+    memory for one part and 65,536 counts, whatever the number of values (below 2^53). Values have to be finite.
+    """
+    count = sum(part.numel() for part in parts())
+    if not count:
+        return None
+    place = share * (count - 1)
+    below = math.floor(place)
+    lower, upper = _order_statistic(parts, below), _order_statistic(parts, min(below + 1, count - 1))
+    return lower + (upper - lower) * (place - below)
+
+
+def _order_statistic(parts: Parts, place: int) -> float:
+    """The value at a place, from 0, of all values in ascending order."""
+    upper, before = _bin_of(_counts(parts, lambda key: (key >> 16) + HALF // 2), place)
+    inside = upper - HALF // 2
+    lower, _ = _bin_of(_counts(parts, lambda key: key[key >> 16 == inside] & (HALF - 1)), place - before)
+    return float(_ordered(torch.tensor(inside * HALF + lower, dtype=torch.int32)).view(torch.float32))
+
+
+def _counts(parts: Parts, half: Callable[[Int[Tensor, " values"]], Int[Tensor, " chosen"]]) -> Int[Tensor, " bins"]:
+    """How often each half of a key occurs."""
+    counts = torch.zeros(HALF, dtype=torch.int64)
+    for part in parts():
+        keys = _ordered(part.detach().flatten().contiguous().view(torch.int32))
+        counts += torch.bincount(half(keys), minlength=HALF).cpu()
+    return counts
+
+
+def _bin_of(counts: Int[Tensor, " bins"], place: int) -> tuple[int, int]:
+    """The bin that holds a place, and how many values lie in the bins before it."""
+    ends = counts.cumsum(0)
+    found = int(torch.searchsorted(ends, place, right=True))
+    return found, int(ends[found - 1]) if found else 0
+
+
+def _ordered(bits: Int[Tensor, " *any"]) -> Int[Tensor, " *any"]:
+    """Bits of float32 as whole numbers in the order of the values, and back: negative ones count downwards."""
+    return bits ^ ((bits >> 31) & 0x7FFFFFFF)

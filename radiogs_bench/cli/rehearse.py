@@ -1,0 +1,184 @@
+"""``radiogs-bench rehearse``: every phase of a long run with few steps, and what the whole will take."""
+
+import argparse
+import json
+import re
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from radiogs_core.errors import UsageError
+
+from .options import add_scene_options, add_verbose, names, positive, scene_options
+
+if TYPE_CHECKING:
+    from radiogs_core.scene.scene import Scene
+
+    from ..rehearsal.one_row import Row
+    from .options import Commands
+
+GIB = 2**30
+RESERVE = 0.9
+"""Share of the free memory that a run may take."""
+
+MINUTES = 60.0
+STOPPED = 130
+
+TEST_VIEWS = 8
+"""Test views of an enlarged scene: the whole run's forecast counts as many."""
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser(
+        "rehearse", help="few steps of every phase at full size: what a long run will take", allow_abbrev=False
+    )
+    parser.set_defaults(command=rehearse)
+    parser.add_argument("subject", metavar="SUITE|SCENE", help="all rows of a suite, or one method on a scene")
+    parser.add_argument("--preset", default="paper", help="budget whose sizes are rehearsed (default: paper)")
+    parser.add_argument(
+        "--scenes", type=names, metavar="A,B", help="of a suite: the first is rehearsed (default: its own)"
+    )
+    parser.add_argument("--method", type=names, metavar="A,B", help="methods (default: the rows', or radiogs)")
+    parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
+    parser.add_argument(
+        "--as", dest="size", type=_size, metavar="VIEWSxWIDTHxHEIGHT", help="repeat and enlarge the views, in memory"
+    )
+    parser.add_argument("--test-views", type=positive, default=TEST_VIEWS, metavar="N", help="with --as (default: 8)")
+    parser.add_argument("--no-masks", action="store_true", help="with --as: views without coverage")
+    parser.add_argument("--minutes", type=float, default=MINUTES, metavar="M", help="larger sizes are not begun later")
+    parser.add_argument("--sizes", type=_sizes, metavar="N,N", help="of the model (default: from the start's up)")
+    parser.add_argument(
+        "--core-seconds", action="store_true", help="count the time with a core: others use this machine, one thread"
+    )
+    parser.add_argument("--memory", type=float, metavar="GIB", help="of the machine (default: 90 %% of what is free)")
+    parser.add_argument("--forecast-for", metavar="DEVICE", help="a forecast for another device, such as rtx-4090")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
+    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of rehearsal.json (default: out/rehearse-NAME)")
+    parser.add_argument("--json", action="store_true", help="print the record instead of tables")
+    add_scene_options(parser)
+    add_verbose(parser)
+
+
+def rehearse(options: argparse.Namespace) -> int:
+    """Rehearse, store and print; 1 if something will not fit."""
+    from radiogs_datasets import load_scene
+
+    from ..engines.run import COMPILED_ON
+    from ..rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
+    from ..rehearsal.limits import KNOWN_DEVICES, memory_there
+    from ..rehearsal.record import Asked, fits, record_of
+    from ..store.atomic import write_atomically
+    from ..store.folder import strict_json
+    from ..training.progress import LogProgress
+    from ..training.warm_up import compile_kernels
+    from .device import chosen_device
+    from .reporter import say
+
+    if options.forecast_for is not None and options.forecast_for not in KNOWN_DEVICES:
+        raise UsageError(f"nothing is known of device '{options.forecast_for}'", f"Known: {', '.join(KNOWN_DEVICES)}.")
+    if options.core_seconds and (options.device != "cpu" or options.threads != 1):
+        raise UsageError("--core-seconds counts those of one thread", "", "Give --threads 1, and no --device cuda.")
+    device = chosen_device(options)
+    name, rows, scene, rules, cells = _asked(options)
+    memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
+    if options.memory is not None:
+        memory["host"] = int(options.memory * GIB)
+    bounds = Bounds(memory, 60 * options.minutes)
+    folder = options.out or Path("out") / f"rehearse-{name}"
+    folder.mkdir(parents=True, exist_ok=True)
+    compile_kernels(load_scene(COMPILED_ON), device, ((row.method, row.variant) for row in rows))
+    name_of_clock, clock = ("core", time.process_time) if options.core_seconds else ("wall", time.perf_counter)
+    setting = Setting(device, LogProgress(), options.sizes or (), clock)
+    with stopped_by_signals():
+        climbed = climb(rows, scene, rules, folder, bounds, setting)
+    asked = Asked(
+        name,
+        options.preset,
+        scene,
+        cells,
+        bounds,
+        device,
+        options.forecast_for,
+        name_of_clock,
+    )
+    record = record_of(asked, rows, climbed)
+    write_atomically(folder / "rehearsal.json", strict_json(record))
+    if options.json:
+        say(json.dumps(record, allow_nan=False))
+    else:
+        _show(record, folder / "rehearsal.json")
+    if climbed.stopped:
+        return STOPPED
+    return 0 if fits(record) else 1
+
+
+def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
+    """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
+    from ..metrics import protocol
+    from ..rehearsal.one_row import Row
+    from ..suites.registry import SUITES
+    from ..suites.scenes import load_scenes, own_scenes
+    from ..suites.suite import Metric, Suite, of_methods
+    from ..suites.sweep import Request
+    from .run import suite_of
+
+    if options.subject in SUITES or options.subject.endswith(".toml"):
+        suite = suite_of(options.subject)
+        suite = of_methods(suite, options.method) if options.method else suite
+        scenes = options.scenes or own_scenes(suite)
+    else:
+        from ..suites.suite import Row as SuiteRow
+
+        one = Suite("one", "One scene", None, None, (SuiteRow("ours", "", "ours"),), (Metric("nvs", "psnr"),))
+        suite = of_methods(one, options.method) if options.method else one
+        scenes = [options.subject]
+    ((name, scene),) = load_scenes(scenes[:1], scene_options(options)).items()
+    scene = _enlarged(scene, options)
+    rules = protocol(options.protocol or suite.protocol).name
+    request = Request(suite, {name: scene}, 1, options.preset, rules, options.device)
+    rows = []
+    by_key = {row.key: row for row in suite.rows}
+    for place, cell in request.cells():
+        if not cell.stages:
+            raise UsageError(f"suite '{suite.name}' trains nothing", "There is nothing to rehearse.")
+        row = by_key[place["row"]]
+        rows.append(Row(row.key, request.method(row.method), cell.found_as, cell.variant, cell.budget))
+    subject = suite.name if suite.name != "one" else name
+    return subject, rows, scene, rules, len(scenes)
+
+
+def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
+    if options.size is None:
+        if options.no_masks:
+            raise UsageError("--no-masks is of an enlarged scene", "", "Give --as as well.")
+        return scene
+    from radiogs_datasets.enlargement import enlarged
+
+    views, width, height = options.size
+    return enlarged(scene, views, options.test_views, width, height, not options.no_masks)
+
+
+def _sizes(text: str) -> list[int]:
+    """Sizes of the model, ascending."""
+    return sorted(positive(each) for each in names(text))
+
+
+def _size(text: str) -> tuple[int, int, int]:
+    """Views, width and height, such as 100x800x800."""
+    found = re.fullmatch(r"(\d+)x(\d+)x(\d+)", text)
+    if found is None or min(map(int, found.groups())) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not VIEWSxWIDTHxHEIGHT, such as 100x800x800")
+    views, width, height = map(int, found.groups())
+    return views, width, height
+
+
+def _show(record: dict[str, Any], path: Path) -> None:
+    """The lines of the document, on the terminal."""
+    from ..rehearsal.document import lines_of
+    from .reporter import say
+
+    for line in lines_of(record):
+        say(line.replace("**", ""))
+    say(f"wrote {path}")

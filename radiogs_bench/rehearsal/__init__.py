@@ -1,0 +1,1 @@
+"""Rehearses long runs: every phase at full size with few steps, and a forecast of the whole."""

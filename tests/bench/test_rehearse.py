@@ -1,0 +1,275 @@
+"""Rehearsals: what is measured, what is forecast from it, and that what does not fit is told in time."""
+
+import json
+import shutil
+import signal
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import pytest
+import torch
+
+from bench.fake_method import FAKE, FakeStage
+from radiogs.budget import PRESETS
+from radiogs.rehearsing import INITIALISE_STEPS, short_run
+from radiogs.variant import Variant
+from radiogs_bench.cli import main
+from radiogs_bench.methods import substitutes
+from radiogs_bench.rehearsal import climb as climbing
+from radiogs_bench.rehearsal.climb import Bounds, sizes_of
+from radiogs_bench.rehearsal.document import lines_of, with_tables
+from radiogs_bench.rehearsal.growth import Rung, extended
+from radiogs_bench.rehearsal.one_row import Row
+from radiogs_bench.rehearsal.phases import Phase, of_memory
+from radiogs_bench.rehearsal.whole import whole_of
+from radiogs_core.errors import DataError
+from radiogs_core.instruments import recording
+from radiogs_core.surfels import density
+from radiogs_datasets.registry import scene_folder
+
+GIB = 2**30
+
+
+def recorded(folder: Path) -> dict[str, Any]:
+    return json.loads((folder / "rehearsal.json").read_bytes())
+
+
+def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["corner", "--preset", "smoke", "--as", "3x40x32", "--test-views", "2", "--forecast-for", "rtx-4090"]
+    assert main(["rehearse", *given, "--out", str(tmp_path)]) == 0
+    found = recorded(tmp_path)
+    assert [rung["size"] for rung in found["rungs"]] == [100, 400, 600]
+    last = {phase["title"]: phase for phase in found["rungs"][-1]["phases"]}
+    for stage in ("stage 1, initialisation", "stage 2, inverse rendering"):
+        for work in ("beginning", "first step", "step", "writing a checkpoint", "resuming from it"):
+            assert last[f"{stage}: {work}"]["seconds"], work
+    assert last["stage 1, initialisation: round of density control"]["whole"] == 1
+    assert last["stage 2, inverse rendering: step that traces all light anew"]["whole"] == 1
+    assert last["stage 2, inverse rendering: step"]["whole"] == 20 - 1 - 1
+    for mode in ("by rays, split sum", "by rays, fine-tuned", "by surfels alone, fine-tuned"):
+        assert last[f"relighting {mode}: a frame"]["whole"] == 2 * 2 * 2  # two views, two lights, each twice
+    assert last["relighting by surfels alone, fine-tuned: step of its preparation"]["whole"] == 2 * 10
+    assert found["scene"] | {"remarks": 0} == {
+        "name": "corner", "train": 3, "test": 2, "width": 40, "height": 32, "masks": True, "lights": 2, "remarks": 0,
+    }  # fmt: skip
+    assert [each["size"] for each in found["forecast"]] == [400, 600]
+    assert all(each["measured"] and not each["beyond"] for each in found["forecast"])
+    assert {path.name for path in tmp_path.iterdir()} <= {"rehearsal.json", "tracebacks", "aside"}
+    assert "Forecast, not measured, for an NVIDIA GeForce RTX 4090" in capsys.readouterr().out
+
+
+def test_what_does_not_fit_is_named_and_ends_with_exit_code_1(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        assert main(["rehearse", "corner", "--preset", "smoke", "--memory", "0.01", "--out", str(tmp_path)]) == 1
+    found = recorded(tmp_path)
+    assert found["forecast"][0]["beyond"] == ["host"]
+    assert "does not fit" in capsys.readouterr().out
+    assert found["refusal"]["fits"] is False
+
+
+class Greedy(FakeStage):
+    """Asks for more memory than any machine has."""
+
+    def step(self) -> Mapping[str, float]:
+        torch.empty(2**60, dtype=torch.uint8)
+        return {}
+
+
+def test_memory_that_ends_within_a_step_is_a_finding_and_no_failure(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def stages(self, variant: Any, budget: Any) -> Any:
+            first, second = super().stages(variant, budget)
+            return first, replace(second, begin=lambda run, before: Greedy(before["place"], 1.0, run.seed))
+
+    with patch.dict(substitutes, {FAKE.name: Method()}):
+        assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 1
+    assert recorded(tmp_path)["refusal"]["why"] == "there was not enough memory for 'fake invert: step 0'"
+    assert "Traceback" not in capsys.readouterr().err
+
+
+class Endless(FakeStage):
+    """Is stopped in its second step."""
+
+    def step(self) -> Mapping[str, float]:
+        if self.iteration:
+            signal.raise_signal(signal.SIGTERM)
+        return super().step()
+
+
+def test_a_rehearsal_that_is_stopped_keeps_what_was_measured(tmp_path: Path) -> None:
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def stages(self, variant: Any, budget: Any) -> Any:
+            first, second = super().stages(variant, budget)
+            return first, replace(second, begin=lambda run, before: Endless(before["place"], 1.0, run.seed))
+
+    with patch.dict(substitutes, {FAKE.name: Method()}):
+        assert main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path)]) == 130
+    found = recorded(tmp_path)
+    assert found["refusal"]["why"] == "it was stopped after 'fake invert: beginning'"
+    assert found["forecast"] == []
+    assert found["rungs"][0]["phases"][0]["title"] == "fake initialise: beginning"
+    assert any("it was stopped" in line for line in lines_of(found))
+
+
+def test_a_method_that_does_not_say_its_sizes_is_rehearsed_as_it_begins(tmp_path: Path) -> None:
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        assert main(["rehearse", "ablations", "--preset", "smoke", "--out", str(tmp_path), "--json"]) == 0
+    found = recorded(tmp_path)
+    assert found["size_name"] is None
+    assert [rung["size"] for rung in found["rungs"]] == [None]
+    assert set(found["rungs"][0]["rows"]) == {"ours", "no-rad", "detach-pbr", "detach-surfel", "nvs-init"}
+    firsts = {keys[0] for keys in found["rungs"][0]["rows"].values()}
+    begun = [phase["key"] for phase in found["rungs"][0]["phases"] if phase["title"] == "fake initialise: beginning"]
+    assert sorted(begun) == sorted(firsts)  # once each, although four rows share one
+    assert len(firsts) < 5
+
+
+def test_what_is_rehearsed_is_found_and_opened_as_asked(tmp_path: Path) -> None:
+    (tmp_path / "data" / "made").mkdir(parents=True)
+    shutil.copytree(scene_folder("corner"), tmp_path / "data" / "made" / "room")
+    where = ["made/room", "--data", str(tmp_path / "data"), "--long-side", "20"]
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        assert main(["rehearse", *where, "--preset", "smoke", "--out", str(tmp_path / "out")]) == 0
+    found = recorded(tmp_path / "out")["scene"]
+    assert (found["name"], found["width"], found["height"]) == ("room", 20, 20)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["corner", "--as", "3x40"], 2),
+        (["corner", "--no-masks"], 2),
+        (["corner", "--core-seconds", "--threads", "2"], 2),
+        (["corner", "--sizes", "10,0"], 2),
+        (["corner", "--forecast-for", "abacus"], 2),
+        (["stability"], 2),
+        (["no_such_scene"], 3),
+        (["corner", "--preset", "papre"], 2),
+    ],
+)
+def test_wrong_wishes_are_refused(arguments: list[str], code: int, tmp_path: Path) -> None:
+    assert main(["rehearse", *arguments, "--out", str(tmp_path / "out")]) == code
+
+
+def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps() -> None:
+    short = short_run(Variant(), PRESETS["paper"], 2_000_000)
+    assert short.budget.initial_surfels == short.budget.maximum_surfels == 2_000_000
+    assert (short.budget.consistency_surfels, short.budget.incident_samples) == (4096, 64)
+    kinds = {name: {kind.title: kind for kind in kinds} for name, kinds in short.kinds.items()}
+    assert sum(kind.whole for kind in kinds["initialise"].values()) == 40_000
+    assert kinds["initialise"]["round of density control"].whole == 49
+    assert sum(kind.whole for kind in kinds["invert"].values()) == 20_000
+    assert kinds["invert"]["step that traces all light anew"].whole == 199
+    assert {way.variant.relighting: way.whole for way in short.relighting} == {
+        "pbr": 0, "finetuned": 2000, "surfels": 2000,
+    }  # fmt: skip
+
+
+def test_rounds_of_density_control_come_when_the_short_run_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    from radiogs.method import RADIOGS
+    from radiogs_core.contract import Run
+    from radiogs_datasets import load_scene
+
+    short = short_run(Variant(), PRESETS["smoke"], 80)
+    rounds: list[int] = []
+    changed = density.AdaptiveDensityControl._changed
+    monkeypatch.setattr(
+        density.AdaptiveDensityControl, "_changed", lambda self, *rest: rounds.append(1) or changed(self, *rest)
+    )
+    scene = load_scene("corner")
+    run = Run(replace(scene, train=scene.train[:3]), Variant(), short.budget, 0, torch.device("cpu"))
+    stage = RADIOGS.stages(run.variant, run.budget)[0].begin(run, {})
+    before, at = 0, set()
+    for step in range(INITIALISE_STEPS):
+        with recording():
+            stage.step()
+        if len(rounds) > before:
+            at.add(step)
+        before = len(rounds)
+    assert at == next(kind for kind in short.kinds["initialise"] if "density" in kind.title).steps
+
+
+def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> Rung:
+    phase = Phase("step", f"key-{size}", (seconds, seconds), 10, {"host": round(peak * GIB)})
+    return Rung(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
+
+
+def test_another_size_lies_on_the_line_through_the_last_two() -> None:
+    both = extended([rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)], 400)[0]
+    assert both.mean == pytest.approx(3.5)
+    assert both.peaks["host"] / GIB == pytest.approx(4.5)
+    assert extended([rung(100, 2.0, 3.0), rung(200, 1.0, 2.0)], 400)[0].mean == pytest.approx(1.0)
+
+
+def test_sizes_that_would_not_fit_or_take_too_long_are_not_tried() -> None:
+    rungs = [rung(100, 2.0, 3.0), rung(200, 2.5, 3.5)]
+    assert climbing._refusal(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 1e6) is None
+    # From one size alone nothing is concluded about memory: most of it may be that of the images.
+    assert climbing._refusal(rungs[:1], 400, Bounds({"host": 4 * GIB}, 1e6), 1e6) is None
+    tight = climbing._refusal(rungs, 400, Bounds({"host": 4 * GIB}, 1e6), 1e6)
+    assert tight is not None
+    assert not tight.fits
+    assert "would take 4.5 GiB of the host's 4.0" in tight.why
+    late = climbing._refusal(rungs, 400, Bounds({"host": 5 * GIB}, 1e6), 9.0)
+    assert late is not None
+    assert late.fits
+
+
+def test_rows_that_share_a_stage_train_it_once_and_are_shown_each() -> None:
+    phases = [
+        Phase("step", "shared", (1.0, 3.0), 10, {}),
+        Phase("step", "own", (1.0,), 5, {}),
+        Phase("frame", "own shown", (0.5,), 4, {}),
+    ]
+    rows = {"a": ["shared", "own", "own shown"], "b": ["shared", "own", "own shown"]}
+    whole = whole_of(phases, rows, cells=3)
+    assert whole.seconds == pytest.approx(3 * (20 + 5 + 2 * 2))
+    assert whole.error == pytest.approx(3 * 10 * phases[0].error)
+    assert phases[0].error == pytest.approx(1.0)
+
+
+def test_sizes_grow_fourfold_from_a_quarter_of_the_start_to_the_largest() -> None:
+    from radiogs.method import RADIOGS
+
+    assert sizes_of([Row("a", RADIOGS, "radiogs", Variant(), PRESETS["paper"])]) == [
+        25_000, 100_000, 400_000, 1_600_000, 2_000_000,
+    ]  # fmt: skip
+
+
+def test_only_memory_is_taken_for_memory() -> None:
+    assert of_memory(MemoryError())
+    assert of_memory(RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried"))
+    assert not of_memory(RuntimeError("shapes do not match"))
+    assert not of_memory(None)
+
+
+def test_tables_go_into_their_places_and_nowhere_else(tmp_path: Path) -> None:
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path), "--json"])
+    record = recorded(tmp_path)
+    text = "before\n<!-- rehearsal one -->\nold\n<!-- end of rehearsal -->\nafter\n"
+    written = with_tables(text, {"one": record})
+    assert written.startswith("before\n<!-- rehearsal one -->\n`corner`")
+    assert written.endswith("<!-- end of rehearsal -->\nafter\n")
+    assert "old" not in written
+    assert with_tables(written, {"one": record}) == written
+    assert all(line in written for line in lines_of(record))
+    with pytest.raises(DataError, match="no place"):
+        with_tables(text, {"two": record})
+
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "paper_scale.md"
+
+
+def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
+    files = sorted(DOCUMENT.with_suffix("").glob("*.json"))
+    assert files
+    text = DOCUMENT.read_text(encoding="utf-8")
+    assert with_tables(text, {path.stem: json.loads(path.read_bytes()) for path in files}) == text
