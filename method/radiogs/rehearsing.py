@@ -15,6 +15,9 @@ INITIALISE_STEPS = 12
 DENSIFY_EVERY = 3
 """Steps between two of its rounds of density control."""
 
+PRUNED_AFTER = 11
+"""Steps of stage 1 after which surfels that hardly show are looked for in all training views: no round is due then."""
+
 INVERT_STEPS = 6
 """Steps of stage 2."""
 
@@ -39,7 +42,8 @@ def sizes(budget: Budget) -> tuple[int, int]:
 def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     """A run that begins with ``size`` surfels and may not have more.
 
-    They fill the visual hull, as at the start of any run; those of a trained model lie on surfaces.
+    They fill the visual hull, as at the start of any run; those of a trained model lie on surfaces. Those that hardly
+    show are looked for once, and stay: most of a hull hardly shows, and the model is to keep its size.
     """
     short = replace(
         budget,
@@ -51,32 +55,50 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
         refresh_interval=REFRESH_EVERY,
         finetune_iterations=min(FINETUNE_STEPS, budget.finetune_iterations),
     )
-    rules = variant.surfel_learning.density
+    kinds = {
+        "initialise": _kinds(_density_kinds(variant, budget), budget.initialise_iterations, INITIALISE_STEPS),
+        "invert": _kinds((), budget.inverse_iterations, INVERT_STEPS),
+    }
+    if variant.shading == "monte-carlo" and variant.incident != "precomputed":
+        refreshed, whole = frozenset({REFRESH_EVERY}), (budget.inverse_iterations - 1) // budget.refresh_interval
+        tracing = StepKind("step that traces all light anew", refreshed, whole)
+        kinds["invert"] = _kinds((tracing,), budget.inverse_iterations, INVERT_STEPS)
+    modes = [mode for mode in get_args(Mode) if mode in TITLES]
+    steps = {mode: 0 if mode == "pbr" else budget.finetune_iterations for mode in modes}
+    rehearsed = _pruning_once(variant)
+    ways = tuple(Relighting(TITLES[mode], replace(rehearsed, relighting=mode), steps[mode]) for mode in modes)
+    return ShortRun(rehearsed, short, kinds, ways)
+
+
+def _pruning_once(variant: Variant) -> Variant:
+    """Surfels that hardly show are looked for once in the short stage 1, if ever, and none is removed."""
+    rules = variant.geometry.density
+    once = replace(
+        rules, hidden_at=(PRUNED_AFTER / INITIALISE_STEPS,) if rules.hidden_at else (), least_contribution=0.0
+    )
+    return replace(variant, geometry=replace(variant.geometry, density=once))
+
+
+def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
+    """Steps of stage 1 with a round of density control, and with a look at all training views.
+
+    A step with both counts as one of each: what they add to a usual step adds up.
+    """
+    rules = variant.geometry.density
     rounds = frozenset(
         done - 1
         for done in range(DENSIFY_EVERY, INITIALISE_STEPS, DENSIFY_EVERY)
         if rules.start <= done / INITIALISE_STEPS < rules.end
     )
     whole_rounds = int((rules.end - rules.start) * budget.initialise_iterations / budget.densify_interval)
-    kinds = {
-        "initialise": _kinds(
-            "round of density control", rounds, whole_rounds, budget.initialise_iterations, INITIALISE_STEPS
-        ),
-        "invert": (StepKind("step", frozenset(range(INVERT_STEPS)), budget.inverse_iterations),),
-    }
-    if variant.shading == "monte-carlo" and variant.incident != "precomputed":
-        refreshed, whole = frozenset({REFRESH_EVERY}), (budget.inverse_iterations - 1) // budget.refresh_interval
-        title = "step that traces all light anew"
-        kinds["invert"] = _kinds(title, refreshed, whole, budget.inverse_iterations, INVERT_STEPS)
-    modes = [mode for mode in get_args(Mode) if mode in TITLES]
-    steps = {mode: 0 if mode == "pbr" else budget.finetune_iterations for mode in modes}
-    ways = tuple(Relighting(TITLES[mode], replace(variant, relighting=mode), steps[mode]) for mode in modes)
-    return ShortRun(short, kinds, ways)
-
-
-def _kinds(title: str, rare: frozenset[int], rare_whole: int, steps: int, short: int) -> tuple[StepKind, ...]:
-    """The rare steps of a stage, and all others."""
+    looks = len({round(share * budget.initialise_iterations) for share in rules.hidden_at})
     return (
-        StepKind("step", frozenset(range(short)) - rare, steps - rare_whole),
-        StepKind(title, rare, rare_whole),
+        StepKind("round of density control", rounds, whole_rounds),
+        StepKind("step that looks for hidden surfels", frozenset({PRUNED_AFTER - 1} if looks else ()), looks),
     )
+
+
+def _kinds(rare: tuple[StepKind, ...], steps: int, short: int) -> tuple[StepKind, ...]:
+    """The usual steps of a stage, and the rare ones."""
+    usual = frozenset(range(short)).difference(*(kind.steps for kind in rare))
+    return StepKind("step", usual, steps - sum(kind.whole for kind in rare)), *(kind for kind in rare if kind.steps)

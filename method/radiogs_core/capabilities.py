@@ -140,9 +140,11 @@ class Relighting:
 class ShortRun:
     """Few steps of every kind, with a model of a stated size.
 
-    budget: what the method is run with. kinds: those of every stage's steps, by its name. relighting: every way.
+    variant, budget: what the method is run with. kinds: those of every stage's steps, by its name. relighting: every
+    way.
     """
 
+    variant: Any
     budget: Any
     kinds: Mapping[str, tuple[StepKind, ...]]
     relighting: tuple[Relighting, ...]

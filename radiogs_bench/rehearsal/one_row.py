@@ -61,7 +61,7 @@ class Row:
                     "Leave its rows out with --method.",
                 )
         kinds = {spec.name: (StepKind("step", frozenset(range(min(STEPS, spec.steps))), spec.steps),) for spec in specs}
-        return ShortRun(self.budget, kinds, (Relighting("relighting", self.variant, 0),))
+        return ShortRun(self.variant, self.budget, kinds, (Relighting("relighting", self.variant, 0),))
 
 
 class RowRehearsal:
@@ -73,7 +73,7 @@ class RowRehearsal:
         self.row, self.scene, self.rules, self.store, self.phases, self.seen = row, scene, rules, store, phases, seen
         self.device, self.name = phases.device, row.method.name
         self.short, self.facts = row.short(size), dict[str, int]()
-        work = Work(row.variant, self.short.budget, device=self.device.type, protocol=rules)
+        work = Work(self.short.variant, self.short.budget, device=self.device.type, protocol=rules)
         self.cell: Cell = cell_of(row.method, scene, work, row.found_as)
 
     def all(self) -> list[str]:
@@ -91,7 +91,7 @@ class RowRehearsal:
             key = f"{model} relit {way.title}"
             if self._new(key):
                 self.relight(way, light, key)
-            if way.variant == self.row.variant:
+            if way.variant == self.short.variant:
                 keys.append(key)
         return keys
 
@@ -104,7 +104,7 @@ class RowRehearsal:
     def train(self) -> Trained:
         """The stages that no row before this one has gone through, and the model that they leave."""
         with calling(self.name, "stages()"):
-            specs = self.row.method.stages(self.row.variant, self.short.budget)
+            specs = self.row.method.stages(self.short.variant, self.short.budget)
         product: Mapping[str, Any] = {}
         for spec, stage in zip(specs, self.cell.stages, strict=True):
             stored = self.store.tensors(product_name(stage.key), self.device)
@@ -113,7 +113,7 @@ class RowRehearsal:
                 stored = self.store.tensors(product_name(stage.key), self.device)
             assert stored is not None
             product = stored["product"]
-        return restored(self.row.method, self._run(self.row.variant), product)
+        return restored(self.row.method, self._run(self.short.variant), product)
 
     def _run(self, variant: Any) -> Run:
         workspace = self.store.folder / "work" / str(self.cell.training_key)
@@ -121,7 +121,7 @@ class RowRehearsal:
 
     def _stage(self, spec: StageSpec, key: str, before: Mapping[str, Any]) -> None:
         """Begin a stage, take its steps, write and read a checkpoint, and store the product."""
-        measure, run = self.phases.measure, self._run(self.row.variant)
+        measure, run = self.phases.measure, self._run(self.short.variant)
         stage = measure(f"{spec.title}: beginning", key, 1, lambda: begun(self.name, spec, run, before))
         try:
             self._steps(spec, stage, key)

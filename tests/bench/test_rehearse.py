@@ -27,6 +27,7 @@ from radiogs_bench.rehearsal.phases import Phase, of_memory
 from radiogs_bench.rehearsal.whole import whole_of
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
+from radiogs_core.learning import fit_geometry
 from radiogs_core.surfels import density
 from radiogs_datasets.registry import scene_folder
 
@@ -39,14 +40,18 @@ def recorded(folder: Path) -> dict[str, Any]:
 
 def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     given = ["corner", "--preset", "smoke", "--as", "3x40x32", "--test-views", "2", "--forecast-for", "rtx-4090"]
-    assert main(["rehearse", *given, "--out", str(tmp_path)]) == 0
+    look = fit_geometry.largest_contribution
+    with patch.object(fit_geometry, "largest_contribution", side_effect=look) as looks:
+        assert main(["rehearse", *given, "--out", str(tmp_path)]) == 0
     found = recorded(tmp_path)
     assert [rung["size"] for rung in found["rungs"]] == [100, 400, 600]
+    assert looks.call_count == 3  # once at each size
     last = {phase["title"]: phase for phase in found["rungs"][-1]["phases"]}
     for stage in ("stage 1, initialisation", "stage 2, inverse rendering"):
         for work in ("beginning", "first step", "step", "writing a checkpoint", "resuming from it"):
             assert last[f"{stage}: {work}"]["seconds"], work
     assert last["stage 1, initialisation: round of density control"]["whole"] == 1
+    assert last["stage 1, initialisation: step that looks for hidden surfels"]["whole"] == 7
     assert last["stage 2, inverse rendering: step that traces all light anew"]["whole"] == 1
     assert last["stage 2, inverse rendering: step"]["whole"] == 20 - 1 - 1
     for mode in ("by rays, split sum", "by rays, fine-tuned", "by surfels alone, fine-tuned"):
@@ -165,6 +170,7 @@ def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps()
     kinds = {name: {kind.title: kind for kind in kinds} for name, kinds in short.kinds.items()}
     assert sum(kind.whole for kind in kinds["initialise"].values()) == 40_000
     assert kinds["initialise"]["round of density control"].whole == 49
+    assert kinds["initialise"]["step that looks for hidden surfels"].whole == 7
     assert sum(kind.whole for kind in kinds["invert"].values()) == 20_000
     assert kinds["invert"]["step that traces all light anew"].whole == 199
     assert {way.variant.relighting: way.whole for way in short.relighting} == {
@@ -172,28 +178,46 @@ def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps()
     }  # fmt: skip
 
 
-def test_rounds_of_density_control_come_when_the_short_run_says(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rounds_and_looks_for_hidden_surfels_come_when_the_short_run_says(monkeypatch: pytest.MonkeyPatch) -> None:
     from radiogs.method import RADIOGS
     from radiogs_core.contract import Run
     from radiogs_datasets import load_scene
 
     short = short_run(Variant(), PRESETS["smoke"], 80)
-    rounds: list[int] = []
-    changed = density.AdaptiveDensityControl._changed
+    happened: list[str] = []
+    changed, contribution = density.AdaptiveDensityControl._changed, fit_geometry.largest_contribution
     monkeypatch.setattr(
-        density.AdaptiveDensityControl, "_changed", lambda self, *rest: rounds.append(1) or changed(self, *rest)
+        density.AdaptiveDensityControl, "_changed", lambda self, *rest: happened.append("round") or changed(self, *rest)
+    )
+    monkeypatch.setattr(
+        fit_geometry, "largest_contribution", lambda *given: happened.append("looks") or 0 * contribution(*given)
     )
     scene = load_scene("corner")
-    run = Run(replace(scene, train=scene.train[:3]), Variant(), short.budget, 0, torch.device("cpu"))
+    run = Run(replace(scene, train=scene.train[:3]), short.variant, short.budget, 0, torch.device("cpu"))
     stage = RADIOGS.stages(run.variant, run.budget)[0].begin(run, {})
-    before, at = 0, set()
+    at: dict[str, set[int]] = {"round": set(), "looks": set()}
     for step in range(INITIALISE_STEPS):
+        happened.clear()
+        before = len(stage.surfels)
         with recording():
             stage.step()
-        if len(rounds) > before:
-            at.add(step)
-        before = len(rounds)
-    assert at == next(kind for kind in short.kinds["initialise"] if "density" in kind.title).steps
+        for each in happened:
+            at[each].add(step)
+        if "round" not in happened:
+            assert len(stage.surfels) == before
+    for what, steps in at.items():
+        assert steps
+        assert steps == next(kind for kind in short.kinds["initialise"] if what in kind.title).steps
+
+
+def test_a_variant_that_never_looks_for_hidden_surfels_has_no_such_step() -> None:
+    learning = Variant().geometry
+    without = Variant(geometry=replace(learning, density=replace(learning.density, hidden_at=())))
+    short = short_run(without, PRESETS["paper"], 100)
+    assert short.variant.geometry.density.hidden_at == ()
+    assert {kind.title: kind.whole for kind in short.kinds["initialise"]} == {
+        "step": 40_000 - 49, "round of density control": 49,
+    }  # fmt: skip
 
 
 def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> Rung:
