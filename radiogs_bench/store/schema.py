@@ -7,7 +7,7 @@ describes every key, and what each version changed.
 import math
 from typing import Any, TypedDict
 
-RESULT_SCHEMA = "radiogs-bench/result/4"
+RESULT_SCHEMA = "radiogs-bench/result/5"
 
 
 class MetricValue(TypedDict):

@@ -28,7 +28,7 @@ def result(key: str, value: float = 1.0) -> Result:
         metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
         albedo_scale=None,
         facts={"surfels": 1}, maps=[], stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
-        sessions={},
+        sessions={}, recovered={}, determined={},
     )  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def test_a_result_comes_back_as_it_was_put(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/4", "key": "b"}']
+    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/5", "key": "b"}']
 )
 def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
