@@ -15,6 +15,9 @@ from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 class SplitSumLearning:
     """How stage 1 learns materials and light, by split-sum shading."""
 
+    image: float = 0.1
+    """Weight of the image loss of the split sum, beside that of the surfels' radiance (paper: 1). Its light has no
+    shadows and no inter-reflection: at full weight it explains them by wrong shapes."""
     consistency: float = 0.2
     """Weight of the simplified radiometric consistency."""
     consistency_from: float = 2_000 / 40_000

@@ -40,7 +40,7 @@ class UnseenMaterials(Shading):
     """Materials and light that no image shows: they stay as they start, for stage 2 to find."""
 
     def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
-        self.learning = learning
+        self.learning, self.image_weight = learning, learning.image
         self.tensors = {"log_environment": constant_light(light_height, learning.light, device)}
         self.rates = {
             "albedo_logit": learning.albedo_rate,

@@ -71,6 +71,8 @@ class Shading(Protocol):
     """Tensors to be learnt besides the surfels, by name, as they start."""
     rates: Mapping[str, float]
     """Learning rates of these, and of the surfels' materials by their raw parameters' names."""
+    image_weight: float
+    """Weight of the losses of ``images``, beside that of the surfels' own radiance."""
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -84,6 +86,7 @@ class NoShading:
 
     tensors: Mapping[str, Tensor] = {}
     rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
+    image_weight = 1.0
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -204,7 +207,7 @@ class FitGeometry:
         return self.learning.weights.normal_late if late else self.learning.weights.normal
 
     def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
-        """Every blended image against the training image, on the background whose turn it is."""
+        """Every blended image against the training image, on the background whose turn it is; the first is L_G's."""
         backgrounds, weights = self.learning.backgrounds, self.learning.weights
         background = backgrounds[self.iteration % len(backgrounds)]
         target = view.over(background)
@@ -213,7 +216,8 @@ class FitGeometry:
         display = displayed(blended, seen.alpha, straight) if self.learning.colour == "linear" else blended
         composited = composite(display, seen.alpha, background)
         found = reconstruction(composited, target, weights.absolute, weights.similarity)
-        return dict(zip(seen.images, found.unbind(), strict=True))
+        radiance, *shaded = zip(seen.images, found.unbind(), strict=True)
+        return dict([radiance]) | {name: self.shading.image_weight * loss for name, loss in shaded}
 
     def _coefficients(self) -> int:
         degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)

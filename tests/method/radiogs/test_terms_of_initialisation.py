@@ -75,16 +75,17 @@ def test_each_weight_is_a_factor_of_its_own_term_and_of_no_other(field: str) -> 
     assert ever == own
 
 
-def test_the_weight_of_the_consistency_is_a_factor_of_it_alone() -> None:
+@pytest.mark.parametrize(("field", "term"), [("consistency", "consistency"), ("image", "shaded")])
+def test_a_weight_of_the_split_sum_is_a_factor_of_its_term_alone(field: str, term: str) -> None:
     surfels = worn()
-    weight = SplitSumLearning().consistency
+    weight = getattr(SplitSumLearning(), field)
     none, once, twice = (
-        initialisation(surfels, LATE, Variant(split_sum=SplitSumLearning(consistency=factor * weight))).step()
+        initialisation(surfels, LATE, Variant(split_sum=SplitSumLearning(**{field: factor * weight}))).step()
         for factor in (0.0, 1.0, 2.0)
     )
-    assert {name for name in once if twice[name] != once[name]} == {"consistency"}
-    assert twice["consistency"] == pytest.approx(2 * once["consistency"], rel=1e-5)
-    assert none["consistency"] == 0.0 < once["consistency"]
+    assert {name for name in once if twice[name] != once[name]} == {term}
+    assert twice[term] == pytest.approx(2 * once[term], rel=1e-5)
+    assert none[term] == 0.0 < once[term]
 
 
 def half_there() -> torch.Tensor:
