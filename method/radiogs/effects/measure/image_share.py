@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.blending_weights import blending_weights
 
 
 def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " surfels"]:
@@ -18,14 +18,8 @@ def image_share(cameras: Iterable[Camera], surfels: Surfels) -> Float[Tensor, " 
     most one; so its change is at most the blend of their changes, and its squared change at most the blend of their
     squared changes (Jensen).
     """
-    fixed = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
-    weight = torch.zeros_like(fixed.opacity_logit)
-    with torch.enable_grad():
-        for camera in cameras:
-            # Three channels, as an image has: that kernel is compiled already.
-            ones = torch.ones_like(weight)[:, None].repeat(1, 3).requires_grad_()
-            camera = camera.to(weight.device, weight.dtype)
-            seen = rasterize(camera, fixed.geometry_for(camera), ones, 1.0).features.sum()
-            weight += torch.autograd.grad(seen, ones)[0][:, 0]
+    weight = torch.zeros_like(surfels.opacity_logit, requires_grad=False)
+    for camera in cameras:
+        weight += blending_weights(camera, surfels)
     total = weight.sum()
     return weight / torch.where(total > 0, total, 1.0)
