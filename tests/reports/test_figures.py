@@ -15,7 +15,7 @@ from radiogs_reports import write_reports
 from radiogs_reports.figures import write_figures
 from radiogs_reports.figures.canvas import ALL, file_name
 from radiogs_reports.figures.cost import cost_figures
-from radiogs_reports.figures.environment import factors
+from radiogs_reports.figures.environment import KEY, factors, tone_mapped
 from radiogs_reports.figures.illumination import components, direct, illumination_figures, indirect_as_incident
 from radiogs_reports.figures.qualitative import crop_place, qualitative_figures
 from radiogs_reports.figures.relighting import relighting_figures
@@ -198,6 +198,25 @@ def test_a_light_is_scaled_by_the_factor_that_fits_best_over_the_sphere() -> Non
         best = np.linalg.lstsq((root * mine[..., channel].ravel())[:, None], root * theirs[..., channel].ravel())[0]
         assert found[channel] == pytest.approx(best[0], rel=1e-9)
     assert found[2] == 0
+
+
+def test_tone_mapping_tells_a_sun_and_its_sky_from_white_at_any_brightness() -> None:
+    """Values against the formula, for a grey sky whose log-mean is its own luminance but for the sun's texel."""
+    sky = np.full((16, 32, 3), 0.7)
+    sky[4, 16] = 200.0
+    for factor in (1e-3, 1.0, 1e4):
+        drawn = tone_mapped(factor * sky, factor * sky)
+        np.testing.assert_allclose(drawn, tone_mapped(sky, sky), rtol=1e-12)
+        assert display(drawn[0, 0]).max() < 0.7 < 0.95 < display(drawn[4, 16]).min() < 1
+    brighter = tone_mapped(10 * sky, sky)
+    assert display(brighter[0, 0]).max() < 0.95
+    assert (brighter > tone_mapped(sky, sky)).all()
+    even = tone_mapped(np.full((8, 16, 3), 3.0), np.full((8, 16, 3), 3.0))
+    np.testing.assert_allclose(even, KEY / (1 + KEY), rtol=1e-12)
+
+
+def test_a_black_light_is_drawn_black() -> None:
+    assert (tone_mapped(np.zeros((4, 8, 3)), np.zeros((4, 8, 3))) == 0).all()
 
 
 def test_rows_that_show_different_views_are_refused(tmp_path: Path) -> None:
