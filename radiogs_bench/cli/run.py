@@ -70,14 +70,15 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out or Path("out") / chosen.name
 
     from ..store.folder import Store
-    from .sweeping import run_request, show_request, wanted, work_along_with
+    from .sweeping import run_request, say_repairs, show_request, wanted, work_along_with
 
     request, device = wanted(options, chosen)
     store = Store(folder)
-    if options.dry_run:
-        return show_request(request, store, engine, options.json)
     if options.worker is not None:
         return work_along_with(request, store, device, *options.worker)
+    say_repairs(request.scenes, options.json)
+    if options.dry_run:
+        return show_request(request, store, engine, options.json)
     return run_request(request, store, device, engine, options)
 
 

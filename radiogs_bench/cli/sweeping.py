@@ -1,13 +1,14 @@
 """Runs a suite from the command line: makes the request, shows progress, failures and reports."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cache
 
 import torch
 
 from radiogs_core.errors import ExplainedError
 from radiogs_core.kernels.runtime import workers
+from radiogs_core.scene.scene import Scene
 
 from ..engines.choice import Engine
 from ..engines.run import CPU, bring_to_end, work_along
@@ -24,7 +25,7 @@ from ..training.stages import Bench
 from .device import chosen_device
 from .events import EventProgress, emit
 from .options import scene_options
-from .reporter import complain
+from .reporter import complain, say
 
 
 def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.device]:
@@ -49,6 +50,17 @@ def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.de
     )
     request.cells()  # a method or preset that is not there shows now
     return request, device
+
+
+def say_repairs(scenes: Mapping[str, Scene], as_json: bool) -> None:
+    """Print what was set right, or assumed, as scenes were read: lines for people, or events."""
+    for name, scene in scenes.items():
+        for repair in scene.repairs:
+            line = f"{name}: {repair}"
+            if as_json:
+                emit("message", text=line)
+            else:
+                say(line)
 
 
 def show_request(request: Request, store: Store, engine: Engine, as_json: bool) -> int:

@@ -20,7 +20,8 @@ from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
 from radiogs_bench.suites.sweep import read_sweep
 from radiogs_core.errors import NumericalFailure
-from radiogs_datasets import generate
+from radiogs_datasets import generate, load_scene
+from radiogs_datasets.options import SceneOptions
 
 CORNER = Path(radiogs_datasets.__file__).parent / "tiny" / "corner"
 
@@ -194,6 +195,20 @@ def test_smaller_images_are_other_cells(
     for one, other in ((0, 1), (0, 2), (1, 2)):
         assert plans[one].isdisjoint(plans[other])
     assert plans[3] == plans[0]
+
+
+@pytest.mark.parametrize("how", [(), ("--json",)])
+def test_what_reading_a_scene_set_right_is_said_before_anything_runs(
+    how: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    asked = ["run", "ablations", "--preset", "smoke", "--dry-run", *how]
+    assert main([*asked, "--scenes", "convex", "--reduce", "2"]) == 0
+    repairs = load_scene("convex", options=SceneOptions(reduce=2)).repairs
+    assert repairs
+    lines = capsys.readouterr().out.splitlines()[: len(repairs)]
+    told = [json.loads(line)["text"] for line in lines] if how else lines
+    assert told == [f"convex: {repair}" for repair in repairs]
 
 
 def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
