@@ -1,7 +1,7 @@
 """``radiogs-bench train``, ``render`` and ``relight``: one model, outside any suite."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,10 @@ from .device import chosen_device
 from .options import add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
+    import torch
+
     from radiogs_core.contract import Prepared, Run, Trained
+    from radiogs_core.scene.scene import Scene
 
     from .options import Commands
 
@@ -33,6 +36,9 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
     training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
 
+    training.add_argument(
+        "--no-score", dest="score", action="store_false", help="do not score the test views at the end"
+    )
     add_effects(training)
     add_scene_options(training)
 
@@ -97,9 +103,32 @@ def train(options: argparse.Namespace) -> int:
     say(f"{scene.name}: {size}{seconds:.0f} s")
     for remark in facts.get("remarks", ()):
         say(remark)
+    if options.score:
+        written.append(options.out / "score.json")
+        _score(options, cell.method, model, scene, device, written[-1])
     for path in written:
         say(f"wrote {path}")
     return 0
+
+
+def _score(
+    options: argparse.Namespace, name: str, model: "Trained", scene: "Scene", device: "torch.device", path: Path
+) -> None:
+    """Print the new model's metrics, and write their record."""
+    from ..evaluation.record import record_of_model
+    from ..metrics import protocol
+    from ..training.progress import progress_for_stderr
+    from .score import say_without_weights, show_record, write_record
+
+    rules = [protocol("default")]
+    say_without_weights(rules)
+    with progress_for_stderr() as progress:
+        record = record_of_model(
+            str(options.out), name, model, scene, device, rules,
+            lambda done, total: progress.advance("scoring", done, total),
+        )  # fmt: skip
+    write_record(record, path)
+    show_record(record)
 
 
 def variant_asked(options: argparse.Namespace) -> Any:
@@ -125,14 +154,20 @@ def variant_asked(options: argparse.Namespace) -> Any:
 
 
 def render(options: argparse.Namespace) -> int:
-    """Write the maps of every view: images as PNG, everything as EXR."""
+    """Write the maps of every view, images as PNG, the others as EXR; and the recovered light."""
+    from radiogs_datasets.image_files import write_exr
+
     from ..store.folder import Store
     from ..training.trained_folder import read_about, read_trained
 
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, chosen_device(options))
         name = read_about(options.folder)["method"]
-        return write_views(name, prepared(name, model), run, options.views, options.folder / "render")
+        folder, light = options.folder / "render", model.light
+        if light is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            write_exr(folder / "environment.exr", light.radiance.cpu().numpy())
+        return write_views(name, prepared(name, model), run, options.views, folder)
 
 
 def prepared(method: str, model: "Trained", *lit: Any) -> "Prepared":
@@ -168,12 +203,19 @@ def relight(options: argparse.Namespace) -> int:
         relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
-        folder = options.folder / "relight" / options.envmap.stem / options.mode
-        return write_views(about["method"], relit, run, options.views, folder)
+        return write_views(
+            about["method"], relit, run, options.views, options.folder / "relight" / options.mode,
+            lambda kind: f"{'relit' if kind == 'image' else kind}/{options.envmap.stem}",
+        )  # fmt: skip
 
 
-def write_views(method: str, shown: "Prepared", run: "Run", split: str, folder: Path) -> int:
-    """Render each view of a split into ``folder``: ``<view>.png`` and ``<view>_<map>.exr``; says what a frame took."""
+def write_views(
+    method: str, shown: "Prepared", run: "Run", split: str, folder: Path, place_of: Callable[[str], str] = str
+) -> int:
+    """Render each view of a split into ``folder``, in the layout ``plain`` of docs/scoring.md; says what a frame took.
+
+    ``place_of``: the folder of each map by the map's name.
+    """
     import statistics
 
     import torch
@@ -186,15 +228,15 @@ def write_views(method: str, shown: "Prepared", run: "Run", split: str, folder: 
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train
-    folder.mkdir(parents=True, exist_ok=True)
     cameras = [view.camera.to(run.device, torch.float32) for view in views]
     for view, camera in zip(views, cameras, strict=True):
-        maps = {name: image.numpy() for name, image in on_black(shown, camera, method=method, view=view.name).items()}
-        name = view.name.replace("/", "_")
-        if "image" in maps:
-            write_png(folder / f"{name}.png", maps.pop("image"))
-        for kind, image in maps.items():
-            write_exr(folder / f"{name}_{kind}.exr", image)
+        for kind, image in on_black(shown, camera, method=method, view=view.name).items():
+            place = folder / place_of(kind) / view.name.replace("/", "_")
+            place.parent.mkdir(parents=True, exist_ok=True)
+            if kind == "image":
+                write_png(place.with_name(f"{place.name}.png"), image.numpy())
+            else:
+                write_exr(place.with_name(f"{place.name}.exr"), image.numpy())
     said = f"{len(views)} views in {folder}"
     if shown.timed:
         with calling(method, "render(), once more to be timed"):

@@ -1,4 +1,4 @@
-"""``radiogs-bench score``: score another code's output folder under a named protocol."""
+"""``radiogs-bench score``: score a trained model, or another code's output folder, under a named protocol."""
 
 import argparse
 import json
@@ -7,24 +7,28 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
-from .options import add_scene_options, add_verbose, scene_options
+from .device import chosen_device
+from .options import add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from rich.table import Table
 
+    from ..metrics import Protocol
     from ..store.schema import MetricValue
     from .options import Commands
 
-SCHEMA = "radiogs-bench/score/1"
 ORB = "stanford-orb"
-NOTES = ("remarks", "absent", "missing", "ignored")
 
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("score", help="score a folder that any code wrote", allow_abbrev=False)
+    parser = commands.add_parser(
+        "score", help="score a trained model, or a folder that any code wrote", allow_abbrev=False
+    )
     parser.set_defaults(command=score)
-    parser.add_argument("predictions", type=Path, metavar="PREDICTIONS", help="what the code wrote")
+    parser.add_argument("predictions", type=Path, metavar="FOLDER", help="of `train`, or what a code wrote")
     parser.add_argument("--scene", metavar="PATH", help="the scene that was trained on: its name or folder")
     parser.add_argument(
         "--from",
@@ -34,6 +38,8 @@ def add_to(commands: "Commands") -> None:
     )
     add_scene_options(parser)
     parser.add_argument("--protocol", default="default", help="a metric protocol, or all (default: default)")
+    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="of a trained model (default: cpu)")
+    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
     parser.add_argument("--json", action="store_true", help="print the record instead of the table")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
     add_verbose(parser)
@@ -41,25 +47,76 @@ def add_to(commands: "Commands") -> None:
 
 def score(options: argparse.Namespace) -> int:
     """Score, print what was compared and what was missing, and write the record."""
-    from ..metrics.weights import complaint
-    from ..store.atomic import write_atomically
-    from .reporter import complain, say, show
+    from .reporter import say
 
-    record = _pairs(options) if _are_pairs(options) else _folder(options)
-    for net in dict.fromkeys(each.net for rules in _protocols(options.protocol) for each in rules.lpips):
+    record = _record(options)
+    say_without_weights(_protocols(options.protocol))
+    if options.out is not None:
+        write_record(record, options.out)
+    if options.json:
+        say(text_of(record).rstrip())
+    else:
+        show_record(record)
+    return 0
+
+
+def _record(options: argparse.Namespace) -> dict[str, Any]:
+    if _is_trained(options):
+        return _model(options)
+    return _pairs(options) if _are_pairs(options) else _folder(options)
+
+
+def say_without_weights(protocols: "Sequence[Protocol]") -> None:
+    """Complain of each network whose weights are not here: its metrics are n/a."""
+    from ..metrics.weights import complaint
+    from .reporter import complain
+
+    for net in dict.fromkeys(each.net for rules in protocols for each in rules.lpips):
         if complaint(net):
             complain(complaint(net))
-    text = json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n"
-    if options.out is not None:
-        write_atomically(options.out, text.encode())
-    if options.json:
-        say(text.rstrip())
-        return 0
+
+
+def text_of(record: dict[str, Any]) -> str:
+    """The record as it is stored."""
+    return json.dumps(record, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def write_record(record: dict[str, Any], path: Path) -> None:
+    """Write the record to a file."""
+    from ..store.atomic import write_atomically
+
+    write_atomically(path, text_of(record).encode())
+
+
+def show_record(record: dict[str, Any]) -> None:
+    """Print a record's table and its notes."""
+    from ..evaluation.record import NOTES
+    from .reporter import say, show
+
     show(_table(record))
     for heading in NOTES:
         for line in record[heading]:
             say(f"{heading.removesuffix('s')}: {line}")
-    return 0
+
+
+def _is_trained(options: argparse.Namespace) -> bool:
+    """Whether the folder is one of ``train``, and nothing else was asked for."""
+    return options.code is None and options.scene is None and (options.predictions / "trained.json").exists()
+
+
+def _model(options: argparse.Namespace) -> dict[str, Any]:
+    from ..evaluation.record import record_of_model
+    from ..training.progress import progress_for_stderr
+    from ..training.trained_folder import read_about, read_trained
+
+    protocols, place = _protocols(options.protocol), options.predictions
+    method = read_about(place)["method"]
+    run, model = read_trained(place, chosen_device(options))
+    with progress_for_stderr() as progress:
+        return record_of_model(
+            str(place), method, model, run.scene, run.device, protocols,
+            lambda done, total: progress.advance("scoring", done, total),
+        )  # fmt: skip
 
 
 def _are_pairs(options: argparse.Namespace) -> bool:
@@ -82,6 +139,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs import read_predictions
     from radiogs_datasets import load_scene
 
+    from ..evaluation.record import record_of, scored
     from ..evaluation.score import score_predictions
     from ..training.progress import progress_for_stderr
 
@@ -96,29 +154,23 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
         scores = score_predictions(
             predictions, scene, protocols, lambda done, total: progress.advance("scoring", done, total)
         )
-    return {
-        **_head(options, predictions.code),
-        "scene": {"name": scene.name, "layout": scene.layout, "checksum": scene.checksum},
-        "views": [view.name for view in scene.test],
-        "files": predictions.files,
-        "protocols": {
-            each.protocol.name: {
-                "conventions": each.protocol.describe(),
-                "metrics": each.metrics,
-                "albedo_scale": each.albedo_scale,
-            }
-            for each in scores
-        },
-        "remarks": list(predictions.remarks),
-        "absent": list(predictions.absent),
-        "missing": list(predictions.missing),
-        "ignored": list(predictions.ignored),
-    }
+    return record_of(
+        str(options.predictions),
+        predictions.code,
+        scene,
+        {each.protocol.name: scored(each.protocol, each.metrics, each.albedo_scale) for each in scores},
+        predictions.files,
+        remarks=predictions.remarks,
+        absent=predictions.absent,
+        missing=predictions.missing,
+        ignored=predictions.ignored,
+    )
 
 
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs.stanford_orb import read_pairs, unread
 
+    from ..evaluation.record import record_of, scored
     from ..evaluation.score_orb import files_of, score_pairs
 
     if options.scene is not None:
@@ -129,26 +181,16 @@ def _pairs(options: argparse.Namespace) -> dict[str, Any]:
         )
     pairs = read_pairs(options.predictions)
     unmasked = {pair.capture for pair in pairs if not pair.lacking and pair.task != "shape" and pair.mask is None}
-    return {
-        **_head(options, ORB),
-        "scene": None,
-        "views": [],
-        "files": files_of(pairs),
-        "protocols": {
-            rules.name: {"conventions": rules.describe(), "metrics": score_pairs(pairs, rules), "albedo_scale": None}
-            for rules in _protocols(options.protocol)
-        },
-        "remarks": [f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)],
-        "absent": [],
-        "missing": [f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking],
-        "ignored": unread(options.predictions, pairs),
-    }
-
-
-def _head(options: argparse.Namespace, code: str) -> dict[str, Any]:
-    from ..store.provenance import versions
-
-    return {"schema": SCHEMA, "predictions": str(options.predictions), "from": code, "versions": versions()}
+    return record_of(
+        str(options.predictions),
+        ORB,
+        None,
+        {rules.name: scored(rules, score_pairs(pairs, rules)) for rules in _protocols(options.protocol)},
+        files_of(pairs),
+        remarks=[f"{capture}: no mask, the whole image counts" for capture in sorted(unmasked)],
+        missing=[f"{pair.capture}, {pair.task}: {path}" for pair in pairs for path in pair.lacking],
+        ignored=unread(options.predictions, pairs),
+    )
 
 
 def _table(record: dict[str, Any]) -> "Table":

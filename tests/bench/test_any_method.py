@@ -198,7 +198,7 @@ def test_a_stranger_s_model_is_trained_rendered_and_exported(
     assert (tmp_path / "value.txt").exists()
     assert not (tmp_path / "environment.exr").exists()
     assert main(["render", str(tmp_path)]) == 0
-    assert list((tmp_path / "render").glob("*.png"))
+    assert list((tmp_path / "render" / "image").glob("*.png"))
     assert "ms a frame" not in capsys.readouterr().out  # its seconds mean nothing
     write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["relight", str(tmp_path), "--envmap", str(tmp_path / "dim.hdr")]) == 1

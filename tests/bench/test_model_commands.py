@@ -12,7 +12,8 @@ from radiogs.trained import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.surfels.ply import read_ply
-from radiogs_datasets.image_files import read_exr, read_png, write_hdr
+from radiogs_datasets import load_scene
+from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr
 
 CPU = torch.device("cpu")
 
@@ -45,15 +46,50 @@ def test_training_again_repeats_nothing(folder: Path) -> None:
 def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
     assert main(["render", str(folder)]) == 0
-    seen = read_png(folder / "render" / "test_000.png")
-    assert read_exr(folder / "render" / "test_000_normal.exr").shape == (96, 96, 3)
+    seen = read_png(folder / "render" / "image" / "test_000.png")
+    assert read_exr(folder / "render" / "normal" / "test_000.exr").shape == (96, 96, 3)
     for mode in ("pbr", "finetuned", "surfels"):
         arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr"), "--mode", mode]
         assert main(arguments) == 0
-        relit = read_png(folder / "relight" / "dim" / mode / "test_000.png")
+        relit = read_png(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
         # Ten steps of fine-tuning dim the surfels only in part.
         assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
     assert capsys.readouterr().out.count("ms a frame") == 4
+
+
+def metrics_of(record: Path) -> dict[str, float | None]:
+    (scores,) = json.loads(record.read_text())["protocols"].values()
+    return {name: each["value"] for name, each in scores["metrics"].items()}
+
+
+def test_training_ends_with_the_scores_of_the_model(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    ended = metrics_of(folder / "score.json")
+    assert {"nvs/psnr", "albedo/psnr", "relight/psnr", "normal/mae", "environment/error_scaled"} <= set(ended)
+    assert main(["score", str(folder), "--out", str(folder / "again.json")]) == 0
+    assert metrics_of(folder / "again.json") == ended
+    assert f"{ended['nvs/psnr']:.4f}" in capsys.readouterr().out
+
+
+def test_what_is_rendered_and_relit_scores_as_the_model_does(folder: Path, tmp_path: Path) -> None:
+    """But for 8 bits of the images and 11 of the maps."""
+    ended, light = metrics_of(folder / "score.json"), sorted(load_scene("convex").lights)[0]
+    write_exr(tmp_path / f"{light}.exr", load_scene("convex").lights[light].radiance.numpy())
+    assert main(["render", str(folder)]) == 0
+    assert main(["relight", str(folder), "--envmap", str(tmp_path / f"{light}.exr")]) == 0
+    for place in ("render", "relight/pbr"):
+        out = tmp_path / f"{Path(place).name}.json"
+        assert main(["score", str(folder / place), "--scene", "convex", "--out", str(out)]) == 0
+    rendered, relit = metrics_of(tmp_path / "render.json"), metrics_of(tmp_path / "pbr.json")
+    for name in ("nvs/psnr", "albedo/psnr", "normal/mae", "roughness/mse", "environment/error_scaled", "depth/offset"):
+        assert rendered[name] == pytest.approx(ended[name], rel=2e-3), name
+    assert "relight/psnr" not in rendered
+    assert 5 < relit[f"relight/{light}/psnr"] < 50
+    assert "nvs/psnr" not in relit
+
+
+def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
+    assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(tmp_path)]) == 0
+    assert not (tmp_path / "score.json").exists()
 
 
 def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
@@ -63,7 +99,7 @@ def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> 
     assert main([*arguments, "--long-side", "41"]) == 0
     assert read_about(out)["options"] == {"long_side": 41}
     assert main(["render", str(out)]) == 0
-    assert read_png(out / "render" / "test_000.png").shape == (41, 41, 3)
+    assert read_png(out / "render" / "image" / "test_000.png").shape == (41, 41, 3)
     stages = len(list(out.glob("stages/*")))
     assert main([*arguments, "--reduce", "3"]) == 0
     assert len(list(out.glob("stages/*"))) > stages

@@ -136,5 +136,5 @@ def test_one_model_is_trained_rendered_and_relit(run: Run, tmp_path: Path) -> No
     assert run("render", folder).returncode == 0
     light = ROOT / "datasets/radiogs_datasets/tiny/corner/envmaps/training.hdr"
     assert run("relight", folder, "--envmap", f"{light}").returncode == 0
-    assert list(Path(folder, "render").glob("*.png"))
+    assert list(Path(folder, "render", "image").glob("*.png"))
     assert list(Path(folder, "relight").rglob("*.png"))

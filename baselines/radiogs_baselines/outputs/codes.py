@@ -170,7 +170,7 @@ PLAIN = Code(
     title="the plain layout for everyone else",
     rules=tuple(Rule(name, f"{name}/{{name}}", held, "own coverage") for name, held in PLAIN_MAPS.items()),
     relit=(Rule("relit", "relit/{light}/{name}", "display", "own coverage"),),
-    marks=("image",),
+    marks=("image", "relit"),
     environment=("environment.exr", "environment.hdr", "environment.npy"),
 )
 

@@ -46,7 +46,7 @@ def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Fo
 def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
     """Paths that the rule's file may have, relative to the folder."""
     last = name.rsplit("/", 1)[-1]
-    names = (name, last, f"{last}_rgba") if "{name}" in rule.path else (name,)
+    names = (name, name.replace("/", "_"), last, f"{last}_rgba") if "{name}" in rule.path else (name,)
     written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in _lights(rule, light)]
     return list(dict.fromkeys(written))
 
