@@ -97,6 +97,17 @@ class SurfelTracer:
             origin, direction.flatten(0, 1), reach, back_from=back_from,
         )  # fmt: skip
 
+    def trace_from(
+        self,
+        origin: Float[Tensor, "rays 3"],
+        direction: Float[Tensor, "rays 3"],
+        features: Float[Tensor, "surfels channels"],
+        start: Float[Tensor, " rays"],
+        back_from: Float[Tensor, " rays"] | None = None,
+    ) -> Hits:
+        """Rays from any world ``origin``, beyond ``start``; see ``kernels.trace``. Offsets of surfels do not count."""
+        return trace(self.bvh, self.geometry, self.surfels.sh, features, origin, direction, start, back_from=back_from)
+
     def incident(
         self,
         index: Int[Tensor, " chosen"],
