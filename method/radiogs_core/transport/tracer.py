@@ -62,6 +62,13 @@ class SurfelTracer:
         self._geometry: SplatGeometry | None = None
         self._fitted = False
 
+    def recolour(self, surfels: Surfels) -> None:
+        """Trace these surfels from now on: the same ones at the same places, whose harmonics have changed.
+
+        Nothing is fitted anew, and rays have gradient to the harmonics but not to the geometry of ``surfels``.
+        """
+        self.surfels = surfels
+
     @property
     def geometry(self) -> SplatGeometry:
         """The surfels that are followed, as rays meet them."""
