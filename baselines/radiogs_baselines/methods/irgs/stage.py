@@ -13,7 +13,6 @@ from radiogs_core.learning.losses import (
     edge_allowance,
     edge_aware_smoothness,
     environment_smoothness,
-    light_prior,
     mask_entropy,
     normal_consistency,
     reconstruction,
@@ -25,10 +24,11 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, displayed, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
+from .losses import neutrality, pixel_loss
 from .model import Model
 from .pixels import covered_pixels, seen_points, seen_surfels
 from .rays import Rays
-from .shading import mean_direct_light, shade_points
+from .shading import shade_points
 from .start import frozen, rates_of, start_of
 
 
@@ -97,12 +97,9 @@ class InverseRendering:
         incident = self.rays.incident(self.tracer, points, direction, weight, self.variant.indirect)
         shaded = shade_points(points, incident, model.environment)
         alpha, target = seen.alpha.flatten()[pixels], view.over(0.0).flatten(0, 1)[pixels]
-        found = displayed((shaded.radiance * alpha[:, None])[None], alpha[None], self.variant.straight)[0]
-        # A saturated target says "at least 1", as in ``reconstruction``.
-        found = torch.where(target >= 1, found.clamp(max=1), found)
         return {
-            "shaded": weights.shaded * (found - target).abs().mean(),
-            "light prior": weights.light_prior * light_prior(mean_direct_light(incident, model.environment)),
+            "shaded": weights.shaded * pixel_loss(shaded.radiance, alpha, target, self.variant.straight),
+            "light prior": weights.light_prior * neutrality(incident, model.environment),
         }
 
     def _drawn(self, pixels: Tensor) -> Tensor:
