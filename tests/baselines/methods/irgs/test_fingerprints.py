@@ -5,9 +5,11 @@ import torch
 
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, own, relit, sheet, together
 from radiogs_baselines.methods.irgs.pixels import covered_pixels, seen_points, seen_surfels
+from radiogs_baselines.methods.irgs.rays import Rays
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import SurfelTracer
 from reference.shade import shade
 
 FLOOR = sheet(0.0)
@@ -79,6 +81,20 @@ def test_the_two_surfels_of_a_pixel_are_met_at_their_expected_depth() -> None:
     points = seen_points(camera, seen, covered_pixels(seen))
     expected = -(0.5 * 1 + 0.495 * 3) / 0.995
     torch.testing.assert_close(points.place[4], torch.tensor([0.0, 0.0, expected]), rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize(("height", "visibility"), [(0.4, 1.0), (0.6, 0.0)])
+def test_rays_start_one_blended_standard_deviation_away(height: float, visibility: float) -> None:
+    """Half of the pixel is 1 wide and half 3, so that is 2. One ray alone leaves at 60 degrees to the normal: it meets
+    a sheet after twice its height."""
+    floor = together(sheet(0.0, scale=1.0, opacity=0.5), sheet(0.0, scale=3.0))
+    surfels = together(floor, sheet(2 * height, DOWN))
+    seen = seen_surfels(looking_down(), surfels, surfels.albedo, {})
+    points = seen_points(looking_down(), seen, torch.tensor([4]))
+    torch.testing.assert_close(points.width, torch.tensor([2.0]), rtol=0.01, atol=0)
+    direction, weight = hemisphere_directions(points.normal, 1, None)
+    incident = Rays().incident(SurfelTracer(surfels), points, direction, weight, "traced")
+    assert float(incident.visibility) == visibility
 
 
 def test_relit_indirect_light_is_the_split_sum_at_what_rays_meet() -> None:

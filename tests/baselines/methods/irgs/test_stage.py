@@ -70,6 +70,17 @@ def test_geometry_is_frozen_unless_it_has_a_rate(scale: float) -> None:
         assert not torch.equal(after[name], before[name]), name
 
 
+def test_where_geometry_is_learnt_images_move_what_no_camera_sees() -> None:
+    """Through visibility and L_ind: the sheet over the ball takes part in tracing as it is now."""
+    stage = stage_of(variant(lr_scale=1.0, materials=only(shaded=1.0)), UNSEEN)
+    before = tensors_of(stage)
+    for _ in range(3):
+        stage.step()
+    after = tensors_of(stage)
+    for name in ("centre", "opacity_logit"):
+        assert bool((after[name][-1] != before[name][-1]).any()), name
+
+
 def test_geometry_moves_at_its_share_of_the_rates_of_stage_one() -> None:
     stage = stage_of(variant(lr_scale=0.25))
     before, first = tensors_of(stage), Variant().geometry.rates
@@ -116,6 +127,18 @@ def test_smoothness_evens_out_one_material(name: str) -> None:
     after = tensors_of(stage)
     other = "roughness_logit" if name == "albedo" else "albedo_logit"
     assert torch.equal(after[other], getattr(stage_of().model.surfels, other))
+
+
+def test_pixels_are_drawn_from_all_of_the_image() -> None:
+    """Eight a step: in twelve steps the ball's top is shaded, and so is its bottom."""
+    stage = stage_of(variant(materials=only(shaded=1.0)), budget=replace(BUDGET, pixels=8))
+    before = tensors_of(stage)["albedo_logit"]
+    for _ in range(12):
+        stage.step()
+    shaded = (tensors_of(stage)["albedo_logit"] != before).any(-1)
+    height = BALL.centre[:, 2]
+    assert bool(shaded[height > 0.5].any())
+    assert bool(shaded[height < -0.5].any())
 
 
 def test_materials_are_found_where_light_and_shape_are_known() -> None:
