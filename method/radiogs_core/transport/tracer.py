@@ -62,6 +62,11 @@ class SurfelTracer:
         self._geometry: SplatGeometry | None = None
         self._fitted = False
 
+    def built(self) -> "SurfelTracer":
+        """The tracer itself, its bounding volumes built: no ray, and no frame that is timed, waits for them."""
+        _ = self.bvh
+        return self
+
     def recolour(self, surfels: Surfels) -> None:
         """Trace these surfels from now on: the same ones at the same places, whose harmonics have changed.
 

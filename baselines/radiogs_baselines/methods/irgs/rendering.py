@@ -45,7 +45,7 @@ class RecoveredLight:
 
     def __init__(self, model: Model, rays: Rays, samples: int, indirect: Indirect) -> None:
         self.environment, self.samples = model.environment, samples
-        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels)
+        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels).built()
 
     def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
         """V and L_ind along directions that are spread over the hemisphere."""
@@ -70,7 +70,7 @@ class NewLight:
         indirect: bool,
     ) -> None:
         self.environment, self.samples, self.of_each = light.radiance, sum(samples), samples
-        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(surfels)
+        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(surfels).built()
         self.sampler, self.prefiltered = LightSampler(light), PrefilteredLight(light.radiance)
         self.features = met_features(surfels, met_albedo)
 

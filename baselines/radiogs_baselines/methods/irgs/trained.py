@@ -67,7 +67,7 @@ class TrainedIRGS:
         albedo_scale: Float[Tensor, "3"] | None = None,
         after_step: Callable[[], None] = lambda: None,
     ) -> Prepared:
-        """Shaded as it was trained, or relit. Nothing is traced before an image is asked for."""
+        """Shaded as it was trained, or relit: rays are traced for each image."""
         variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
         if light is None:
             own = RecoveredLight(self.model, self.rays, budget.render_samples, variant.indirect)
