@@ -15,17 +15,12 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.met_surface import met_features, met_radiance
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import radiance_maps, shaded_maps
-from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
-from radiogs_core.transport.tracer import (
-    EVERYTHING,
-    RAYS_AT_ONCE,
-    SurfelTracer,
-    incident_along,
-    visibility_of,
-)
+from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
 from .effects.decide.evidence import Evidence
 from .effects.decide.new_light import model_error, plan_for_light, scene_under
@@ -211,20 +206,13 @@ def split_sum_incident(
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
     chosen = plan.traced_among(every)
     prefiltered = PrefilteredLight(light.radiance)
-    features = torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None]], -1)
+    features = met_features(surfels, albedo)
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     for index in chosen.split(together) if len(chosen) else ():
         hits = tracer.trace(index, direction[index], features)
-        seen, whole = visibility_of(hits)
-        blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
-        length = blended[:, :3].square().sum(-1, keepdim=True)
-        met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
-        diffuse, specular = split_sum_radiance(
-            met_normal, blended[:, 3:6], blended[:, 6], -direction[index].flatten(0, 1), prefiltered
-        )
-        coverage = (1 - hits.transmittance) * whole
+        seen, radiance = met_radiance(hits, direction[index].flatten(0, 1), prefiltered)
         if plan.visibility:
             incident.visibility[index] = seen.view(len(index), -1)
         if plan.indirect:
-            incident.radiance[index] = ((diffuse + specular) * coverage[:, None]).view(len(index), -1, 3)
+            incident.radiance[index] = radiance.view(len(index), -1, 3)
     return incident

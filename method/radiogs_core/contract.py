@@ -160,7 +160,8 @@ class Trained(Protocol):
 
     def facts(self) -> dict[str, Any]:
         """Plain values that go into the result, such as the number of surfels; ``metrics`` among them maps names such
-        as ``plan/bound`` to values that stand in tables like any other metric."""
+        as ``plan/bound`` to values that stand in tables like any other metric, and ``labels`` names to sentences that
+        stand below tables: in what a method differs from the published one of its name."""
 
     def export(self, folder: Path) -> list[Path]:
         """Write the model for other programs, without its light; returns the files written. Raises OSError."""

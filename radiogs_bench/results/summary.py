@@ -21,6 +21,7 @@ from ..store.schema import Result, training_seconds
 from ..suites.suite import MEASURES, Metric
 from ..suites.sweep import Line, Place, Sweep, state_of
 from .doubts import doubts
+from .labels import labels
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]
@@ -62,7 +63,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         keys=[result["key"] for _, result in finished],
         runs=[run_summary(store, sweep, place, result) for place, result in cells],
         paper=paper_tables(store, sweep),
-        doubts=doubts(cells, sweep),
+        doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
 

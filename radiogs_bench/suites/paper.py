@@ -1,5 +1,6 @@
 """Suites on generated scenes: the paper's ablations and costs, and checks of the method."""
 
+from .baselines import IRGS
 from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
@@ -69,6 +70,7 @@ INDIRECT = Suite(
     published="indirect",
     reference="ours",
     rows=(
+        IRGS,
         Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
     ),
@@ -144,6 +146,7 @@ RELIGHT_COST = Suite(
     published="relight-cost",
     reference="split-sum",
     rows=(
+        IRGS,
         Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
         Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),
         Row("surfel-finetuned", "Surfel finetuned", "Surfel finetuned", {"relighting": "surfels"}),

@@ -64,7 +64,8 @@ class RowSummary(TypedDict):
 class Doubt(TypedDict):
     """Why values of a column are not to be taken at their word, in the rows where that is so.
 
-    ``column`` is empty for what concerns no column, because the protocol takes it out of all of them.
+    ``column`` is empty for what concerns no column: the protocol takes it out of all of them, or it is what a method
+    differs in from the published one.
     """
 
     column: str

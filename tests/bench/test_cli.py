@@ -76,7 +76,7 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
     for name in ("armadillo", "ficus", "hotdog", "lego"):
         (tmp_path / name).symlink_to(CORNER)
     assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 0
-    assert "8 of 8 cells to run" in capsys.readouterr().out
+    assert "12 of 12 cells to run" in capsys.readouterr().out
     (tmp_path / "ficus").unlink()
     assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 3
     assert "scenes that are not here: ficus\n" in capsys.readouterr().err
@@ -86,7 +86,7 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
 def test_a_suite_has_a_protocol_of_its_own_unless_one_is_named(
     further: tuple[str, ...], used: str, fake_run: Callable[..., int], tmp_path: Path
 ) -> None:
-    assert fake_run("tensoir", "--scenes", "corner", *further) == 0
+    assert fake_run("tensoir", "--scenes", "corner", "--method", "radiogs", *further) == 0
     assert read_sweep(tmp_path)["protocol"] == used
     assert {result["cell"]["protocol"] for result in Store(tmp_path).results()} == {used}
 

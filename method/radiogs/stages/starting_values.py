@@ -5,19 +5,16 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
+from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
-from radiogs_core.order_statistics import quantile
-from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 
 from ..given import Start, given_geometry, replaced
-from ..learning import MaterialStart
 from ..model import constant_light
 from ..profile import START_RADIANCE
 from ..tracing import Rays
 from ..variant import Variant
-from .light_start import light_and_albedo
 
 
 def start_of(
@@ -48,7 +45,7 @@ def _materials_and_light(
         two_sided = Rays.of(variant).back_offset is not None
         found = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
     if found is None:
-        return surfels, constant_light(rows, white_light(views, start), device)
+        return surfels, constant_light(rows, white_light(views, start.white, start.brightest), device)
     light, albedo = found
     return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
 
@@ -67,9 +64,3 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
         "roughness_logit": rates.roughness,
         "log_environment": rates.light,
     }
-
-
-def white_light(views: tuple[TrainingView, ...], start: MaterialStart) -> float:
-    """Constant radiance under which the brightest surfaces of the views are white paint."""
-    brightest = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), start.brightest)
-    return max(brightest or 0.0, LINEAR_KNEE) / start.white

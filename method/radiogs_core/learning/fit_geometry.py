@@ -256,6 +256,7 @@ def fit_geometry(learning: GeometryLearning, budget: GeometryBudget, view_share:
         begin=lambda run, _: FitGeometry(
             run.scene, learning, budget, view_share, run.seed, run.device, NoShading()
         ),
+        compiles=True,
     )  # fmt: skip
 
 

@@ -62,6 +62,18 @@ class SurfelTracer:
         self._geometry: SplatGeometry | None = None
         self._fitted = False
 
+    def built(self) -> "SurfelTracer":
+        """The tracer itself, its bounding volumes built: no ray, and no frame that is timed, waits for them."""
+        _ = self.bvh
+        return self
+
+    def recolour(self, surfels: Surfels) -> None:
+        """Trace these surfels from now on: the same ones at the same places, whose harmonics have changed.
+
+        Nothing is fitted anew, and rays have gradient to the harmonics but not to the geometry of ``surfels``.
+        """
+        self.surfels = surfels
+
     @property
     def geometry(self) -> SplatGeometry:
         """The surfels that are followed, as rays meet them."""
@@ -96,6 +108,17 @@ class SurfelTracer:
             self.bvh, self.geometry, self.surfels.sh, features,
             origin, direction.flatten(0, 1), reach, back_from=back_from,
         )  # fmt: skip
+
+    def trace_from(
+        self,
+        origin: Float[Tensor, "rays 3"],
+        direction: Float[Tensor, "rays 3"],
+        features: Float[Tensor, "surfels channels"],
+        start: Float[Tensor, " rays"],
+        back_from: Float[Tensor, " rays"] | None = None,
+    ) -> Hits:
+        """Rays from any world ``origin``, beyond ``start``; see ``kernels.trace``. Offsets of surfels do not count."""
+        return trace(self.bvh, self.geometry, self.surfels.sh, features, origin, direction, start, back_from=back_from)
 
     def incident(
         self,

@@ -12,14 +12,13 @@ import radiogs
 import radiogs_core
 from hard_cases.constructions import ball_of_surfels, cast, drawn, facing, looking_along_z, rays_along_z, with_radiance
 from known_ball import BALL, SCENE
-from radiogs.learning import LightStart
-from radiogs.stages.light_start import light_and_albedo
 from radiogs_core.errors import ExplainedError
 from radiogs_core.guards import GUARDS
 from radiogs_core.instruments import recording
 from radiogs_core.instruments.finite import require_finite
 from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
+from radiogs_core.learning.light_start import LightStart, light_and_albedo
 from radiogs_core.learning.views import load
 from radiogs_core.scene.held_pixels import Whole
 from radiogs_core.scene.light import EnvironmentMap

@@ -1,7 +1,7 @@
-"""The light that stage 2 starts with: the one under which what the images show needs the least variation of albedo.
+"""The light that a search for materials starts with: under it what the images show needs the least variation of albedo.
 
 Points that training pixels see send out R = albedo (T E + B): E is the light, texel by texel, T the diffuse transport
-from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance that stage 1 has learnt.
+from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance of the surfels.
 Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought
 for which this albedo differs least, in l1 of its logarithm, between neighbouring points. Neighbours of another
 chromaticity are probably of another paint and count less.
@@ -9,6 +9,7 @@ chromaticity are probably of another paint and count less.
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -17,18 +18,16 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d, normalize
 
-from radiogs_core.instruments import fire
-from radiogs_core.kernels.trace.trace import trace
-from radiogs_core.learning.views import TrainingView
-from radiogs_core.scene.colour import LINEAR_KNEE, srgb_decode
-from radiogs_core.scene.light import bilinear_texels
-from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import splat, towards
-from radiogs_core.transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
-
-from ..learning import LightStart
+from ..instruments import fire
+from ..order_statistics import quantile
+from ..scene.colour import LINEAR_KNEE, srgb_decode
+from ..scene.light import bilinear_texels
+from ..surfels.harmonics import surfel_radiance
+from ..surfels.surfels import Surfels
+from ..transport.sampling import hemisphere_directions
+from ..transport.splatting import splat, towards
+from ..transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
+from .views import TrainingView
 
 ROWS = 16
 """Rows of light that are sought at most; a larger map starts as this one, enlarged."""
@@ -59,6 +58,41 @@ NEVER_SEEN = 1e-6
 
 SMALLEST_SHARE = 1e-4
 """Irradiance is kept above this share of its mean inside the logarithm."""
+
+
+@dataclass(frozen=True)
+class LightStart:
+    """How the light of least albedo variation is found."""
+
+    steps: int = 300
+    """Steps of Adam."""
+    rate: float = 0.05
+    """Its rate in log-radiance; it falls to zero."""
+    neighbours: int = 8
+    """Nearest points that each point is compared with."""
+    same_paint: float = 0.08
+    """Standard deviation in log-chromaticity up to which neighbours pass for the same paint."""
+    smoothness: float = 0.003
+    """Weight of squared differences of neighbouring texels' log-radiance."""
+    colour: float = 0.02
+    """Weight of the distance of the light's channels from their mean."""
+    white_paint: float = 0.05
+    """Weight of the squared distance between the logarithms of the brightest albedo and of white paint's."""
+    white: float = 0.75
+    """Albedo of white paint."""
+    brightest: float = 0.95
+    """Quantile of the largest channel of albedo that counts as the brightest."""
+    mean_albedo: float = 0.4
+    """Albedo of all points under the constant light that the search starts from."""
+    turned: float = 0.5
+    """Distance, in standard deviations of the points' positions, that a unit of difference in normals counts as."""
+    albedo_range: tuple[float, float] = (0.02, 0.95)
+    """Albedo that surfels start with at least and at most."""
+
+    @property
+    def white_log(self) -> float:
+        """Logarithm of white paint's albedo."""
+        return math.log(self.white)
 
 
 @dataclass(frozen=True)
@@ -163,10 +197,8 @@ def transport_to(
         share = (direction * normal[:, None]).sum(-1).clamp(min=0) * weight / torch.pi
         start = share.new_full((share.numel(),), beyond)
         origin = points.centre[some].repeat_interleave(DIRECTIONS, 0)
-        hits = trace(
-            tracer.bvh, tracer.geometry, surfels.sh, features,
-            origin, direction.flatten(0, 1), start, back_from=start if two_sided else None,
-        )  # fmt: skip
+        back_from = start if two_sided else None
+        hits = tracer.trace_from(origin, direction.flatten(0, 1), features, start, back_from)
         visibility, whole = visibility_of(hits)
         arriving = (hits.radiance * whole[:, None]).view(*share.shape, 3)
         indirect[some] = (share[..., None] * arriving).sum(1)
@@ -249,3 +281,12 @@ def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor,
     large = interpolate(around, size=(rows, round(around.shape[-1] * scale)), mode="bilinear", align_corners=False)
     margin = (large.shape[-1] - 2 * rows) // 2
     return large[0, :, :, margin : margin + 2 * rows].permute(1, 2, 0)
+
+
+def white_light(views: tuple[TrainingView, ...], white: float, brightest: float) -> float:
+    """Constant radiance under which the brightest surfaces of the views are paint of albedo ``white``.
+
+    ``brightest``: quantile of the covered pixels that counts as the brightest.
+    """
+    found = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), brightest)
+    return max(found or 0.0, LINEAR_KNEE) / white

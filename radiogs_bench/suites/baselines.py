@@ -1,0 +1,53 @@
+"""Methods beside each other: published ones, implemented anew on the primitives of RadioGS (docs/baselines.md)."""
+
+from .suite import Metric, Row, Suite
+
+OURS = Row("ours", "Ours", "RadioGS", {})
+IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
+"""The full method, for every table that the paper has a row of it in."""
+
+SIMILARITY = ("psnr", "ssim", "lpips")
+
+BASELINES = Suite(
+    name="baselines",
+    title="Methods on the same geometry, tracer, light and metrics",
+    published="tensoir",
+    reference="ours",
+    rows=(OURS, IRGS),
+    columns=(
+        *(Metric("nvs", measure) for measure in SIMILARITY),
+        Metric("normal", "mae"),
+        *(Metric(task, measure) for task in ("albedo", "relight") for measure in SIMILARITY),
+        Metric("roughness", "mse"),
+        Metric("indirect", "psnr"),
+        Metric("environment", "error_scaled"),
+        Metric("render", "ms"),
+    ),
+    scenes=("corner", "bowl", "convex", "red_white"),
+)
+
+IRGS_ABLATIONS = Suite(
+    name="irgs",
+    title="What IRGS is made of",
+    published=None,
+    reference="irgs",
+    rows=(
+        IRGS,
+        Row("detached", "", "L_ind without gradient", {"indirect": "detached"}, method="irgs"),
+        Row("no-indirect", "", "no indirect light", {"indirect": "none", "relight_indirect": False}, method="irgs"),
+        Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="irgs"),
+        Row("constant-light", "", "constant light at the start",
+            {"materials": {"start": {"light": "constant"}}}, method="irgs"),
+        Row("moving", "", "geometry learnt at 1 % of its rates", {"lr_scale": 0.01}, method="irgs"),
+        Row("fixed-start", "", "rays start 0.011 extents away", {"ray_start": 0.011}, method="irgs"),
+        Row("one-sided", "", "surfels met from the front alone", {"two_sided": False}, method="irgs"),
+        Row("samples", "", "N_s = <incident_samples>", budget={"incident_samples": 2.0}, method="irgs"),
+        Row("pixels", "", "<pixels> pixels a step", budget={"pixels": 2.0}, method="irgs"),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
+        Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    ),
+)  # fmt: skip
+
+BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS)

@@ -1,0 +1,196 @@
+"""IRGS's image loss in float64: a dense reference of the whole chain, and central differences."""
+
+from dataclasses import replace
+from functools import cache
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
+from radiogs_baselines.methods.irgs.losses import neutrality, pixel_loss
+from radiogs_baselines.methods.irgs.pixels import SeenPoints, covered_pixels, seen_points, seen_surfels
+from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.shading import shade_points
+from radiogs_baselines.methods.irgs.variant import Indirect
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import SurfelTracer
+from reference.differences import Values, assert_gradients
+from reference.rasterize import rasterize
+from reference.shade import environment_radiance, shade
+from reference.trace import trace
+
+F64 = torch.float64
+CAMERA = looking_down(1.5, size=4, dtype=F64)
+RAYS = Rays(0.05, two_sided=True)
+SAMPLES = 24
+LEARNT = ("sh", "albedo_logit", "roughness_logit", "environment")
+MOVED = (*LEARNT, "centre", "opacity_logit")
+"""With ``lr_scale``. Rotations and scales are left out: the directions of rays follow the normal, and where rays start
+the width, both without gradient."""
+
+
+@cache
+def start() -> Values:
+    """A floor of two overlapping surfels that the camera sees, and two sheets above the camera that it does not."""
+    torch.manual_seed(3)
+    low = [
+        sheet(0.0, (0.1, 0.0, 0.995), 1.2, 0.7, 0.6, 0.5, dtype=F64),
+        sheet(-0.1, (0, -0.1, 0.995), 1.5, 0.9, dtype=F64),
+    ]
+    high = [sheet(2.2, DOWN, 2.0, 0.6, dtype=F64), sheet(2.6, DOWN, 3.0, 0.8, dtype=F64)]
+    surfels = together(*low, *high)
+    given = surfels.parameters()
+    given["sh"] = given["sh"] + 0.1 * torch.randn_like(given["sh"])
+    given["sh"][:, 0] += 1.0
+    given["albedo_logit"] = given["albedo_logit"] + 0.3 * torch.randn_like(given["albedo_logit"])
+    given["centre"] = given["centre"] + 0.05 * torch.randn_like(given["centre"])
+    return given | {"environment": 0.2 + torch.rand(6, 12, 3, dtype=F64)}
+
+
+@cache
+def fixed() -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Pixels, directions, weights and targets, drawn once."""
+    torch.manual_seed(4)
+    seen, points = points_of(surfels_of(start()))
+    direction, weight = hemisphere_directions(points.normal, SAMPLES, torch.Generator().manual_seed(0))
+    return covered_pixels(seen), direction, weight, torch.rand(len(points), 3, dtype=F64)
+
+
+def surfels_of(values: Values) -> Surfels:
+    return Surfels.of({name: values[name] for name in Surfels.names()})
+
+
+def points_of(surfels: Surfels) -> tuple[object, SeenPoints]:
+    seen = seen_surfels(CAMERA, surfels, surfels.albedo, {})
+    return seen, seen_points(CAMERA, seen, covered_pixels(seen))
+
+
+def losses(values: Values, indirect: Indirect = "traced") -> tuple[Tensor, Tensor]:
+    """The image loss and the neutrality, as stage 2 computes them."""
+    _, direction, weight, target = fixed()
+    surfels = surfels_of(values)
+    seen, points = points_of(surfels)
+    incident = RAYS.incident(SurfelTracer(surfels), points, direction, weight, indirect)
+    shaded = shade_points(points, incident, values["environment"])
+    alpha = seen.alpha.flatten()[fixed()[0]]  # type: ignore[attr-defined]
+    return pixel_loss(shaded.radiance, alpha, target), neutrality(incident, values["environment"])
+
+
+def dense_losses(values: Values) -> tuple[Tensor, Tensor]:
+    """The same from the formulas: rasterization, tracing, shading and encoding as dense loops."""
+    pixels, direction, weight, target = fixed()
+    surfels = surfels_of(values)
+    drawn, met = surfels.geometry_for(CAMERA), surfels.geometry()
+    columns = torch.cat([drawn.normal, surfels.albedo, surfels.roughness[:, None], surfels.scale.amax(-1, True)], -1)
+    eye = CAMERA.centre
+    features, alpha, depth, _ = rasterize(
+        CAMERA.axes, eye, CAMERA.ray_directions().flatten(0, 1)[pixels], drawn.centre, drawn.axis_u, drawn.axis_v,
+        drawn.normal, drawn.opacity, columns, 1.0,
+    )  # fmt: skip
+    straight = features / alpha[:, None]
+    to_pixels = CAMERA.ray_directions().flatten(0, 1)[pixels]
+    place = eye + to_pixels * (depth / alpha)[:, None]
+    normal = features[:, :3] / features[:, :3].norm(dim=-1, keepdim=True)
+    arrived = [
+        trace(
+            met.centre, met.axis_u, met.axis_v, met.normal, met.opacity, surfels.sh, met.centre[:, :0],
+            origin.expand(SAMPLES, 3), along, torch.full((SAMPLES,), 0.05, dtype=F64), 0.03, 4 * float(width),
+        )[:2]
+        for origin, along, width in zip(place, direction, straight[:, 7].detach(), strict=True)
+    ]  # fmt: skip
+    radiance, left = (torch.stack(column) for column in zip(*arrived, strict=True))
+    ended = left < 0.03
+    visibility = torch.where(ended, 0.0, left)
+    radiance = radiance / torch.where(ended, 1 - left, 1.0)[..., None]
+    outgoing = (-to_pixels / to_pixels.norm(dim=-1, keepdim=True))[:, None]
+    parts = shade(
+        normal, straight[:, 3:6], straight[:, 6], outgoing, direction, weight, visibility, radiance,
+        values["environment"],
+    )  # fmt: skip
+    linear = parts.sum(2)[:, 0]
+    display = torch.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear.clamp(min=1e-9) ** (1 / 2.4) - 0.055)
+    light = (visibility[..., None] * environment_radiance(values["environment"], direction)).mean(1)
+    apart = (light - light.mean(-1, keepdim=True)).abs().mean()
+    return (display * alpha[:, None] - target).abs().mean(), apart
+
+
+def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
+    leaves = {name: value.clone().requires_grad_(name in names) for name, value in values.items()}
+    sum(of(leaves)).backward()  # type: ignore[operator]
+    return {name: leaves[name].grad for name in names if leaves[name].grad is not None}  # type: ignore[misc]
+
+
+def test_both_losses_and_their_gradients_are_those_of_the_formulas() -> None:
+    found, expected = losses(start()), dense_losses(start())
+    for mine, theirs in zip(found, expected, strict=True):
+        torch.testing.assert_close(mine, theirs, rtol=1e-10, atol=0)
+    ours, theirs = gradients(losses, start(), MOVED), gradients(dense_losses, start(), MOVED)
+    assert set(ours) == set(theirs) == set(MOVED)
+    for name, gradient in theirs.items():
+        assert gradient.abs().max() > 0, name
+        assert (ours[name] - gradient).abs().max() < 1e-8 * gradient.abs().max(), name
+
+
+def met(values: Values) -> list[bool]:
+    """Which surfels each ray meets: where that changes, the losses jump."""
+    surfels = surfels_of(values)
+    geometry, (_, points), direction = surfels.geometry(), points_of(surfels), fixed()[1]
+    facing = direction @ geometry.normal.T
+    along = ((geometry.centre - points.place[:, None]) * geometry.normal).sum(-1)[:, None] / facing
+    offset = points.place[:, None, None] + along[..., None] * direction[:, :, None] - geometry.centre
+    square = (offset * geometry.axis_u).sum(-1).square() + (offset * geometry.axis_v).sum(-1).square()
+    alpha = geometry.opacity * torch.exp(-0.5 * square)
+    behind = along >= 4 * points.width[:, None, None]
+    hits: list[bool] = ((alpha >= 1 / 255) & (along > 0.05) & ((facing < 0) | behind)).flatten().tolist()
+    return hits
+
+
+def test_gradients_equal_central_differences() -> None:
+    """But for centres, which pixels' footprints follow without gradient: those are compared with the formulas above."""
+    names = (*LEARNT, "opacity_logit")
+
+    def total(values: Values) -> float:
+        return float(sum(losses(values)))
+
+    assert_gradients(total, start(), gradients(losses, start(), names), 2e-4, met, directions=4)
+
+
+def test_the_image_loss_reaches_the_harmonics_of_the_sheets_and_nothing_else_of_theirs() -> None:
+    """The camera is below them: only what they send counts, along rays."""
+    found = gradients(lambda values: losses(values)[:1], start(), LEARNT)
+    assert (found["sh"][2:].abs().amax((1, 2)) > 0).all()
+    assert torch.equal(found["albedo_logit"][2:], torch.zeros(2, 3, dtype=F64))
+    assert torch.equal(found["roughness_logit"][2:], torch.zeros(2, dtype=F64))
+
+
+@pytest.mark.parametrize("indirect", ["detached", "none"])
+def test_without_gradient_to_l_ind_the_harmonics_have_none(indirect: Indirect) -> None:
+    kept = gradients(lambda values: losses(values, indirect)[:1], start(), MOVED)
+    assert kept.get("sh") is None or not kept["sh"].any()
+    whole = gradients(lambda values: losses(values)[:1], start(), MOVED)
+    assert kept["albedo_logit"].any()
+    if indirect == "detached":
+        assert torch.equal(losses(start(), indirect)[0], losses(start())[0])
+        assert torch.equal(kept["environment"], whole["environment"])
+        assert not torch.equal(kept["centre"], whole["centre"]), "V keeps its gradient, L_ind has none"
+
+
+def test_a_saturated_target_is_no_ceiling() -> None:
+    radiance = torch.tensor([[3.0, 0.5, 0.5]], dtype=F64, requires_grad=True)
+    loss = pixel_loss(radiance, torch.ones(1, dtype=F64), torch.tensor([[1.0, 1.0, 0.2]], dtype=F64))
+    loss.backward()
+    assert radiance.grad is not None
+    assert (radiance.grad[0].sign() == torch.tensor([0.0, -1.0, 1.0])).all()
+
+
+def test_neutrality_is_the_mean_distance_from_grey_of_the_light_that_is_not_hidden() -> None:
+    """A light of (1.2, 1, 0.8) is 0.2, 0 and 0.2 from its mean; under a veil of opacity 0.15, 85 % of that."""
+    colours = torch.tensor([1.2, 1.0, 0.8], dtype=F64).expand(6, 12, 3)
+    floor = sheet(0.0, dtype=F64)
+    for surfels, share in ((floor, 1.0), (together(floor, sheet(9.0, DOWN, opacity=0.15, dtype=F64)), 0.85)):
+        _, points = points_of(surfels)
+        direction, weight = hemisphere_directions(points.normal, SAMPLES, None)
+        incident = replace(RAYS, two_sided=False).incident(SurfelTracer(surfels), points, direction, weight, "none")
+        assert float(neutrality(incident, colours)) == pytest.approx(share * 0.4 / 3, rel=1e-4)

@@ -1,0 +1,94 @@
+"""A floor that a camera looks down upon, and sheets above it that the camera does not see."""
+
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from radiogs_baselines.methods.irgs.budget import PRESETS
+from radiogs_baselines.methods.irgs.model import Model
+from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.irgs.rendering import NewLight, RecoveredLight, Renderer
+from radiogs_baselines.methods.irgs.variant import Indirect
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh, roughness_to_logit
+
+CPU = torch.device("cpu")
+SMOKE = PRESETS["smoke"]
+UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
+ENDLESS = 1e4
+"""Scale of a sheet whose opacity hardly falls where rays that leave the floor a degree above its plane meet it."""
+OPAQUE = 0.9999
+
+
+def sheet(
+    height: float,
+    normal: tuple[float, ...] = UP,
+    scale: float = ENDLESS,
+    opacity: float = OPAQUE,
+    albedo: float = 0.5,
+    roughness: float = 0.9,
+    radiance: float = 0.0,
+    dtype: torch.dtype = torch.float32,
+) -> Surfels:
+    """One surfel on the z axis; ``radiance`` towards all sides."""
+    like: dict[str, Any] = {"dtype": dtype}
+    x, y, z = normal
+    # The shortest rotation from +Z to n is the quaternion (1 + n_z, -n_y, n_x, 0); to -Z half a turn about x.
+    rotation = torch.tensor([[0.0, 1.0, 0.0, 0.0]] if z == -1 else [[1 + z, -y, x, 0.0]], **like)
+    sh = torch.zeros(1, COEFFICIENTS, 3, **like)
+    sh[:, 0] = radiance_to_sh(torch.full((1, 3), radiance, **like))
+    return Surfels(
+        centre=torch.tensor([[0.0, 0.0, height]], **like),
+        rotation=rotation,
+        log_scale=torch.full((1, 2), scale, **like).log(),
+        opacity_logit=torch.full((1,), inverse_sigmoid(opacity), **like),
+        sh=sh,
+        albedo_logit=torch.full((1, 3), inverse_sigmoid(albedo), **like),
+        roughness_logit=torch.full((1,), roughness_to_logit(roughness), **like),
+    )
+
+
+def together(*surfels: Surfels) -> Surfels:
+    """All of them."""
+    parts = [each.parameters() for each in surfels]
+    return Surfels.of({name: torch.cat([part[name] for part in parts]) for name in parts[0]})
+
+
+def looking_down(height: float = 0.05, size: int = 3, dtype: torch.dtype = torch.float32) -> Camera:
+    """A camera above the origin, whose middle pixel looks straight down."""
+    matrix = torch.eye(4, dtype=dtype)
+    matrix[:3, :3] = torch.diag(torch.tensor([1.0, -1.0, -1.0], dtype=dtype))
+    matrix[2, 3] = height
+    return Camera(matrix, 2.0 * size, 2.0 * size, size / 2, size / 2, size, size)
+
+
+def grey(radiance: float = 1.0, rows: int = 8) -> EnvironmentMap:
+    """The same light from everywhere."""
+    return EnvironmentMap(torch.full((rows, 2 * rows, 3), radiance))
+
+
+def rays(start: float = 1e-3) -> Rays:
+    """Rays that start so near to the floor that only the floor itself is left out."""
+    return Rays(start, two_sided=False)
+
+
+def own(surfels: Surfels, light: EnvironmentMap, indirect: Indirect = "traced", samples: int = 64) -> dict[str, Tensor]:
+    """The middle pixel of every map, under a recovered light."""
+    model = Model(surfels, light.radiance.to(surfels.centre).log())
+    return middle(Renderer(surfels, surfels.albedo, RecoveredLight(model, rays(), samples, indirect), 0))
+
+
+def relit(surfels: Surfels, light: EnvironmentMap, met_albedo: Tensor, indirect: bool = True) -> dict[str, Tensor]:
+    """The middle pixel of every map, relit by 64 rays over the hemisphere and 32 from the light."""
+    new = NewLight(surfels, met_albedo, light, rays(), (64, 32), indirect)
+    return middle(Renderer(surfels, surfels.albedo, new, 0))
+
+
+def middle(renderer: Renderer) -> dict[str, Tensor]:
+    """What the middle pixel of ``looking_down`` shows; radiance of its covered part."""
+    maps = renderer.render(looking_down(dtype=renderer.surfels.centre.dtype))
+    seen = {name: values[1, 1] for name, values in maps.items()}
+    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect", "incident")}
