@@ -189,6 +189,7 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs_core.capabilities import Remarking
 
     from ..api import read_light
+    from ..evaluation.near_light import NOT_DISTANT
     from ..store.folder import Store
     from ..training.trained_folder import read_about, read_trained
     from .reporter import say
@@ -200,6 +201,8 @@ def relight(options: argparse.Namespace) -> int:
     turned = {name: value for name, value in asked.items() if name in about["variant"]}
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, device, turned)
+        if run.scene.surrounded:
+            say(f"relighting means little here: {NOT_DISTANT}")
         relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)

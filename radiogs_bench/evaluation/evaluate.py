@@ -24,6 +24,7 @@ from .frame_cost import FrameCosts
 from .light_maps import light_maps
 from .maps import Maps, on_black
 from .metrics_by_view import MetricsByView
+from .near_light import withhold_light
 from .scoring import (
     compared_indirect,
     coverage,
@@ -86,7 +87,7 @@ def evaluate(
     float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
     ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
     incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
-    ``light_maps``) if both lights are known.
+    ``light_maps``) if both lights are known. Relighting, light and albedo of a scene without masks are n/a.
 
     Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
     not keep to its contract, NumericalFailure for an image that is not finite.
@@ -96,6 +97,7 @@ def evaluate(
     evaluator.compare_light(trained)
     scale = evaluator.compare_whole()
     evaluator.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
+    withhold_light(evaluator.scores, scene)
     return Evaluation(
         metrics=evaluator.scores.metrics(),
         timings=evaluator.costs.timings(),
@@ -130,7 +132,7 @@ class _Evaluator:
         self.scores = MetricsByView(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
         self.costs = FrameCosts(MetricsByView(rules, *self.scores.groups), self.device)
         self.shown = scene.test[len(scene.test) // 2]
-        self.lit = lit_views(scene, (*scene.test, *scene.relight))
+        self.lit = {} if scene.surrounded else lit_views(scene, (*scene.test, *scene.relight))
         self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
         self.total = len(scene.test) + sum(map(len, self.lit.values()))
         self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}

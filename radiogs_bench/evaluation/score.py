@@ -9,6 +9,7 @@ from radiogs_core.scene.scene import Scene, View
 from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
 from .metrics_by_view import MetricsByView
+from .near_light import withhold_light
 from .scoring import Maps, coverage, lit_views, score_albedo, score_depth, score_light, score_view, truth
 
 Advance = Callable[[int, int], None]
@@ -33,7 +34,7 @@ def score_predictions(
     damaged file or one of the wrong size.
     """
     by_protocol = [MetricsByView(rules, [view.name for view in scene.test]) for rules in protocols]
-    lit = lit_views(scene, scene.test) if predictions.relit else {}
+    lit = lit_views(scene, scene.test) if predictions.relit and not scene.surrounded else {}
     total = len(scene.test) + sum(map(len, lit.values()))
     kept: dict[str, Maps] = {}
     for done, view in enumerate(scene.test, start=1):
@@ -57,6 +58,7 @@ def score_predictions(
         if found is not None:
             score_light(each, scene, found)
         scale = score_albedo(each, scene, kept)
+        withhold_light(each, scene)
         scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))
     return scores
 

@@ -57,7 +57,7 @@ def mean_roughness(view: View, maps: Maps) -> float | None:
 def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
     """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
     views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]
-    if not views:
+    if not views or scene.surrounded:
         return None
     rules = scores.rules
     truths, masks = [truth(view, "albedo") for view in views], [coverage(view) for view in views]
@@ -70,8 +70,8 @@ def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Map
 
 
 def score_light(scores: MetricsByView, scene: Scene, found: EnvironmentMap) -> None:
-    """Score a recovered environment map at the resolution of the true one, if that is known."""
-    if scene.training_light is None:
+    """Score a recovered environment map at the resolution of the true one, if that is known and distant."""
+    if scene.training_light is None or scene.surrounded:
         return
     true_light = scene.training_light.radiance.cpu()
     directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)

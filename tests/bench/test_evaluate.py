@@ -363,3 +363,29 @@ def test_the_recovered_light_is_compared_at_the_true_ones_resolution() -> None:
     assert found["environment/error"]["views"] == [None]
     assert "environment/error" not in scored(Perfect(scene_of(view_with(0, EVERYTHING)), light=light)).metrics
     assert "environment/error" not in values(scene).metrics
+
+
+def without_masks(scene: Scene) -> Scene:
+    """The same images as photos of a room: nothing says which pixels show the object."""
+
+    def photo(view: View) -> View:
+        return replace(view, sources={name: read for name, read in view.sources.items() if name != "alpha"})
+
+    return replace(scene, train=tuple(map(photo, scene.train)))
+
+
+def test_light_and_albedo_of_a_scene_without_masks_are_withheld_with_the_reason() -> None:
+    """Although all of it could be compared: what lights a room is part of its model."""
+    light = EnvironmentMap(torch.ones(4, 8, 3))
+    masked = replace(scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING)), training_light=light)
+    lit, model = scored(Perfect(masked, light=light)), Perfect(without_masks(masked), light=light)
+    found = scored(model)
+    assert model.scales == [], "nothing was relit"
+    assert found.albedo_scale is None
+    assert found.shown_light is None
+    for name in ("relight/psnr", "relight/ssim", "albedo/psnr", "environment/error", "environment/error_scaled"):
+        assert lit.metrics[name]["value"] is not None
+        assert found.metrics[name]["value"] is None
+        assert "no masks" in (found.metrics[name]["reason"] or "")
+    for name in ("nvs/psnr", "normal/mae"):
+        assert found.metrics[name] == lit.metrics[name]

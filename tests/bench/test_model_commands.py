@@ -13,7 +13,7 @@ from radiogs_bench.cli.main import main
 from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets import load_scene
-from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr
+from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr, write_png
 
 CPU = torch.device("cpu")
 
@@ -54,7 +54,9 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
         relit = read_png(folder / "relight" / mode / "relit" / "dim" / "test_000.png")
         # Ten steps of fine-tuning dim the surfels only in part.
         assert relit.mean() < (1.0 if mode == "surfels" else 0.7) * seen.mean(), mode
-    assert capsys.readouterr().out.count("ms a frame") == 4
+    said = capsys.readouterr().out
+    assert said.count("ms a frame") == 4
+    assert "means little" not in said
 
 
 def metrics_of(record: Path) -> dict[str, float | None]:
@@ -159,3 +161,19 @@ def test_a_mesh_that_cannot_be_made_is_explained(
 ) -> None:
     assert main(["export", str(folder), "--mesh", "--views", "test", *options]) == code
     assert complaint in capsys.readouterr().err
+
+
+def test_relighting_a_scene_without_masks_says_what_it_is_worth(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its surroundings are part of the model, so that a light from outside them means little. One line says so."""
+    photos = tmp_path / "photos"
+    assert main(["datasets", "convert", "convex", "--to", "blender", "--out", str(photos), "--reduce", "4"]) == 0
+    for path in photos.rglob("*.png"):
+        write_png(path, read_png(path)[..., :3])
+    write_hdr(tmp_path / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    out = tmp_path / "model"
+    assert main(["train", str(photos), "--preset", "smoke", "--out", str(out)]) == 0
+    capsys.readouterr()
+    assert main(["relight", str(out), "--envmap", str(tmp_path / "dim.hdr"), "--mode", "pbr"]) == 0
+    assert "relighting means little here: the scene has no masks" in capsys.readouterr().out

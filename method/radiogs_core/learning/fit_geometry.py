@@ -15,11 +15,13 @@ from torch import Tensor
 from ..contract import StageSpec, values_of
 from ..errors import DataError
 from ..scene.camera import Camera
+from ..scene.contraction import Contraction
 from ..scene.scene import Scene, View
 from ..surfels.density import AdaptiveDensityControl, DensityControl
 from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
+from ..surfels.surroundings import surrounded_surfels
 from ..transport.splatting import Splat, displayed, own_radiance, splat
 from .backward import backward
 from .contribution import largest_contribution
@@ -120,18 +122,24 @@ class FitGeometry:
         chosen = chosen_views(scene, view_share, seed)
         self.views = load(chosen, device)
         self.depth_unit = mean_distance(self.views, scene.centre)
+        self.space = Contraction.of(scene) if scene.surrounded else None
         surfels = self._start(scene, tuple(view.reread() for view in self.views), budget.initial_surfels)
         self.generator = torch.Generator(device).manual_seed(seed)
         self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.geometry_rate))
         self.density: DensityControl = AdaptiveDensityControl(
-            learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, len(surfels), device,
+            learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, surfels,
             lambda surfels: largest_contribution(surfels, self.views),
+            None if self.space is None else self.space.stretch,
         )  # fmt: skip
 
     def _start(self, scene: Scene, views: tuple[View, ...], count: int) -> Surfels:
         """Drawn on the CPU, so that every kind of device starts with the same surfels."""
         generator, linear = torch.Generator().manual_seed(self.seed), self.learning.colour == "linear"
-        surfels = initial_surfels(scene, views, count, self.learning.start, linear, generator)
+        if scene.surrounded:
+            around = self.learning.surroundings
+            surfels = surrounded_surfels(scene, views, count, self.learning.start, around, linear, generator)
+        else:
+            surfels = initial_surfels(scene, views, count, self.learning.start, linear, generator)
         return Surfels.of({name: value.to(self.device) for name, value in surfels.parameters().items()})
 
     def _rates(self, geometry_rate: float) -> dict[str, float]:
@@ -177,13 +185,22 @@ class FitGeometry:
         centre = self.optimiser.tensors["centre"]
         if centre.grad is not None:
             self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
-        self.optimiser.step()
+        self._move()
         self.iteration += 1
         changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
         if changed is not None:
             require_some(changed[0], self.iteration)
             self.optimiser.replace(*changed)
         return {name: float(value.detach()) for name, value in losses.items()}
+
+    def _move(self) -> None:
+        """A step of the optimiser; what lies beyond the cameras moves as far as it looks."""
+        centre = self.optimiser.tensors["centre"]
+        before = centre.detach().clone() if self.space is not None else None
+        self.optimiser.step()
+        if self.space is not None and before is not None:
+            with torch.no_grad():
+                centre.copy_(before + (centre - before) * self.space.stretch(before)[:, None])
 
     def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
         weights, camera = self.learning.weights, view.camera
@@ -195,12 +212,19 @@ class FitGeometry:
         losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
         losses["mask"] = weights.mask * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= self.learning.schedule.distortion_from * self.iterations:
-            losses["distortion"] = weights.distortion * seen.distortion.mean()
+            losses["distortion"] = weights.distortion * self._distortion(seen)
         inside = None if self.learning.across_silhouettes else view.mask
         allowance = edge_allowance(view.over(0.0), self.learning.edge_sharpness, inside)
         smoothness = edge_aware_smoothness(seen.normal, allowance)
         losses["normal smoothness"] = weights.normal_smoothness * smoothness
         return losses, seen
+
+    def _distortion(self, seen: Splat) -> Tensor:
+        """Mean over pixels; beyond the cameras' distance, where surroundings are, that of disparity (2DGS)."""
+        if self.space is None:
+            return seen.distortion.mean()
+        beyond = (seen.depth.detach() / self.depth_unit).clamp(min=1)
+        return (seen.distortion / beyond**4).mean()
 
     def _normal_weight(self) -> float:
         late = self.iteration >= self.learning.schedule.normal_late_from * self.iterations

@@ -10,6 +10,7 @@ from typing import Literal
 
 from ..surfels.density import AdaptiveDensity
 from ..surfels.starting_points import SurfelStart
+from ..surfels.surroundings import SurroundingsStart
 from .losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 
 
@@ -89,6 +90,8 @@ class GeometryLearning:
     """When and where surfels are added and removed."""
     start: SurfelStart = field(default_factory=SurfelStart)
     """What surfels start as."""
+    surroundings: SurroundingsStart = field(default_factory=SurroundingsStart)
+    """Where they start in a scene without masks."""
     backgrounds: tuple[float, ...] = (1.0, 0.0)
     """Grey levels, display sRGB, that images are composited on in turn, one an iteration. White and black: on one
     alone, a surface that is a little transparent can pass for a brighter one."""

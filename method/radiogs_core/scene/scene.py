@@ -102,6 +102,11 @@ class Scene:
         return self.surfaces(spacing)
 
     @property
+    def surrounded(self) -> bool:
+        """Whether the images show what surrounds the object as well: no training view has alpha to tell them apart."""
+        return not any(view.has("alpha") for view in self.train)
+
+    @property
     def centre(self) -> Float[Tensor, "3"]:
         """The point that the training cameras look at: least squares nearest to their optical axes, in float64."""
         origins = torch.stack([view.camera.centre for view in self.train]).double()

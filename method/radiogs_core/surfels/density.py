@@ -115,8 +115,10 @@ class AdaptiveDensityControl:
     """3DGS's adaptive density control; see the module.
 
     ``interval``: steps between two rounds. ``maximum``: number of surfels that is never exceeded; where it leaves no
-    room for all, the largest positional gradients go first. ``extent``: the scene's, world units. ``count``: surfels at
-    the start. ``contribution``: how many pixels each surfel makes up in the view that shows most of it.
+    room for all, the largest positional gradients go first. ``extent``: the scene's, world units. ``surfels``: those at
+    the start. ``contribution``: how many pixels each surfel makes up in the view that shows most of it. ``stretch``: by
+    how much larger surfels at world points are to be judged than near the cameras (``Contraction.stretch``); None for a
+    scene that has nothing beyond them. Where it is above 1, no surfel is too large: a far wall may be one.
     """
 
     def __init__(
@@ -125,13 +127,13 @@ class AdaptiveDensityControl:
         interval: int,
         maximum: int,
         extent: float,
-        count: int,
-        device: torch.device,
+        surfels: Surfels,
         contribution: Callable[[Surfels], Float[Tensor, " surfels"]],
+        stretch: Callable[[Float[Tensor, "surfels 3"]], Float[Tensor, " surfels"]] | None = None,
     ) -> None:
         self.rules, self.interval, self.maximum, self.extent = rules, interval, maximum, extent
-        self.contribution = contribution
-        self.gradient = PositionalGradient.none(count, device)
+        self.contribution, self.stretch = contribution, stretch
+        self.gradient = PositionalGradient.none(len(surfels), surfels.centre.device)
 
     def observe(
         self,
@@ -169,9 +171,13 @@ class AdaptiveDensityControl:
     ) -> tuple[Surfels, Int[Tensor, " changed"]]:
         """Surfels after a round, and whose optimiser moments each inherits."""
         rules, extent = self.rules, self.extent
-        largest = surfels.scale.max(-1).values
+        largest, prunable = surfels.scale.max(-1).values, torch.ones_like(shows)
+        if self.stretch is not None:
+            stretch = self.stretch(surfels.centre)
+            largest, prunable = largest / stretch, stretch <= 1
         seen = shows & (self.gradient.total > 0)
-        keep = seen & (surfels.opacity >= rules.opacity_floor) & (largest <= rules.largest_scale * extent)
+        too_large = prunable & (largest > rules.largest_scale * extent)
+        keep = seen & (surfels.opacity >= rules.opacity_floor) & ~too_large
         strength = self.gradient.mean()
         room = max(0, self.maximum - int(keep.sum()))
         wanted = torch.nonzero(keep & (strength > rules.gradient_threshold))[:, 0]

@@ -10,7 +10,6 @@ from radiogs_core.surfels.density import AdaptiveDensity, AdaptiveDensityControl
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, surfels_at
 
 RULES = AdaptiveDensity()
-CPU = torch.device("cpu")
 
 
 def four_surfels() -> Surfels:
@@ -28,7 +27,7 @@ def all_show(surfels: Surfels) -> torch.Tensor:
 
 
 def control(gradient: list[float], maximum: int = 100, rules: AdaptiveDensity = RULES) -> AdaptiveDensityControl:
-    made = AdaptiveDensityControl(rules, 10, maximum, 1.0, 4, CPU, all_show)
+    made = AdaptiveDensityControl(rules, 10, maximum, 1.0, four_surfels(), all_show)
     made.gradient = PositionalGradient(torch.tensor(gradient, dtype=torch.float32), torch.ones(4))
     return made
 
@@ -47,6 +46,18 @@ def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
     torch.testing.assert_close(after.scale[3:], surfels.scale[1].expand(2, 2) / RULES.split_shrink)
     in_plane = (after.centre[3:] - surfels.centre[1]) @ surfels.frame[1, :, 2]
     torch.testing.assert_close(in_plane, torch.zeros(2), atol=1e-6, rtol=0)
+
+
+def test_beyond_the_cameras_size_is_judged_by_what_it_looks_like() -> None:
+    """Where space is stretched, what is cloned is as much larger, and nothing is pruned for its size."""
+    surfels = four_surfels()
+    surfels.log_scale = torch.tensor([0.05, 0.05, 0.5, 0.5]).log()[:, None].repeat(1, 2)
+    surfels.opacity_logit = torch.ones(4)
+    plain = control([1, 1, 1e-9, 1e-9])
+    assert changed(surfels, plain)[1].tolist() == [-1, -1, -1, -1]  # two split, two pruned
+    far = control([1, 1, 1e-9, 1e-9])
+    far.stretch = lambda _: torch.tensor([1.0, 10.0, 1.0, 10.0])
+    assert changed(surfels, far)[1].tolist() == [1, 3, -1, -1, -1]  # kept and cloned, kept; one split, one pruned
 
 
 def test_the_ceiling_admits_the_largest_gradients_only() -> None:
@@ -100,7 +111,7 @@ def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, du
 
 def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     first = control([1, 1, 1, 1e-9])
-    resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, 4, CPU, all_show)
+    resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, four_surfels(), all_show)
     resumed.restore(first.state())
     assert changed(four_surfels(), resumed)[1].tolist() == changed(four_surfels(), first)[1].tolist()
     assert len(first.gradient.total) == 5

@@ -1,0 +1,80 @@
+"""Scenes without masks: the whole room is learnt, and scenes with masks are learnt as ever."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from radiogs_core.learning.fit_geometry import FitGeometry, NoShading
+from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import radiance_maps
+from rooms import room_scene
+from scenes import sphere_scene
+from short_training import BUDGET, CPU
+
+STEPS, SURFELS = 200, 600
+ROOM_BUDGET = replace(BUDGET, initialise_iterations=STEPS, initial_surfels=SURFELS, maximum_surfels=SURFELS)
+
+
+def stage_on(scene: Scene) -> FitGeometry:
+    return FitGeometry(scene, GeometryLearning(), ROOM_BUDGET, 1.0, 0, CPU, NoShading())
+
+
+def trained(scene: Scene) -> tuple[float, Surfels]:
+    """PSNR of new views, mean over the test views, and the surfels."""
+    stage = stage_on(scene)
+    while stage.iteration < stage.iterations:
+        stage.step()
+    shown = [radiance_maps(view.camera, stage.surfels)["image"] for view in scene.test]
+    errors = [
+        float((image - view.read("image")).square().mean()) for image, view in zip(shown, scene.test, strict=True)
+    ]
+    return -10 * math.fsum(map(math.log10, errors)) / len(errors), stage.surfels
+
+
+def test_new_views_of_a_room_need_what_surrounds_the_object() -> None:
+    """The same photos; a mask of ones sends them through the start of scenes with masks, a ball in the middle."""
+    ball_only, _ = trained(room_scene(masked=True))
+    room, surfels = trained(room_scene())
+    assert room > ball_only + 4
+    distance = surfels.centre.norm(dim=-1)
+    assert int((distance > 4).sum()) > SURFELS / 4, "density control leaves the walls"
+    assert int((distance < 1).sum()) > SURFELS / 20, "and the ball"
+    sparse, _ = trained(room_scene(points=300))
+    assert sparse > ball_only + 5
+
+
+def test_what_is_far_moves_as_far_as_it_looks() -> None:
+    stage = stage_on(room_scene())
+    assert stage.space is not None
+    before = stage.surfels.centre.detach().clone()
+    expected = stage._position_rate() * stage.space.stretch(before)
+    stage.step()  # Adam's first step has the length of the rate in every coordinate with a gradient
+    moved = (stage.surfels.centre.detach() - before).abs().amax(-1)
+    some = moved > 0
+    assert int(some.sum()) > SURFELS / 4
+    assert float(stage.space.stretch(before)[some].max()) > 3
+    torch.testing.assert_close(moved[some], expected[some], rtol=0.02, atol=1e-6)
+
+
+@pytest.mark.parametrize("depth", [0.5, 4.0])
+def test_distortion_beyond_the_cameras_is_that_of_disparity(depth: float) -> None:
+    stage = stage_on(room_scene())
+    view = stage.views[0]
+    _, seen = stage._losses(stage.surfels, view)
+    there = replace(seen, depth=torch.full_like(seen.depth, depth * stage.depth_unit))
+    expected = float(seen.distortion.detach().mean()) / max(1, depth) ** 4
+    assert float(stage._distortion(there).detach()) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_scene_is_surrounded_where_no_training_view_has_alpha() -> None:
+    assert room_scene().surrounded
+    masked = sphere_scene()
+    assert not masked.surrounded
+    assert stage_on(masked).space is None
+    bare = replace(masked.train[0], sources={"image": masked.train[0].sources["image"]})
+    assert not replace(masked, train=(bare, *masked.train[1:])).surrounded
+    assert replace(masked, train=(bare,)).surrounded
