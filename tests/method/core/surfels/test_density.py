@@ -51,7 +51,7 @@ def test_small_ones_are_cloned_large_ones_split_and_faint_ones_pruned() -> None:
 def test_beyond_the_cameras_size_is_judged_by_what_it_looks_like() -> None:
     """Where space is stretched, what is cloned is as much larger, and nothing is pruned for its size."""
     surfels = four_surfels()
-    surfels.log_scale = torch.tensor([0.05, 0.05, 0.5, 0.5]).log()[:, None].repeat(1, 2)
+    surfels.log_scale = torch.tensor([0.05, 0.05, 0.5, 5.0]).log()[:, None].repeat(1, 2)
     surfels.opacity_logit = torch.ones(4)
     plain = control([1, 1, 1e-9, 1e-9])
     assert changed(surfels, plain)[1].tolist() == [-1, -1, -1, -1]  # two split, two pruned
