@@ -14,7 +14,9 @@ from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.plain_values import from_plain
+from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.starting_points import SurfelStart
+from rooms import room_scene
 from short_training import BUDGET, CPU, SCENE
 
 OTHER = {
@@ -32,6 +34,10 @@ OTHER = {
     "geometry.schedule.decay_from": 0.1,
     "geometry.schedule.normal_late_from": 0.1,
     "geometry.start.candidates": 64,
+    "geometry.surroundings.candidates": 4,
+    "geometry.surroundings.compared": 1,
+    "geometry.surroundings.width_quantile": 0.2,
+    "geometry.surroundings.least_pixels": 4.0,
     "geometry.start.consistent_share": 0.3,
     "geometry.normal_target": "central",
     "geometry.across_silhouettes": True,
@@ -86,13 +92,16 @@ CONSTANT = replace(BASE, materials=MaterialLearning(start=MaterialStart(light="c
 OF_A_CONSTANT_START = ("materials.start.albedo", "materials.start.white", "materials.start.brightest")
 """Fields that are read where the light is not sought."""
 
+ROOM = {points: room_scene(views=8, size=16, points=points) for points in (0, 100)}
+OF_NO_SPARSE_POINTS = "geometry.surroundings.nearest"
+
 LEAVES = dict(leaves(BASE))
 OF_STAGE_ONE = [path for path in LEAVES if path.startswith(("geometry.", "split_sum."))]
 OF_STAGE_TWO = [path for path in LEAVES if path.startswith("materials.")]
 
 
-def initialised(variant: Variant) -> dict[str, Any]:
-    stage = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+def initialised(variant: Variant, scene: Scene = SCENE) -> dict[str, Any]:
+    stage = Initialisation(scene, variant, BUDGET, 0, CPU)
     while stage.iteration < 18:
         stage.step()
     return stage.product()
@@ -121,9 +130,12 @@ def differ(some: dict[str, torch.Tensor], others: dict[str, torch.Tensor]) -> bo
 
 @pytest.mark.parametrize("path", OF_STAGE_ONE)
 def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str, Any], path: str) -> None:
-    value = other(path, LEAVES[path])
+    value, scene, before = other(path, LEAVES[path]), SCENE, first
     variant = turned(BASE, path, value)
-    assert differ(first["optimiser"]["tensors"], initialised(variant)["optimiser"]["tensors"])
+    if path.startswith("geometry.surroundings."):
+        scene = ROOM[0 if path == OF_NO_SPARSE_POINTS else 100]
+        before = initialised(BASE, scene)
+    assert differ(before["optimiser"]["tensors"], initialised(variant, scene)["optimiser"]["tensors"])
     for read in (variant.of_initialisation(), variant.of_training()):
         assert at(read, path) == value
 
