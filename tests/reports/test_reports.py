@@ -8,13 +8,15 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
 from radiogs_reports.analysis.ranks import suite_ranks
-from radiogs_reports.summary import read_summary
+from radiogs_reports.figures.contact_sheet import write_contact_sheet
+from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.write.latex import escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
 
@@ -84,6 +86,30 @@ def test_the_contact_sheet_is_large_enough_to_judge(run: Path) -> None:
     with Image.open(run / "contact_sheet.png") as sheet:
         assert sheet.width > 7 * 160
         assert sheet.height > 2 * 160
+
+
+def height_of_contact_sheet(folder: Path, made: Summary) -> int:
+    folder.mkdir()
+    write_run(folder, made)
+    with Image.open(write_contact_sheet(made, folder)) as sheet:
+        return sheet.height
+
+
+def test_the_contact_sheet_shows_the_same_truth_once(tmp_path: Path) -> None:
+    one, two, other = (summary() for _ in range(3))
+    for made in (two, other):
+        made["sheet"].append({**made["sheet"][0], "row": "no-rad", "arrays": "cells/def.npz"})
+    alone, both = (height_of_contact_sheet(tmp_path / name, made) for name, made in (("one", one), ("two", two)))
+    assert 1.3 * alone < both < 1.7 * alone, "a title and a line more"
+    (tmp_path / "other").mkdir()
+    write_run(tmp_path / "other", other)
+    path = tmp_path / "other" / "cells" / "def.npz"
+    with np.load(path) as stored:
+        arrays = dict(stored)
+    arrays["truth/normal"] = -arrays["truth/normal"]
+    np.savez(path, **arrays)
+    with Image.open(write_contact_sheet(other, tmp_path / "other")) as sheet:
+        assert sheet.height == 2 * alone
 
 
 def test_text_is_escaped_character_by_character() -> None:

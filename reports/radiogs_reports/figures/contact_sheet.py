@@ -1,4 +1,5 @@
-"""One picture of a run: rendered and recovered maps below the ground truth, a band for each row of the table."""
+"""One figure of a run: rendered and recovered maps, a band for each row of the table; above them the ground truth, once
+for all rows that show the same view of it."""
 
 from pathlib import Path
 
@@ -21,7 +22,13 @@ Tile = tuple[str, maps.Image]
 
 def write_contact_sheet(summary: Summary, out: Path) -> Path:
     """Write ``contact_sheet.png`` into ``out``; returns its path."""
-    bands = [_band(summary, entry, out) for entry in summary["sheet"]]
+    bands: list[Image.Image] = []
+    above: list[Tile] = []
+    for entry in summary["sheet"]:
+        truth, render = _tiles(maps.read_maps(out / entry["arrays"]), entry.get("light", ""))
+        lines = [render] if _same(truth, above) else [truth, render]
+        bands.append(_band(_title(summary, entry), lines))
+        above = truth
     sheet = Image.new("RGB", (max(band.width for band in bands), sum(band.height for band in bands)), PAPER)
     top = 0
     for band in bands:
@@ -32,20 +39,24 @@ def write_contact_sheet(summary: Summary, out: Path) -> Path:
     return path
 
 
-def _band(summary: Summary, entry: SheetSummary, out: Path) -> Image.Image:
-    truth, render = _tiles(maps.read_maps(out / entry["arrays"]), entry.get("light", ""))
-    height, width = truth[0][1].shape[:2]
-    factor = max(1, -(-SMALLEST_TILE // max(height, width)))
-    step = width * factor + GAP
-    band = Image.new(
-        "RGB",
-        (2 * MARGIN + max(len(truth), len(render)) * step, MARGIN + TITLE + 2 * (LABEL + height * factor + GAP)),
-        PAPER,
+def _same(some: list[Tile], others: list[Tile]) -> bool:
+    """Whether two lines of tiles look alike."""
+    return len(some) == len(others) and all(
+        label == other and np.array_equal(image, shown)
+        for (label, image), (other, shown) in zip(some, others, strict=True)
     )
+
+
+def _band(title: str, lines: list[list[Tile]]) -> Image.Image:
+    height, width = lines[0][0][1].shape[:2]
+    factor = max(1, -(-SMALLEST_TILE // max(height, width)))
+    step, line_height = width * factor + GAP, LABEL + height * factor + GAP
+    size = (2 * MARGIN + max(map(len, lines)) * step, MARGIN + TITLE + len(lines) * line_height)
+    band = Image.new("RGB", size, PAPER)
     draw = ImageDraw.Draw(band)
-    draw.text((MARGIN, MARGIN), _title(summary, entry), fill=INK, font=_font(15))
-    for line, tiles in enumerate((truth, render)):
-        top = MARGIN + TITLE + line * (LABEL + height * factor + GAP)
+    draw.text((MARGIN, MARGIN), title, fill=INK, font=_font(15))
+    for line, tiles in enumerate(lines):
+        top = MARGIN + TITLE + line * line_height
         for place, (label, image) in enumerate(tiles):
             left = MARGIN + place * step
             draw.text((left, top + 5), label, fill=FAINT, font=_font(14))
