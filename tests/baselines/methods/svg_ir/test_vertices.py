@@ -65,22 +65,39 @@ def test_a_pixel_shows_what_lies_at_its_own_place_on_the_surfel() -> None:
     )
     attributes = torch.stack([values, torch.ones_like(values)], -1)[None]
     found, alpha = blended(camera, surfels, attributes, 0.8).unbind(-1)
-    assert float((expected.max() - expected.min())) > 1
+    assert float(expected.max() - expected.min()) > 1
     torch.testing.assert_close(found / alpha, expected, rtol=1e-9, atol=1e-9)
 
 
 def test_gradients_are_those_of_finite_differences() -> None:
-    surfels = together(sheet(0.0, (0.1, 0.0, 0.995), 0.4, 0.6, dtype=F64), sheet(-0.2, scale=0.6, opacity=0.5, dtype=F64))
+    """To opacity through the pixel's own order of surfels, and to attributes."""
+    surfels = together(
+        sheet(0.0, (0.1, 0.0, 0.995), 0.4, 0.6, dtype=F64), sheet(-0.2, scale=0.6, opacity=0.5, dtype=F64)
+    )
     camera = looking_down(1.5, 5, F64)
     torch.manual_seed(0)
     pull = torch.randn(5, 5, 2, dtype=F64)
 
-    def of(values: Values) -> torch.Tensor:
+    def total(values: Values) -> torch.Tensor:
         given = Surfels.of(surfels.parameters() | {"opacity_logit": values["opacity_logit"]})
         return (blended(camera, given, values["attributes"]) * pull).sum()
 
+    def met(values: Values) -> object:
+        return _supports(surfels, values["opacity_logit"], camera)
+
     values = {"attributes": torch.randn(2, 4, 2, dtype=F64), "opacity_logit": surfels.opacity_logit}
-    assert_gradients(of, values)
+    leaves = {name: value.clone().requires_grad_() for name, value in values.items()}
+    total(leaves).backward()
+    gradients = {name: leaf.grad for name, leaf in leaves.items() if leaf.grad is not None}
+    assert set(gradients) == set(values)
+    assert_gradients(lambda moved: float(total(moved)), values, gradients, 1e-3, met)
+
+
+def _supports(surfels: Surfels, opacity_logit: torch.Tensor, camera: Camera) -> object:
+    """Which pixels each surfel reaches."""
+    given = Surfels.of(surfels.parameters() | {"opacity_logit": opacity_logit})
+    seen = [given.take(torch.tensor([k])) for k in range(len(given))]
+    return [(blended(camera, one, torch.ones(1, 1, 1, dtype=F64)) > 0).flatten().tolist() for one in seen]
 
 
 def test_nothing_in_view_is_black() -> None:
