@@ -6,6 +6,8 @@ OURS = Row("ours", "Ours", "RadioGS", {})
 IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
 """The full method, for every table that the paper has a row of it in."""
 
+SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
+
 SIMILARITY = ("psnr", "ssim", "lpips")
 
 BASELINES = Suite(
@@ -13,7 +15,7 @@ BASELINES = Suite(
     title="Methods on the same geometry, tracer, light and metrics",
     published="tensoir",
     reference="ours",
-    rows=(OURS, IRGS),
+    rows=(OURS, IRGS, SVG_IR),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -50,4 +52,28 @@ IRGS_ABLATIONS = Suite(
     ),
 )  # fmt: skip
 
-BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS)
+SVG_IR_ABLATIONS = Suite(
+    name="svg-ir",
+    title="What SVG-IR is made of",
+    published=None,
+    reference="svg-ir",
+    rows=(
+        SVG_IR,
+        Row("no-consistency", "", "materials not fitted to kept radiance",
+            {"materials": {"weights": {"consistency": 0.0}}}, method="svg-ir"),
+        Row("full-length", "", "rays of full length", {"hop": None}, method="svg-ir"),
+        Row("constant", "", "one material a surfel", {"attributes": "constant"}, method="svg-ir"),
+        Row("fixed-ratio", "", "kept radiance counts as it is",
+            {"materials": {"rates": {"ratio": 0.0}}}, method="svg-ir"),
+        Row("no-indirect", "", "no indirect light", {"indirect": False, "relight_indirect": False}, method="svg-ir"),
+        Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="svg-ir"),
+        Row("constant-light", "", "constant light at the start",
+            {"materials": {"start": {"light": "constant"}}}, method="svg-ir"),
+        Row("fixed-start", "", "rays start 0.0093 extents away", {"ray_start": 0.0093}, method="svg-ir"),
+        Row("sharp-light", "", "relit by the whole map", {"relight_rows": None}, method="svg-ir"),
+        Row("samples", "", "S = <incident_samples>", budget={"incident_samples": 2.0}, method="svg-ir"),
+    ),
+    columns=IRGS_ABLATIONS.columns,
+)  # fmt: skip
+
+BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS, SVG_IR_ABLATIONS)

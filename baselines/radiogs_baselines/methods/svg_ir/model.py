@@ -1,0 +1,81 @@
+"""What SVG-IR recovers: materials and normals at the vertices of surfels, a light, and one factor."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
+
+VERTEX = ("vertex_albedo_logit", "vertex_roughness_logit", "vertex_offset")
+"""Raw parameters of vertices."""
+
+LEARNT = (*VERTEX, "log_environment", "ratio")
+"""Raw parameters besides those of the surfels."""
+
+
+@dataclass(frozen=True)
+class Model:
+    """Surfels, and what is learnt besides, by raw parameters.
+
+    cached: the surfels as they were when the table of incident light was made. vertex_offset: added to the surfel's
+    unit normal, world axes. log_environment: see ``scene.light``. ratio: the factor on all kept radiance. Albedo and
+    roughness of ``surfels`` have no meaning.
+    """
+
+    surfels: Surfels
+    cached: Surfels
+    vertex_albedo_logit: Float[Tensor, "surfels vertices 3"]
+    vertex_roughness_logit: Float[Tensor, "surfels vertices"]
+    vertex_offset: Float[Tensor, "surfels vertices 3"]
+    log_environment: Float[Tensor, "height width 3"]
+    ratio: Float[Tensor, ""]
+
+    @property
+    def vertices(self) -> int:
+        """Vertices of a surfel."""
+        return self.vertex_albedo_logit.shape[1]
+
+    @property
+    def albedo(self) -> Float[Tensor, "surfels vertices 3"]:
+        """Linear diffuse albedo in (0, 1)."""
+        return self.vertex_albedo_logit.sigmoid()
+
+    @property
+    def roughness(self) -> Float[Tensor, "surfels vertices"]:
+        """Perceptual roughness r in (ROUGHNESS_FLOOR, 1)."""
+        return ROUGHNESS_FLOOR + (1 - ROUGHNESS_FLOOR) * self.vertex_roughness_logit.sigmoid()
+
+    @property
+    def normal(self) -> Float[Tensor, "surfels vertices 3"]:
+        """Unit normals that are shaded with, in the world."""
+        return normalize(self.surfels.frame[:, None, :, 2] + self.vertex_offset, dim=-1)
+
+    @property
+    def environment(self) -> Float[Tensor, "height width 3"]:
+        """Linear radiance of the recovered light."""
+        return self.log_environment.exp()
+
+    def tensors(self) -> dict[str, Any]:
+        """The model as plain tensors, without gradient history."""
+        learnt = {name: getattr(self, name).detach() for name in LEARNT}
+        return learnt | {"surfels": _plain(self.surfels), "cached": _plain(self.cached)}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Any]) -> "Model":
+        """The inverse of ``tensors``."""
+        learnt = {name: tensors[name] for name in LEARNT}
+        return cls(Surfels.of(tensors["surfels"]), Surfels.of(tensors["cached"]), **learnt)
+
+    def averaged(self) -> Surfels:
+        """Surfels with one material each, the mean of their vertices'."""
+        logit = torch.logit(self.albedo.mean(1))
+        return replace(self.surfels, albedo_logit=logit, roughness_logit=self.vertex_roughness_logit.mean(1))
+
+
+def _plain(surfels: Surfels) -> dict[str, Tensor]:
+    return {name: value.detach() for name, value in surfels.parameters().items()}

@@ -1,0 +1,141 @@
+"""Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.losses import (
+    edge_allowance,
+    edge_aware_smoothness,
+    environment_smoothness,
+    normal_consistency,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.transport.splatting import Splat, displayed, own_radiance, splat, towards
+
+from .losses import radiance_consistency
+from .model import LEARNT, Model
+from .shading import limited, materials_of, shade_vertices
+from .start import frozen, rates_of, start_of
+from .table import Walk, table_of
+from .vertices import blend_vertices
+
+
+class InverseRendering:
+    """Stage 2. Keeps the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant, self.budget, self.seed = variant, budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        self.generator = torch.Generator(device).manual_seed(run.seed)
+        learnt = surfels_of(before, device)
+        start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
+        self.cached = start.cached
+        self.table = table_of(learnt, Walk.of(variant, scene.extent), budget.incident_samples, run.seed)
+        further = {name: getattr(start, name) for name in LEARNT}
+        self.optimiser = SurfelOptimiser(learnt, further, rates_of(variant.materials.rates))
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        learnt = {name: self.optimiser.tensors[name] for name in LEARNT}
+        return Model(frozen(self.optimiser.surfels), self.cached, **learnt)
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        if self.iteration >= self.variant.materials.ratio_until * self.iterations:
+            self.optimiser.set_rate("ratio", 0.0)
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``; draws surfels."""
+        model, weights = self.model, self.variant.materials.weights
+        own = own_radiance(view.camera, model.surfels)
+        seen = splat(view.camera, model.surfels, {"radiance": own}, self.depth_unit)
+        shaded, materials = self._vertex_images(model, view)
+        return {
+            "shaded": weights.shaded * self._image_loss(shaded, seen, view),
+            "radiance": weights.radiance * self._image_loss(seen.images["radiance"], seen, view),
+            **self._map_losses(materials, seen, view),
+            "offset": weights.offset * model.vertex_offset.square().mean(),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+            **self._consistency(model, view),
+        }
+
+    def _vertex_images(self, model: Model, view: TrainingView) -> tuple[Tensor, Tensor]:
+        """Shaded linear radiance, and albedo, roughness and normal, blended over the surfels in view."""
+        surfels, camera = model.surfels, view.camera.to(model.cached.centre.device, model.cached.centre.dtype)
+        seen = project(camera, surfels.geometry_for(camera))
+        index = torch.nonzero(seen.lists.touched)[:, 0]
+        materials = materials_of(model, model.albedo)
+        arriving = self.table.incident(index, model.ratio if self.variant.indirect else 0.0)
+        light = limited(model.environment, self.variant.light_limit)
+        outgoing = towards(camera, surfels)[index]
+        direct, indirect = shade_vertices(materials.index_select(0, index), arriving, outgoing, light)
+        radiance = torch.zeros_like(model.vertex_offset).index_copy(0, index, direct + indirect)
+        images = blend_vertices(seen, surfels, torch.cat([radiance, materials], -1), self.variant.vertex_distance)
+        return images[..., :3], images[..., 3:]
+
+    def _image_loss(self, radiance: Tensor, seen: Splat, view: TrainingView) -> Tensor:
+        weights = self.variant.materials.weights
+        found = displayed(radiance, seen.alpha, self.variant.straight)
+        return reconstruction(found, view.over(0.0), weights.absolute, weights.similarity)
+
+    def _map_losses(self, materials: Tensor, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        """The smoothness of the material maps, and normals against the depth map."""
+        weights, geometry = self.variant.materials.weights, self.variant.geometry
+        albedo, roughness, normal = materials.split([3, 1, 3], -1)
+        inside = None if geometry.across_silhouettes else view.mask
+        allowance, mask = edge_allowance(view.over(0.0), geometry.edge_sharpness, inside), view.mask[..., None]
+        target = seen.depth_normal(view.camera, geometry.normal_target == "one-sided")
+        return {
+            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * albedo, allowance),
+            "roughness smoothness": weights.roughness_smoothness * edge_aware_smoothness(mask * roughness, allowance),
+            "normal": weights.normal * normal_consistency(normal, seen.alpha, target),
+        }
+
+    def _consistency(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
+        weight = self.variant.materials.weights.consistency
+        if weight == 0:
+            return {}
+        order = torch.randperm(len(model.surfels), generator=self.generator, device=model.vertex_offset.device)
+        light = limited(model.environment, self.variant.light_limit)
+        index, distance = order[: self.budget.consistency_surfels], self.variant.vertex_distance
+        return {"consistency": weight * radiance_consistency(
+            model, self.table, index, view.camera.centre, light, distance
+        )}  # fmt: skip
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit; the table is traced anew from what stage 1 hands on."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()

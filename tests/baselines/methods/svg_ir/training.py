@@ -1,0 +1,49 @@
+"""Stage 2 of SVG-IR on a known ball, begun with surfels of one's own choice."""
+
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+from baselines.methods.irgs.training import product_of
+from baselines.methods.irgs.world import DOWN, sheet, together
+from known_ball import BALL, CPU, SCENE
+from radiogs_baselines.methods.svg_ir.budget import PRESETS, Budget
+from radiogs_baselines.methods.svg_ir.learning import MaterialLearning, MaterialStart, MaterialWeights
+from radiogs_baselines.methods.svg_ir.stage import InverseRendering
+from radiogs_baselines.methods.svg_ir.variant import Variant
+from radiogs_core.contract import Run
+from radiogs_core.surfels.surfels import Surfels
+
+BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, incident_samples=16, consistency_surfels=10_000)
+CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
+"""No light is searched for."""
+
+UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
+"""The ball, and above it a sheet that no camera sees; the last of the surfels."""
+
+
+def variant(**changes: Any) -> Variant:
+    """The method from a constant light, with rays that reach the sheet, and some fields turned."""
+    return Variant(**{"materials": CONSTANT, "hop": None, **changes})
+
+
+def only(**weights: float) -> MaterialLearning:
+    """The losses with these weights; all others are left out."""
+    none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
+    return replace(CONSTANT, weights=MaterialWeights(**(none | {"absolute": 0.9, "similarity": 0.1} | weights)))
+
+
+def run_of(turned: Variant | None = None, budget: Budget = BUDGET, scene: Any = SCENE) -> Run:
+    """A run of a variant on the ball's images."""
+    return Run(scene, turned or variant(), budget, 0, CPU)
+
+
+def stage_of(turned: Variant | None = None, surfels: Surfels = UNSEEN, budget: Budget = BUDGET) -> InverseRendering:
+    """Stage 2 at its beginning."""
+    return InverseRendering(run_of(turned, budget), product_of(surfels))
+
+
+def tensors_of(stage: InverseRendering) -> dict[str, torch.Tensor]:
+    """A copy of everything that is learnt, by name."""
+    return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
