@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -67,21 +68,20 @@ def light_start(lobes: int, start: LightStart, generator: torch.Generator) -> Fl
 
 
 def stratified_directions(
-    rows: int, generator: torch.Generator | None, device: torch.device
+    rows: int, generator: torch.Generator | None, like: Tensor
 ) -> tuple[Float[Tensor, "directions 3"], Float[Tensor, " directions"]]:
     """One direction out of each cell of a map of ``rows`` rows, and the cell's solid angle in steradian.
 
-    Uniform in solid angle within the cell by ``generator``; without one the middle of it.
+    Uniform in solid angle within the cell by ``generator``; without one the middle of it. Type and device of ``like``.
     """
     columns = 2 * rows
-    shape = (rows, columns)
-    if generator is None:
-        along, across = torch.full(shape, 0.5, device=device), torch.full(shape, 0.5, device=device)
-    else:
-        along, across = torch.rand(2, *shape, generator=generator, device=device)
-    edge = torch.cos(torch.arange(rows + 1, device=device) * (torch.pi / rows))[:, None]
+    of: dict[str, Any] = {"dtype": like.dtype, "device": like.device}
+    along, across = torch.full((2, rows, columns), 0.5, **of)
+    if generator is not None:
+        along, across = torch.rand(2, rows, columns, generator=generator, **of)
+    edge = torch.cos(torch.arange(rows + 1, **of) * (torch.pi / rows))[:, None]
     height = edge[:-1] + (edge[1:] - edge[:-1]) * along
-    azimuth = torch.pi - (torch.arange(columns, device=device) + across) * (2 * torch.pi / columns)
+    azimuth = torch.pi - (torch.arange(columns, **of) + across) * (2 * torch.pi / columns)
     sine = (1 - height.square()).clamp(min=0).sqrt()
     direction = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height], -1).flatten(0, 1)
-    return direction, texel_solid_angles(rows, columns, device=device, dtype=direction.dtype).expand(shape).flatten()
+    return direction, texel_solid_angles(rows, columns, **of).expand(rows, columns).flatten()

@@ -38,7 +38,7 @@ class RecoveredLight:
 
     def on(self, field: Field, points: SurfacePoints, generator: torch.Generator | None) -> Shaded:
         """Displaced within their cells by ``generator``. Gradient reaches materials, normals and light alone."""
-        direction, solid_angle = stratified_directions(self.rows, generator, points.place.device)
+        direction, solid_angle = stratified_directions(self.rows, generator, points.place)
         radiance = self.light.radiance(direction)
         direction = direction.expand(len(points.ray), *direction.shape)
         reflected = transport(points, direction, solid_angle.expand(direction.shape[:2]))

@@ -165,7 +165,7 @@ def test_the_light_starts_with_the_mean_it_is_told_and_white() -> None:
 @pytest.mark.parametrize("random", [False, True])
 def test_directions_are_one_of_each_cell_of_the_sphere(random: bool) -> None:
     generator = torch.Generator().manual_seed(0) if random else None
-    direction, area = stratified_directions(6, generator, torch.device("cpu"))
+    direction, area = stratified_directions(6, generator, UP)
     torch.testing.assert_close(float(area.sum()), 4 * torch.pi, rtol=1e-5, atol=0)
     torch.testing.assert_close(direction.norm(dim=-1), torch.ones(72))
     # Nearest texel centre by azimuth and height bands is the cell itself.

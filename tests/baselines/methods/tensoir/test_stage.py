@@ -9,7 +9,9 @@ import torch
 from baselines.methods.tensoir.world import BUDGET, run_of
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.tensoir.box import box_of, cell_centres
+from radiogs_baselines.methods.tensoir.drawing import Drawn
 from radiogs_baselines.methods.tensoir.learning import InverseWeights, Learning, Schedule
+from radiogs_baselines.methods.tensoir.marching import Rays
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import LIGHT
 from radiogs_baselines.methods.tensoir.optimiser import Optimiser
@@ -17,6 +19,7 @@ from radiogs_baselines.methods.tensoir.stage import InverseRendering, RadianceFi
 from radiogs_baselines.methods.tensoir.variant import Variant
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.learning.views import load
+from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
 from short_training import through_a_file
 
@@ -59,7 +62,7 @@ def test_resuming_the_radiance_field_changes_no_bit() -> None:
 @pytest.mark.parametrize("at", [3, 8])
 def test_resuming_inverse_rendering_changes_no_bit_whichever_grid_it_is_on(at: int) -> None:
     """Of 40 steps the grid becomes finer at 0, 6, 11 and 17, and cells are emptied at 0, 3, 6, 9, 11 and 14."""
-    before = field_product()
+    before = solid_product(where=0.0)
     whole = InverseRendering(run_of(), before)
     for step in range(13):
         if step == at:
@@ -73,6 +76,7 @@ def test_resuming_inverse_rendering_changes_no_bit_whichever_grid_it_is_on(at: i
     assert mine.keys() == yours.keys()
     assert all(torch.equal(mine[name], yours[name]) for name in mine)
     assert torch.equal(whole.box.occupied, resumed.box.occupied)
+    assert 0 < int(whole.box.occupied.sum()) < int(before["box"]["occupied"].sum())
     assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
 
 
@@ -133,12 +137,36 @@ def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
     assert found == moved
 
 
-def solid_product() -> dict[str, Any]:
-    """A field that is dense throughout its box: every ray that meets it ends at a surface point."""
+def solid_product(where: float = -1.0) -> dict[str, Any]:
+    """A field that is dense where x > ``where``: every ray that meets that part ends at a surface point."""
     product = field_product()
     parameters = {name: value.clone() for name, value in product["parameters"].items()}
-    parameters["density_plane"][0, :, :, 0], parameters["density_line"][0, :, 0] = 4.0, 3.0
+    dense = torch.linspace(-1, 1, parameters["density_plane"].shape[1])[:, None] >= where
+    parameters["density_plane"][0, :, :, 0] = torch.where(dense, 4.0, -30.0)
+    parameters["density_line"][0, :, 0] = 3.0
     return product | {"parameters": parameters}
+
+
+def test_radiance_is_display_values_at_first_and_linear_later() -> None:
+    """A dense field that sends 0.25 everywhere has no error where pixels show that; encoded, in the second stage."""
+    parameters = dict(solid_product()["parameters"])
+    parameters["radiance_weight_2"] = torch.zeros_like(parameters["radiance_weight_2"])
+    parameters["radiance_bias_2"] = torch.logit(torch.full((3,), 0.25))
+    encoded = float(srgb_encode(torch.tensor(0.25)))
+    for linear, expected in (("later", 0.25), ("from-start", encoded)):
+        stage = RadianceField(run_of(Variant(linear=linear)), {})
+        stage.begin(stage.box, parameters)
+        assert radiance_loss(stage, expected) < 1e-6
+    later = InverseRendering(run_of(), field_product() | {"parameters": parameters})
+    assert radiance_loss(later, encoded) < 1e-6
+    assert radiance_loss(later, 0.25) > 1e-2
+
+
+def radiance_loss(stage: RadianceField | InverseRendering, shown: float) -> float:
+    """Of rays through the middle of the box to pixels that show one value."""
+    towards = torch.nn.functional.normalize(torch.randn(20, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
+    drawn = Drawn(Rays(-3 * towards, towards), torch.full((20, 3), shown))
+    return float(stage.losses(drawn)["radiance"].detach())
 
 
 def test_indirect_light_and_visibility_are_left_out_by_their_fields() -> None:

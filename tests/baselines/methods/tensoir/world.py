@@ -53,9 +53,9 @@ def sum_of(density: float) -> float:
 
 
 def floor_field(density: float = 300.0, top: float = 0.0, size: int = 65, dtype: torch.dtype = torch.float32) -> Field:
-    """Solid below ``top``, empty above."""
+    """Solid up to ``top``, a node of the grid, and empty above."""
     heights = torch.linspace(-1, 1, size, dtype=dtype)
-    return field_along_z(heights, torch.where(heights < top, sum_of(density), EMPTY).to(dtype))
+    return field_along_z(heights, torch.where(heights <= top, sum_of(density), EMPTY).to(dtype))
 
 
 def made_of(field: Field, radiance: float | None = None, albedo: float | None = None, upward: bool = False) -> Field:
