@@ -26,7 +26,7 @@ def inverse_losses(
     marched = march(field, rays, generator)
     seen = seen_along(field, rays, marched)
     marched_pixels = on_white(marched.blended(seen.radiance), marched.alpha, linear=True)
-    light = RecoveredLight(model.light, variant, budget.light_rows, budget.secondary_samples)
+    light = RecoveredLight(model.light, variant, budget.light_rows, budget.secondary_samples, displaced=True)
     shaded_pixels = shaded_on_white(field, rays, seen, light, generator)
     return {
         "radiance": weights.radiance * squared_error(marched_pixels, drawn.target),
@@ -38,7 +38,7 @@ def inverse_losses(
 
 
 def shaded_on_white(
-    field: Field, rays: Rays, seen: Seen, light: RecoveredLight, generator: torch.Generator | None
+    field: Field, rays: Rays, seen: Seen, light: RecoveredLight, generator: torch.Generator
 ) -> Float[Tensor, "rays 3"]:
     """Shaded pixels as display sRGB: clipped to [0, 1] before they are encoded; white where a ray is not solid."""
     points = surface_points(rays, seen.marched, seen.materials(light.variant.normals))

@@ -28,17 +28,20 @@ class Shaded:
 class RecoveredLight:
     """The light of training: ``rows`` rows of twice as many directions, the same for all points.
 
-    ``samples``: of the field along each of them.
+    ``samples``: of the field along each of them. ``displaced``: whether they are drawn within their cells, as training
+    does, or the middles of these.
     """
 
     light: SphericalGaussians
     variant: Variant
     rows: int
     samples: int
+    displaced: bool
 
-    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator | None) -> Shaded:
-        """Displaced within their cells by ``generator``. Gradient reaches materials, normals and light alone."""
-        direction, solid_angle = stratified_directions(self.rows, generator, points.place)
+    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
+        """What points send out. Gradient reaches materials, normals and light alone."""
+        drawn = generator if self.displaced else None
+        direction, solid_angle = stratified_directions(self.rows, drawn, points.place)
         radiance = self.light.radiance(direction)
         direction = direction.expand(len(points.ray), *direction.shape)
         reflected = transport(points, direction, solid_angle.expand(direction.shape[:2]))

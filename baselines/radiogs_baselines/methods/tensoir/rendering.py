@@ -26,7 +26,7 @@ Maps = dict[str, Float[Tensor, "pixels _"]]
 class Light(Protocol):
     """What the points of an image are lit by."""
 
-    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator | None) -> Shaded:
+    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
         """What they send out."""
 
 
@@ -35,7 +35,7 @@ class Renderer:
 
     ``albedo_scale``: factor of the recovered albedo. ``shaded``: whether the image is of shaded points or of the
     field's own radiance. The same camera is always shown the same, whatever was rendered before: what is random is
-    drawn by ``seed``. The recovered light's directions are the middles of their cells.
+    drawn by ``seed``.
     """
 
     def __init__(

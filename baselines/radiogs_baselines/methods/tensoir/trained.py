@@ -71,7 +71,8 @@ class TrainedTensoIR:
         variant, budget, field = self.run.variant, self.run.budget, self.model.field
         device = field.box.centre.device
         if light is None:
-            own = RecoveredLight(self.model.light, variant, budget.light_rows, budget.secondary_samples)
+            samples = (budget.light_rows, budget.secondary_samples)
+            own = RecoveredLight(self.model.light, variant, *samples, displaced=False)
             scale, shaded = torch.ones(3, device=device), variant.shown == "shaded"
             return _Shown(Renderer(field, variant, own, self.run.seed, shaded, scale))
         scale = torch.ones(3, device=device) if albedo_scale is None else albedo_scale.to(device)

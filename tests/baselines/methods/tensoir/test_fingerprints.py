@@ -184,14 +184,14 @@ def points_up(place: list[float], albedo: float = 0.6) -> SurfacePoints:
 
 def test_a_point_in_constant_light_sends_its_albedo_and_the_lobe_s_share() -> None:
     empty = floor_field(top=-2.0)
-    light = RecoveredLight(constant_light(2.0), Variant(), 64, 8)
-    dark, bright = (light.on(empty, points_up([0.0, 0.0, 0.0], albedo), None).direct for albedo in (0.2, 0.9))
+    light = RecoveredLight(constant_light(2.0), Variant(), 64, 8, displaced=False)
+    generator = torch.Generator().manual_seed(0)
+    dark, bright = (light.on(empty, points_up([0.0, 0.0, 0.0], albedo), generator).direct for albedo in (0.2, 0.9))
     # (0.9 - 0.2) / pi times the cosine's integral pi, times the light's 2.
     torch.testing.assert_close(bright - dark, torch.full((1, 3), 1.4), rtol=2e-3, atol=0)
     new = NewLight(grey(2.0), 4096, 8, True)
     dark, bright = (
-        new.on(empty, points_up([0.0, 0.0, 0.0], albedo), torch.Generator().manual_seed(0)).direct
-        for albedo in (0.2, 0.9)
+        new.on(empty, points_up([0.0, 0.0, 0.0], albedo), generator.manual_seed(0)).direct for albedo in (0.2, 0.9)
     )
     torch.testing.assert_close(bright - dark, torch.full((1, 3), 1.4), rtol=0.05, atol=0)
 

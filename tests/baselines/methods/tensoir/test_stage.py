@@ -106,9 +106,9 @@ def test_rates_fall_to_their_end_over_both_stages() -> None:
 
 def test_cells_without_density_are_left_out_and_stay_out() -> None:
     stage = InverseRendering(run_of(), field_product())
-    stage.begin(stage.box, {**stage.field.parameters, LIGHT: stage.optimiser.tensors[LIGHT]})
     with torch.no_grad():
-        stage.optimiser.tensors["density_plane"].zero_()
+        stage.optimiser.tensors["density_plane"].fill_(-30.0)
+        stage.optimiser.tensors["density_line"].fill_(1.0)
     assert bool(stage.box.occupied.any())
     stage.step()
     assert not stage.box.occupied.any()

@@ -67,8 +67,8 @@ def test_the_image_is_the_field_s_own_or_shaded() -> None:
     assert not torch.allclose(shaded["image"], field["image"], atol=0.01)
     # A floor in light of 0.8: its albedo's part, and what the lobe adds.
     middle = shaded["direct"][2, 2]
-    assert bool((middle > 0.4 * 0.8 * 0.9).all())
-    assert bool((middle < 0.4 * 0.8 * 1.2).all())
+    # The cosine's integral is exact for the middles of bands of equal height; the lobe's is 0.026 by these 32.
+    torch.testing.assert_close(middle, torch.full((3,), 0.8 * (0.4 + 0.0262)), rtol=2e-3, atol=0)
 
 
 def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:
