@@ -7,15 +7,17 @@ IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
 """The full method, for every table that the paper has a row of it in."""
 
 SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
+TENSOIR_METHOD = Row("tensoir", "TensoIR", "TensoIR (own field)", method="tensoir")
+"""The full method, which is no surfels, for every table that the paper has a row of it in."""
 
 SIMILARITY = ("psnr", "ssim", "lpips")
 
 BASELINES = Suite(
     name="baselines",
-    title="Methods on the same geometry, tracer, light and metrics",
+    title="Methods on the same scenes, light and metrics",
     published="tensoir",
     reference="ours",
-    rows=(OURS, IRGS, SVG_IR),
+    rows=(OURS, IRGS, SVG_IR, TENSOIR_METHOD),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -76,4 +78,32 @@ SVG_IR_ABLATIONS = Suite(
     columns=IRGS_ABLATIONS.columns,
 )  # fmt: skip
 
-BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS, SVG_IR_ABLATIONS)
+
+TENSOIR_ABLATIONS = Suite(
+    name="tensoir-method",
+    title="What TensoIR is made of",
+    published=None,
+    reference="tensoir",
+    rows=(
+        TENSOIR_METHOD,
+        Row("no-indirect", "", "no indirect light", {"indirect": False}, method="tensoir"),
+        Row("no-visibility", "", "V = 1 in training", {"visibility": False}, method="tensoir"),
+        Row("no-shadow", "", "relit without shadows", {"relight_visibility": False}, method="tensoir"),
+        Row("derived", "", "normals of the density", {"normals": "derived"}, method="tensoir"),
+        Row("untied", "", "predicted normals not tied to the density",
+            {"learning": {"inverse": {"normal_difference": 0.0}}}, method="tensoir"),
+        Row("linear", "", "linear radiance from the start", {"linear": "from-start"}, method="tensoir"),
+        Row("no-field-loss", "", "no marched pixels in stage 2",
+            {"learning": {"inverse": {"radiance": 0.0}}}, method="tensoir"),
+        Row("shaded", "", "images are shaded, not marched", {"shown": "shaded"}, method="tensoir"),
+        Row("samples", "", "<secondary_samples> samples a secondary ray",
+            budget={"secondary_samples": 2.0}, method="tensoir"),
+        Row("directions", "", "<light_rows> rows of directions", budget={"light_rows": 2.0}, method="tensoir"),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
+        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    ),
+)  # fmt: skip
+
+BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS)

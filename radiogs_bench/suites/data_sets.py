@@ -3,7 +3,7 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
-from .baselines import IRGS, SVG_IR
+from .baselines import IRGS, SVG_IR, TENSOIR_METHOD
 from .suite import Metric, Row, Suite, knob_rows
 
 OURS = Row("ours", "Ours", "Ours", {})
@@ -17,7 +17,7 @@ TENSOIR = Suite(
     title="TensoIR-Synthetic",
     published="tensoir",
     reference="ours",
-    rows=(OURS, OURS_FINETUNED, IRGS, SVG_IR),
+    rows=(OURS, OURS_FINETUNED, IRGS, SVG_IR, TENSOIR_METHOD),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),

@@ -1,0 +1,57 @@
+"""The losses of marched rays and of the factors themselves."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.scene.colour import srgb_encode
+
+from .field import Field
+from .marching import Marched
+
+VARIATION = 0.02
+"""Factor of the mean squared differences inside the published weights of variation."""
+
+DARKEST = 1e-6
+"""Relative differences are of values above this."""
+
+
+def on_white(blended: Float[Tensor, "rays 3"], alpha: Float[Tensor, " rays"], linear: bool) -> Float[Tensor, "rays 3"]:
+    """Blended radiance on a white background, as display values: encoded, where it is linear, after compositing."""
+    colour = blended + (1 - alpha)[:, None]
+    return srgb_encode(colour) if linear else colour
+
+
+def squared_error(found: Float[Tensor, "rays 3"], target: Float[Tensor, "rays 3"]) -> Float[Tensor, ""]:
+    """Mean over rays and channels; 0 for no rays."""
+    return (found - target).square().sum() / max(1, target.numel())
+
+
+def sparsity(field: Field) -> Float[Tensor, ""]:
+    """Mean absolute entry of each density plane and line, summed over the three factors."""
+    plane, line = field.parameters["density_plane"], field.parameters["density_line"]
+    return 3 * (plane.abs().mean() + line.abs().mean())
+
+
+def variation(planes: Float[Tensor, "3 size size components"]) -> Float[Tensor, ""]:
+    """Mean squared differences of neighbouring entries along both axes, summed over the planes, times ``VARIATION``."""
+    down, across = planes.diff(dim=1), planes.diff(dim=2)
+    return 3 * VARIATION * (down.square().mean() + across.square().mean())
+
+
+def mean_along_rays(marched: Marched, values: Float[Tensor, " counted"]) -> Float[Tensor, ""]:
+    """Values of the counted samples, blended along each ray, averaged over all rays."""
+    return marched.blended(values).sum() / max(1, marched.samples.rays)
+
+
+def facing_away(normal: Float[Tensor, "counted 3"], direction: Float[Tensor, "counted 3"]) -> Float[Tensor, " counted"]:
+    """Squared cosine between a normal and the direction of sight where they point the same way, zero elsewhere."""
+    return (normal * direction).sum(-1).clamp(min=0).square()
+
+
+def relative_difference(
+    here: Float[Tensor, "counted channels"], nearby: Float[Tensor, "counted channels"]
+) -> Float[Tensor, " counted"]:
+    """Squared differences relative to the larger value, summed over channels."""
+    larger = torch.maximum(here, nearby).clamp(min=DARKEST)
+    return ((here - nearby) / larger).square().sum(-1)

@@ -1,0 +1,53 @@
+"""TensoIR as the harness knows it: its stages, what each depends on, and its trained model."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from radiogs_core.contract import Run, StageSpec, values_but
+
+from .budget import INVERSE_ONLY, PRESETS, SHOWN_ONLY, Budget
+from .model import Model
+from .stage import InverseRendering, RadianceField
+from .trained import TrainedTensoIR
+from .variant import Variant
+
+
+class TensoIR:
+    """TensoIR in plain PyTorch: see ``radiogs_core.contract.Method`` and docs/baselines.md."""
+
+    name = "tensoir"
+    title = "TensoIR"
+    variant = Variant
+    presets: Mapping[str, Budget] = PRESETS
+    sources = ("radiogs_baselines.methods.tensoir.trained",)
+
+    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
+        """The radiance field, and inverse rendering."""
+        modules = ("radiogs_baselines.methods.tensoir.stage",)
+        return (
+            StageSpec(
+                name="field",
+                title="stage 1, radiance field",
+                steps=budget.field_iterations,
+                owner=self.name,
+                reads={"variant": variant.of_field(), "budget": values_but(budget, "name", *INVERSE_ONLY)},
+                sources=modules,
+                begin=RadianceField,
+            ),
+            StageSpec(
+                name="invert",
+                title="stage 2, inverse rendering",
+                steps=budget.inverse_iterations,
+                owner=self.name,
+                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *SHOWN_ONLY)},
+                sources=modules,
+                begin=InverseRendering,
+            ),
+        )
+
+    def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedTensoIR:
+        """The model from the product of inverse rendering."""
+        return TrainedTensoIR(Model.of(tensors, run.device), run)
+
+
+TENSOIR_METHOD = TensoIR()
