@@ -3,7 +3,7 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
-from .baselines import IRGS
+from .baselines import IRGS, R3DG
 from .suite import Metric, Row, Suite, knob_rows
 
 OURS = Row("ours", "Ours", "Ours", {})
@@ -17,7 +17,7 @@ TENSOIR = Suite(
     title="TensoIR-Synthetic",
     published="tensoir",
     reference="ours",
-    rows=(OURS, OURS_FINETUNED, IRGS),
+    rows=(OURS, OURS_FINETUNED, IRGS, R3DG),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -37,7 +37,7 @@ SYNTHETIC4RELIGHT = Suite(
     title="Synthetic4Relight",
     published="synthetic4relight",
     reference="ours",
-    rows=(OURS, IRGS),
+    rows=(OURS, IRGS, R3DG),
     columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
     scenes=("air_baloons", "chair", "hotdog", "jugs"),
     protocol="radiogs",

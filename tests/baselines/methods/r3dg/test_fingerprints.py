@@ -155,7 +155,7 @@ def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked
 
 @pytest.mark.parametrize(("height", "visibility"), [(0.4, 1.0), (0.6, 0.0)])
 def test_rays_start_one_standard_deviation_away(height: float, visibility: float) -> None:
-    """The surfel is 2 wide. One ray alone leaves at 60 degrees to the normal: it meets a sheet after twice its height."""
+    """It is 2 wide. One ray leaves it, at 60 degrees to the normal, and meets a sheet after twice that one's height."""
     surfels = together(sheet(0.0, scale=2.0), sheet(2 * height, DOWN))
     assert float(VisibilityTable(surfels, Rays(two_sided=False), 1).visibility[0]) == visibility
 

@@ -139,7 +139,7 @@ def test_local_rates_are_those_of_the_budget() -> None:
 
 def test_materials_are_found_where_light_and_shape_are_known() -> None:
     """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
-    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.05, roughness=0.0))
+    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.1, roughness=0.0))
     stage = stage_of(variant(materials=still, local_light="none"), budget=replace(BUDGET, incident_samples=64))
     stage = placed(stage, raw_environment=before_softplus(torch.ones(8, 16, 3)))
     for _ in range(60):
