@@ -3,12 +3,13 @@
 from .suite import Metric, Row, Suite
 
 OURS = Row("ours", "Ours", "RadioGS", {})
-IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
-"""The full method, for every table that the paper has a row of it in."""
-
-SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
 TENSOIR_METHOD = Row("tensoir", "TensoIR", "TensoIR (own field)", method="tensoir")
-"""The full method, which is no surfels, for every table that the paper has a row of it in."""
+R3DG = Row("r3dg", "R3DG", "R3DG (shared stage 1)", method="r3dg")
+IRGS = Row("irgs", "IRGS", "IRGS (shared stage 1)", method="irgs")
+SVG_IR = Row("svg-ir", "SVG-IR", "SVG-IR (shared stage 1)", method="svg-ir")
+
+PUBLISHED_METHODS = (TENSOIR_METHOD, R3DG, IRGS, SVG_IR)
+"""The full methods, in the order of the paper's tables, for every table that the paper has rows of them in."""
 
 SIMILARITY = ("psnr", "ssim", "lpips")
 
@@ -17,7 +18,7 @@ BASELINES = Suite(
     title="Methods on the same scenes, light and metrics",
     published="tensoir",
     reference="ours",
-    rows=(OURS, IRGS, SVG_IR, TENSOIR_METHOD),
+    rows=(OURS, *PUBLISHED_METHODS),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -29,81 +30,3 @@ BASELINES = Suite(
     ),
     scenes=("corner", "bowl", "convex", "red_white"),
 )
-
-IRGS_ABLATIONS = Suite(
-    name="irgs",
-    title="What IRGS is made of",
-    published=None,
-    reference="irgs",
-    rows=(
-        IRGS,
-        Row("detached", "", "L_ind without gradient", {"indirect": "detached"}, method="irgs"),
-        Row("no-indirect", "", "no indirect light", {"indirect": "none", "relight_indirect": False}, method="irgs"),
-        Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="irgs"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="irgs"),
-        Row("moving", "", "geometry learnt at 1 % of its rates", {"lr_scale": 0.01}, method="irgs"),
-        Row("fixed-start", "", "rays start 0.011 extents away", {"ray_start": 0.011}, method="irgs"),
-        Row("one-sided", "", "surfels met from the front alone", {"two_sided": False}, method="irgs"),
-        Row("samples", "", "N_s = <incident_samples>", budget={"incident_samples": 2.0}, method="irgs"),
-        Row("pixels", "", "<pixels> pixels a step", budget={"pixels": 2.0}, method="irgs"),
-    ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
-        Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
-    ),
-)  # fmt: skip
-
-SVG_IR_ABLATIONS = Suite(
-    name="svg-ir",
-    title="What SVG-IR is made of",
-    published=None,
-    reference="svg-ir",
-    rows=(
-        SVG_IR,
-        Row("no-consistency", "", "materials not fitted to kept radiance",
-            {"materials": {"weights": {"consistency": 0.0}}}, method="svg-ir"),
-        Row("full-length", "", "rays of full length", {"hop": None}, method="svg-ir"),
-        Row("constant", "", "one material a surfel", {"attributes": "constant"}, method="svg-ir"),
-        Row("fixed-ratio", "", "kept radiance counts as it is",
-            {"materials": {"rates": {"ratio": 0.0}}}, method="svg-ir"),
-        Row("no-indirect", "", "no indirect light", {"indirect": False, "relight_indirect": False}, method="svg-ir"),
-        Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="svg-ir"),
-        Row("constant-light", "", "constant light at the start",
-            {"materials": {"start": {"light": "constant"}}}, method="svg-ir"),
-        Row("fixed-start", "", "rays start 0.0093 extents away", {"ray_start": 0.0093}, method="svg-ir"),
-        Row("sharp-light", "", "relit by the whole map", {"relight_rows": None}, method="svg-ir"),
-        Row("samples", "", "S = <incident_samples>", budget={"incident_samples": 2.0}, method="svg-ir"),
-    ),
-    columns=IRGS_ABLATIONS.columns,
-)  # fmt: skip
-
-
-TENSOIR_ABLATIONS = Suite(
-    name="tensoir-method",
-    title="What TensoIR is made of",
-    published=None,
-    reference="tensoir",
-    rows=(
-        TENSOIR_METHOD,
-        Row("no-indirect", "", "no indirect light", {"indirect": False}, method="tensoir"),
-        Row("no-visibility", "", "V = 1 in training", {"visibility": False}, method="tensoir"),
-        Row("no-shadow", "", "relit without shadows", {"relight_visibility": False}, method="tensoir"),
-        Row("derived", "", "normals of the density", {"normals": "derived"}, method="tensoir"),
-        Row("untied", "", "predicted normals not tied to the density",
-            {"learning": {"inverse": {"normal_difference": 0.0}}}, method="tensoir"),
-        Row("linear", "", "linear radiance from the start", {"linear": "from-start"}, method="tensoir"),
-        Row("no-field-loss", "", "no marched pixels in stage 2",
-            {"learning": {"inverse": {"radiance": 0.0}}}, method="tensoir"),
-        Row("shaded", "", "images are shaded, not marched", {"shown": "shaded"}, method="tensoir"),
-        Row("samples", "", "<secondary_samples> samples a secondary ray",
-            budget={"secondary_samples": 2.0}, method="tensoir"),
-        Row("directions", "", "<light_rows> rows of directions", budget={"light_rows": 2.0}, method="tensoir"),
-    ),
-    columns=(
-        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
-        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
-    ),
-)  # fmt: skip
-
-BASELINE_SUITES = (BASELINES, IRGS_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS)

@@ -3,7 +3,7 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
-from .baselines import IRGS, SVG_IR, TENSOIR_METHOD
+from .baselines import IRGS, PUBLISHED_METHODS, R3DG, SVG_IR
 from .suite import Metric, Row, Suite, knob_rows
 
 OURS = Row("ours", "Ours", "Ours", {})
@@ -17,7 +17,7 @@ TENSOIR = Suite(
     title="TensoIR-Synthetic",
     published="tensoir",
     reference="ours",
-    rows=(OURS, OURS_FINETUNED, IRGS, SVG_IR, TENSOIR_METHOD),
+    rows=(OURS, OURS_FINETUNED, *PUBLISHED_METHODS),
     columns=(
         *(Metric("nvs", measure) for measure in SIMILARITY),
         Metric("normal", "mae"),
@@ -37,7 +37,7 @@ SYNTHETIC4RELIGHT = Suite(
     title="Synthetic4Relight",
     published="synthetic4relight",
     reference="ours",
-    rows=(OURS, IRGS, SVG_IR),
+    rows=(OURS, R3DG, IRGS, SVG_IR),
     columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
     scenes=("air_baloons", "chair", "hotdog", "jugs"),
     protocol="radiogs",

@@ -1,6 +1,6 @@
 """Suites on generated scenes: the paper's ablations and costs, and checks of the method."""
 
-from .baselines import IRGS, SVG_IR
+from .baselines import IRGS, R3DG, SVG_IR
 from .experiment import FORWARD_PARITY, STABILITY
 from .suite import Metric, Row, Suite, knob_rows
 
@@ -71,6 +71,7 @@ INDIRECT = Suite(
     reference="ours",
     rows=(
         IRGS,
+        R3DG,
         SVG_IR,
         Row("no-rad", r"$\lambda_{rad}=0$", "λ_rad = 0", {"radiometric_weight": 0.0}),
         Row("ours", "Ours", "Ours", {}),
@@ -148,6 +149,7 @@ RELIGHT_COST = Suite(
     reference="split-sum",
     rows=(
         IRGS,
+        R3DG,
         SVG_IR,
         Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
         Row("pbr-finetuned", "PBR finetuned", "PBR finetuned", {"relighting": "finetuned"}),

@@ -5,7 +5,8 @@ from difflib import get_close_matches
 
 from radiogs_core.errors import UsageError
 
-from .baselines import BASELINE_SUITES
+from .baseline_ablations import BASELINE_ABLATIONS
+from .baselines import BASELINES
 from .cost import COST_OF_ACCURACY, FINETUNE
 from .data_sets import DATA_SET_SUITES
 from .effects import EFFECTS_SUITE
@@ -31,7 +32,7 @@ SUITES: Mapping[str, Suite] = {
     for suite in (
         ABLATIONS, STRATEGIES, VIEWS, INIT, INDIRECT, NG, NS, PROFILES_SUITE, RELIGHT_COST, EFFICIENCY, FINETUNE,
         COST_OF_ACCURACY, EFFECTS_SUITE, ORACLES, FORWARD_PARITY_SUITE, STABILITY_SUITE, *DATA_SET_SUITES,
-        *BASELINE_SUITES,
+        BASELINES, *BASELINE_ABLATIONS,
     )
 }  # fmt: skip
 

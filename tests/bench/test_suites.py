@@ -78,11 +78,10 @@ def test_a_suite_without_its_reference_row_or_with_rows_of_one_name_is_refused()
 
 
 def test_every_row_that_the_paper_prints_for_ours_stands_beside_it() -> None:
-    """Rows of a suite and its published table have the same keys; the paper's table may have other methods' rows."""
+    """Rows of a suite and its published table have the same keys; either may have rows of other methods alone."""
     for each in SUITES.values():
         if each.published is not None:
             rows = published(each.published).figures
-            assert {row.key for row in each.rows} <= rows.keys(), each.name
             ours = {row.key for row in each.rows if row.method == DEFAULT}
             assert ours <= {key for key in rows if key not in OTHER_METHODS}, each.name
             assert {row.key for row in each.rows} - ours <= OTHER_METHODS, each.name
@@ -93,7 +92,8 @@ def test_a_published_table_has_one_suite_of_all_its_rows_that_come_with_the_pack
     """Its first suite; ``baselines`` is another one of the main table, with one row a method."""
     whole, *others = [each for each in SUITES.values() if each.published == key]
     rows = published(key).figures.keys()
-    assert {row.key for row in whole.rows} == {each for each in rows if each not in OTHER_METHODS - {*method_names()}}
+    shared = {row.key for row in whole.rows if row.key in rows or row.method == DEFAULT}
+    assert shared == {each for each in rows if each not in OTHER_METHODS - {*method_names()}}
     assert [each.name for each in others] == (["baselines"] if key == "tensoir" else [])
 
 

@@ -68,6 +68,18 @@ def random_hemisphere_direction(
     return torch.where((direction * normal).sum(-1, keepdim=True) < 0, -direction, direction)
 
 
+def require_finite_light(light: EnvironmentMap) -> None:
+    """Raise DataError for a map with a texel that is not finite."""
+    broken = int((~torch.isfinite(light.radiance)).any(-1).sum())
+    if broken:
+        fire(broken_lights=1)
+        raise DataError(
+            f"{broken} texels of the environment map are not finite",
+            "Every surface that such a texel reaches would have no radiance, either.",
+            "Repair the map's file; saturated texels are written as the format's largest finite value.",
+        )
+
+
 class LightSampler:
     """Draws directions from an environment map in proportion to the brightest channel of its texels.
 
@@ -77,14 +89,7 @@ class LightSampler:
 
     def __init__(self, light: EnvironmentMap) -> None:
         self.height, self.width = light.radiance.shape[:2]
-        broken = int((~torch.isfinite(light.radiance)).any(-1).sum())
-        if broken:
-            fire(broken_lights=1)
-            raise DataError(
-                f"{broken} texels of the environment map are not finite",
-                "Light is drawn in proportion to radiance, so each of them would take all of it.",
-                "Repair the map's file; saturated texels are written as the format's largest finite value.",
-            )
+        require_finite_light(light)
         # Float64: the running sum over the millions of texels of a sky would lose the dark ones in float32.
         area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
         power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area

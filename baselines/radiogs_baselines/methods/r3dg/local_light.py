@@ -1,0 +1,31 @@
+"""The light that arrives: the environment where V lets it through, and each surfel's own harmonics besides."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.kernels.surfel.harmonics import harmonic_sum
+from radiogs_core.transport.incident import Incident
+
+from .variant import LocalLight
+from .visibility import VisibilityTable
+
+
+def local_radiance(
+    harmonics: Float[Tensor, "surfels 16 3"], direction: Float[Tensor, "surfels samples 3"]
+) -> Float[Tensor, "surfels samples 3"]:
+    """max(0, sum_lm h_lm Y_lm(w)): linear radiance from unit ``direction``, in the basis and signs of 3DGS.
+
+    At zero, where it starts, it has the gradient of what lies above.
+    """
+    return harmonic_sum(harmonics, direction).clamp(min=0)
+
+
+def arriving(table: VisibilityTable, harmonics: Float[Tensor, "surfels 16 3"], local: LocalLight) -> Incident:
+    """V from the table, and the local light in the place of indirect radiance, with gradient to ``harmonics``."""
+    if local == "none":
+        return Incident(table.direction, table.weight, table.visibility, torch.zeros_like(table.direction))
+    radiance = local_radiance(harmonics, table.direction)
+    if local == "gated":
+        radiance = radiance * (1 - table.visibility[..., None])
+    return Incident(table.direction, table.weight, table.visibility, radiance)

@@ -1,0 +1,72 @@
+"""What stage 2 starts from: surfels of stage 1, new materials, a new light, no local light, and the rates of them."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.learning.light_start import light_and_albedo, white_light
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.surfels import Surfels
+
+from .budget import Budget
+from .materials import learnt_from
+from .model import before_softplus
+from .variant import Variant
+
+LEARNT = ("albedo_logit", "roughness_logit")
+"""Raw parameters of surfels that stage 2 learns; all others, the harmonics among them, stay as stage 1 left them."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """surfels: with logits that ``materials.bounded`` reads. further: the light before its softplus, and the local
+    light's harmonics of degree 0 and above it, by the names of their rates.
+    """
+
+    surfels: Surfels
+    further: dict[str, Tensor]
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Start:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    light, albedo = _light_and_albedo(learnt, variant, rows, views, generator)
+    roughness = torch.full_like(learnt.roughness_logit, variant.materials.start.roughness)
+    local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
+    further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
+    return Start(learnt_from(learnt, albedo, roughness), further)
+
+
+def _light_and_albedo(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
+    start = variant.materials.start
+    found = None
+    if start.light == "least-variation":
+        found = light_and_albedo(learnt, views, rows, start.search, generator, variant.two_sided)
+    if found is not None:
+        return found
+    level = white_light(views, start.white, start.brightest)
+    return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
+
+
+def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
+    """Learning rates by raw parameter."""
+    rates = variant.materials.rates
+    return dict.fromkeys(("centre", "rotation", "log_scale", "opacity_logit", "sh", "sh_rest"), 0.0) | {
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "raw_environment": rates.light,
+        "local": budget.local_rate * rates.local,
+        "local_rest": budget.local_rate * rates.local_rest,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels of which materials alone have gradient."""
+    others = [name for name in Surfels.names() if name not in LEARNT]
+    return replace(surfels, **{name: getattr(surfels, name).detach() for name in others})

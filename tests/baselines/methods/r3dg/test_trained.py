@@ -1,0 +1,103 @@
+"""A trained R3DG model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+
+import tomllib
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from baselines.methods.irgs.world import DOWN, grey, sheet, together
+from baselines.methods.r3dg.training import BUDGET, run_of, variant
+from baselines.methods.r3dg.world import around
+from known_ball import BALL, SCENE
+from radiogs_baselines.methods.r3dg.budget import PRESETS
+from radiogs_baselines.methods.r3dg.labels import labels_of
+from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
+from radiogs_baselines.methods.r3dg.model import Model
+from radiogs_baselines.methods.r3dg.trained import TrainedR3DG
+from radiogs_baselines.methods.r3dg.variant import Variant
+from radiogs_core.contract import Method, Prepared, Trained
+from radiogs_core.learning.fit_geometry import GeometryBudget
+from radiogs_core.surfels.ply import read_ply
+
+CAMERA = SCENE.test[0].camera
+ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5))
+
+
+def trained(turned: Variant | None = None) -> TrainedR3DG:
+    model = Model(ROOFED, around(ROOFED, 0.2), torch.zeros(8, 16, 3))
+    return R3DG_METHOD.restore(run_of(turned), model.tensors())
+
+
+def test_it_is_a_method_and_registered() -> None:
+    assert isinstance(R3DG_METHOD, Method)
+    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
+    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["r3dg"].partition(":")
+    assert getattr(import_module(module), name) is R3DG_METHOD
+    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
+    assert isinstance(trained(), Trained)
+
+
+def test_maps_are_as_they_are_declared() -> None:
+    own, relit = trained().prepare(), trained().prepare(grey())
+    for shown in (own, relit):
+        assert isinstance(shown, Prepared)
+        maps = shown.render(CAMERA)
+        assert set(maps) == shown.default
+        for name, value in maps.items():
+            channels = 1 if name in ("alpha", "roughness", "depth") else 3
+            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
+            outside = maps["alpha"][..., 0] == 0
+            assert bool((value[outside] == 0).all()), name
+        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
+        torch.testing.assert_close(length, torch.ones_like(length))
+        assert float(maps["image"].min()) >= 0
+        assert float(maps["image"].max()) <= 1
+    assert set(own.render(CAMERA, "incident")) == {*own.default, "incident"}
+    assert "incident" not in relit.offers
+    assert set(relit.render(CAMERA, "incident")) == relit.default
+
+
+def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:
+    light, local = torch.randn(8, 16, 3), torch.randn(len(ROOFED), 16, 3)
+    found = R3DG_METHOD.restore(run_of(), Model(ROOFED, local, light).tensors())
+    assert torch.equal(found.light.radiance, torch.nn.functional.softplus(light))
+    assert torch.equal(found.model.local, local)
+    assert all(torch.equal(getattr(ROOFED, name), value) for name, value in found.model.surfels.parameters().items())
+
+
+def test_the_factor_of_albedo_doubles_what_is_diffuse() -> None:
+    """In direct and local light alike; the lobe stays."""
+    images = [trained().prepare(grey(), torch.full((3,), factor)).render(CAMERA) for factor in (1.0, 2.0, 3.0)]
+    torch.testing.assert_close(images[1]["albedo"], 2 * images[0]["albedo"])
+    for name in ("direct", "indirect"):
+        one, two, three = (image[name] for image in images)
+        torch.testing.assert_close(three - two, two - one, rtol=1e-3, atol=1e-6)
+        assert float((two - one).max()) > 0
+
+
+def test_under_its_own_light_it_is_shown_with_the_local_light_of_training() -> None:
+    assert trained(variant(relight_local_light=False)).prepare().render(CAMERA)["indirect"].any()
+    assert not trained(variant(local_light="none")).prepare().render(CAMERA)["indirect"].any()
+
+
+def test_what_is_exported_is_the_surfels_in_common_terms_and_the_local_light(tmp_path: Path) -> None:
+    surfels, local = trained().export(tmp_path)
+    torch.testing.assert_close(read_ply(surfels).albedo, ROOFED.albedo)
+    np.testing.assert_array_equal(np.load(local), around(ROOFED, 0.2).numpy())
+
+
+def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+    facts = trained().facts()
+    assert facts["surfels"] == len(ROOFED)
+    assert facts["labels"]["stage1"].startswith("shared")
+    assert f"incident_samples {BUDGET.incident_samples} (published: 64)" in facts["labels"]["reduced"]
+    assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
+    whole = labels_of(Variant(), PRESETS["paper"], 1.0)
+    assert "reduced" not in whole
+    assert "local_rate" not in whole
+    assert labels_of(Variant(), replace(PRESETS["paper"], local_rate=2.0), 1.0)["local_rate"].startswith("2 times")
+    assert "0.05 world units" in labels_of(Variant(ray_start=0.01), PRESETS["paper"], 5.0)["ray_start"]
+    assert labels_of(Variant(floor=True), PRESETS["paper"], 1.0)["directions"].endswith("as published")

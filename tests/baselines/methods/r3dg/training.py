@@ -1,0 +1,58 @@
+"""Stage 2 of R3DG on a known ball, begun with surfels of one's own choice."""
+
+from dataclasses import replace
+from typing import Any
+
+import torch
+
+from known_ball import BALL, CPU, SCENE
+from radiogs_baselines.methods.r3dg.budget import PRESETS, Budget
+from radiogs_baselines.methods.r3dg.learning import MaterialLearning, MaterialStart, MaterialWeights
+from radiogs_baselines.methods.r3dg.stage import InverseRendering
+from radiogs_baselines.methods.r3dg.variant import Variant
+from radiogs_core.contract import Run
+from radiogs_core.surfels.surfels import Surfels
+
+BUDGET = replace(PRESETS["smoke"], inverse_iterations=100, incident_samples=16, light_height=8)
+CONSTANT = MaterialLearning(start=MaterialStart(light="constant"))
+"""No light is searched for."""
+
+
+def variant(**changes: Any) -> Variant:
+    """The full method from a constant light, with some fields turned."""
+    return Variant(**{"materials": CONSTANT, **changes})
+
+
+def only(**weights: float) -> MaterialLearning:
+    """The losses with these weights; all others are left out."""
+    none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
+    return replace(CONSTANT, weights=MaterialWeights(**(none | weights)))
+
+
+def run_of(turned: Variant | None = None, budget: Budget = BUDGET) -> Run:
+    """A run of a variant on the ball's images."""
+    return Run(SCENE, turned or variant(), budget, 0, CPU)
+
+
+def product_of(surfels: Surfels) -> dict[str, Any]:
+    """What stage 1 hands on, had it learnt these surfels."""
+    tensors = surfels.parameters() | {"sh": surfels.sh[:, :1], "sh_rest": surfels.sh[:, 1:]}
+    return {"optimiser": {"tensors": tensors}}
+
+
+def stage_of(turned: Variant | None = None, surfels: Surfels = BALL, budget: Budget = BUDGET) -> InverseRendering:
+    """Stage 2 at its beginning."""
+    return InverseRendering(run_of(turned, budget), product_of(surfels))
+
+
+def tensors_of(stage: InverseRendering) -> dict[str, torch.Tensor]:
+    """A copy of everything that is learnt, by name."""
+    return {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
+
+
+def placed(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
+    """The stage with some of its tensors replaced."""
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | tensors
+    stage.restore(state)
+    return stage
