@@ -14,6 +14,7 @@ from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.sampling import hemisphere_directions
 
 FLOOR = sheet(0.0)
 ABOVE = 1.0
@@ -147,7 +148,9 @@ def test_surfels_are_shaded_before_they_are_blended() -> None:
 def test_all_surfels_have_the_same_directions_none_below_ten_degrees_where_asked() -> None:
     for floor, lowest in ((True, math.sin(math.radians(10))), (False, 0.5 / 32)):
         table = VisibilityTable(BALL, Rays(NEAR, floor=floor), 32)
-        height = (table.direction * BALL.frame[..., 2][:, None]).sum(-1)
+        normal = BALL.frame[..., 2]
+        assert torch.equal(table.direction, hemisphere_directions(normal, 32, None, floor)[0]), "none is turned"
+        height = (table.direction * normal[:, None]).sum(-1)
         torch.testing.assert_close(height, height[:1].expand_as(height), rtol=0, atol=1e-5)
         assert float(height.min()) == pytest.approx(lowest, abs=1e-5)
         torch.testing.assert_close(table.weight, torch.full_like(table.weight, 2 * torch.pi / 32))

@@ -1,5 +1,6 @@
 """R3DG's losses in float64: a dense reference of visibility, light and image, and central differences."""
 
+from dataclasses import replace
 from functools import cache
 
 import torch
@@ -18,7 +19,7 @@ from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.learning.losses import sobel
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import displayed
+from radiogs_core.transport.splatting import Splat, displayed
 from reference.differences import Values, assert_gradients
 from reference.rasterize import rasterize
 from reference.shade import shade
@@ -201,3 +202,20 @@ def test_smoothness_is_asked_of_what_a_display_shows() -> None:
     found = image_losses(seen, flat, mask, only, GEOMETRY)["albedo smoothness"]
     # On a flat image every slope counts, except beside the border of what is covered: here nothing is.
     torch.testing.assert_close(found, sobel(shown).abs().sum(0).mean(), rtol=1e-9, atol=0)
+
+
+def test_smoothness_of_irradiance_knows_the_normals_and_not_the_image() -> None:
+    """Paint does not excuse uneven light; an edge of the surface does."""
+    model, light = lit(given())
+    seen = blended(CAMERA, model.surfels, light)
+    none = dict.fromkeys(MaterialWeights.__dataclass_fields__, 0.0)
+    only = MaterialWeights(**(none | {"irradiance_smoothness": 1.0}))
+    image, mask = target()
+
+    def smoothness(shown: Splat, guide: Tensor) -> Tensor:
+        return image_losses(shown, guide, mask, only, GEOMETRY)["irradiance smoothness"]
+
+    found = smoothness(seen, image)
+    torch.testing.assert_close(found, smoothness(seen, torch.full_like(image, 0.5)), rtol=0, atol=0)
+    creased = replace(seen, normal=seen.normal * torch.linspace(-3, 3, 4, dtype=F64)[:, None, None])
+    assert float(smoothness(creased, image)) < 0.9 * float(found)
