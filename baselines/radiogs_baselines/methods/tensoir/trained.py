@@ -56,9 +56,9 @@ class TrainedTensoIR:
     def export(self, folder: Path) -> list[Path]:
         """Write ``field.npz``: parameters by name, and the box's centre, radius and cells. Raises OSError."""
         path, box = folder / "field.npz", self.model.field.box
-        parameters = {name: value.cpu().numpy() for name, value in self.model.field.parameters.items()}
-        box_values = {"box_centre": box.centre.cpu().numpy(), "box_radius": np.float64(box.radius)}
-        np.savez_compressed(path, **parameters, **box_values, box_occupied=box.occupied.cpu().numpy())
+        values: dict[str, Any] = {name: value.cpu().numpy() for name, value in self.model.field.parameters.items()}
+        values |= {"box_centre": box.centre.cpu().numpy(), "box_radius": np.float64(box.radius)}
+        np.savez_compressed(path, **values, box_occupied=box.occupied.cpu().numpy())
         return [path]
 
     def prepare(
