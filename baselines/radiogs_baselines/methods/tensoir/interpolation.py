@@ -18,15 +18,24 @@ PLANES, LINES = ((0, 1), (0, 2), (1, 2)), (2, 1, 0)
 class Nodes:
     """The nodes around points, as rows of the flattened planes and lines, and their interpolation weights.
 
-    ``slopes`` hold the derivatives of these weights by the local coordinates of the plane's axes and of the line's.
+    ``between``: how far the points are from the first node to the next, along the axes of each plane. ``per_unit``:
+    spacings of the grid in a local length of 1.
     """
 
     plane: Int[Tensor, "points 3 4"]
     plane_weight: Float[Tensor, "points 3 4"]
-    plane_slopes: Float[Tensor, "points 3 2 4"]
     line: Int[Tensor, "points 3 2"]
     line_weight: Float[Tensor, "points 3 2"]
-    line_slope: Float[Tensor, "2"]
+    between: tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]
+    per_unit: float
+
+    def plane_slopes(self) -> tuple[Float[Tensor, "points 3 4"], Float[Tensor, "points 3 4"]]:
+        """Derivatives of ``plane_weight`` by the local coordinates of the plane's two axes."""
+        u, v = self.between
+        return (
+            self.per_unit * torch.stack([v - 1, -v, 1 - v, v], -1),
+            self.per_unit * torch.stack([u - 1, 1 - u, -u, u], -1),
+        )
 
 
 def nodes_around(place: Float[Tensor, "points 3"], size: int) -> Nodes:
@@ -39,15 +48,13 @@ def nodes_around(place: Float[Tensor, "points 3"], size: int) -> Nodes:
     factor = torch.arange(3, device=place.device)
     corner = (factor * size + row) * size + column
     start, along = factor * size + first[:, LINES], share[:, LINES]
-    per_unit = (size - 1) / 2
     return Nodes(
         plane=torch.stack([corner, corner + 1, corner + size, corner + size + 1], -1),
         plane_weight=torch.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], -1),
-        plane_slopes=per_unit
-        * torch.stack([torch.stack([v - 1, -v, 1 - v, v], -1), torch.stack([u - 1, 1 - u, -u, u], -1)], -2),
         line=torch.stack([start, start + 1], -1),
         line_weight=torch.stack([1 - along, along], -1),
-        line_slope=per_unit * torch.tensor([-1.0, 1.0], dtype=place.dtype, device=place.device),
+        between=(u, v),
+        per_unit=(size - 1) / 2,
     )
 
 
@@ -67,8 +74,8 @@ def slope_of_sum(
     corners = embedding(nodes.plane, planes.flatten(0, 2))
     ends = embedding(nodes.line, lines.flatten(0, 1))
     plane, line = (corners * nodes.plane_weight[..., None]).sum(-2), (ends * nodes.line_weight[..., None]).sum(-2)
-    across = [(corners * nodes.plane_slopes[:, :, side, :, None]).sum(-2) * line for side in (0, 1)]
-    along = plane * (ends * nodes.line_slope[:, None]).sum(-2)
+    across = [(corners * slope[..., None]).sum(-2) * line for slope in nodes.plane_slopes()]
+    along = plane * (ends[:, :, 1] - ends[:, :, 0]) * nodes.per_unit
     slope: list[Tensor] = [along.new_zeros(len(along))] * 3
     for factor in range(3):
         for axis, part in zip((*PLANES[factor], LINES[factor]), (*across, along), strict=True):
