@@ -89,6 +89,7 @@ TENSOIR_ABLATIONS = Suite(
         Row("derived", "", "normals of the density", {"normals": "derived"}, method="tensoir"),
         Row("untied", "", "predicted normals not tied to the density",
             {"learning": {"inverse": {"normal_difference": 0.0}}}, method="tensoir"),
+        Row("white", "", "learnt on white", {"background": "white"}, method="tensoir"),
         Row("linear", "", "linear radiance from the start", {"linear": "from-start"}, method="tensoir"),
         Row("no-field-loss", "", "no marched pixels in stage 2",
             {"learning": {"inverse": {"radiance": 0.0}}}, method="tensoir"),

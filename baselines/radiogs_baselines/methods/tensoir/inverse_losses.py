@@ -10,7 +10,7 @@ from .budget import Budget
 from .drawing import Drawn
 from .field import Field
 from .lighting import RecoveredLight
-from .losses import facing_away, mean_along_rays, on_white, relative_difference, sparsity, squared_error
+from .losses import facing_away, mean_along_rays, on_background, relative_difference, sparsity, squared_error
 from .marching import Rays, march
 from .model import Model
 from .seen import Seen, seen_along
@@ -25,9 +25,9 @@ def inverse_losses(
     weights, field, rays = variant.learning.inverse, model.field, drawn.rays
     marched = march(field, rays, generator)
     seen = seen_along(field, rays, marched)
-    marched_pixels = on_white(marched.blended(seen.radiance), marched.alpha, linear=True)
+    marched_pixels = on_background(marched.blended(seen.radiance), marched.alpha, drawn.background, linear=True)
     light = RecoveredLight(model.light, variant, budget.light_rows, budget.secondary_samples, displaced=True)
-    shaded_pixels = shaded_on_white(field, rays, seen, light, generator)
+    shaded_pixels = shaded_on_background(field, drawn, seen, light, generator)
     return {
         "radiance": weights.radiance * squared_error(marched_pixels, drawn.target),
         "shaded": weights.shaded * squared_error(shaded_pixels, drawn.target),
@@ -37,14 +37,14 @@ def inverse_losses(
     }
 
 
-def shaded_on_white(
-    field: Field, rays: Rays, seen: Seen, light: RecoveredLight, generator: torch.Generator
+def shaded_on_background(
+    field: Field, drawn: Drawn, seen: Seen, light: RecoveredLight, generator: torch.Generator
 ) -> Float[Tensor, "rays 3"]:
-    """Shaded pixels as display sRGB: clipped to [0, 1] before they are encoded; white where a ray is not solid."""
-    points = surface_points(rays, seen.marched, seen.materials(light.variant.normals))
+    """Shaded pixels as display sRGB: clipped to [0, 1] before they are encoded; the background elsewhere."""
+    points = surface_points(drawn.rays, seen.marched, seen.materials(light.variant.normals))
     shaded = light.on(field, points, generator)
     colour = srgb_encode((shaded.direct + shaded.indirect).clamp(0, 1))
-    return torch.ones_like(rays.origin).index_copy(0, points.ray, colour)
+    return drawn.background.expand(-1, 3).index_copy(0, points.ray, colour)
 
 
 def _normal_losses(seen: Seen, rays: Rays, variant: Variant) -> dict[str, Tensor]:

@@ -20,6 +20,9 @@ def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
         "geometry": "a field of its own, no surfels",
         "box": "the cube of what the silhouettes allow, whose other cells are empty (published: the learnt density's)",
         "nvs": _shown(variant),
+        "background": "random greys in stage 2 (published: white)"
+        if variant.background == "random-later"
+        else "white, as published",
         "rays": f"of {budget.views} views a step (published: of all)",
     }
     reduced = {

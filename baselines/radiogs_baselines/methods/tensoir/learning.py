@@ -11,7 +11,7 @@ class FieldWeights:
     """Weights of the losses of the radiance field alone; 0 leaves one out."""
 
     radiance: float = 1.0
-    """Mean squared error of marched pixels on white, display values."""
+    """Mean squared error of marched pixels, display values."""
     sparsity: float = 8e-5
     """Mean absolute entry of the density's planes and lines, summed over them."""
     density_variation: float = 0.05
@@ -25,9 +25,9 @@ class InverseWeights:
     """Weights of the losses of inverse rendering; 0 leaves one out."""
 
     radiance: float = 1.0
-    """Mean squared error of marched pixels on white, display sRGB of linear radiance."""
+    """Mean squared error of marched pixels, display sRGB of linear radiance."""
     shaded: float = 0.2
-    """Mean squared error of shaded pixels on white, display sRGB."""
+    """Mean squared error of shaded pixels, display sRGB."""
     normal_difference: float = 0.002
     """Squared distance between predicted and derived normals along rays. Published: 0.0005 to 0.005, by scene."""
     orientation: float = 0.001

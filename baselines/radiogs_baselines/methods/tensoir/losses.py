@@ -4,7 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.colour import srgb_decode, srgb_encode
 
 from .field import Field
 from .marching import Marched
@@ -16,10 +16,12 @@ DARKEST = 1e-6
 """Relative differences are of values above this."""
 
 
-def on_white(blended: Float[Tensor, "rays 3"], alpha: Float[Tensor, " rays"], linear: bool) -> Float[Tensor, "rays 3"]:
-    """Blended radiance on a white background, as display values: encoded, where it is linear, after compositing."""
-    colour = blended + (1 - alpha)[:, None]
-    return srgb_encode(colour) if linear else colour
+def on_background(
+    blended: Float[Tensor, "rays 3"], alpha: Float[Tensor, " rays"], background: Float[Tensor, "rays 1"], linear: bool
+) -> Float[Tensor, "rays 3"]:
+    """Blended radiance on a background (display), as display values: encoded, where linear, after compositing."""
+    left = (1 - alpha)[:, None]
+    return srgb_encode(blended + left * srgb_decode(background)) if linear else blended + left * background
 
 
 def squared_error(found: Float[Tensor, "rays 3"], target: Float[Tensor, "rays 3"]) -> Float[Tensor, ""]:

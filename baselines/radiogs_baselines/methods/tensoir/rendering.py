@@ -12,7 +12,7 @@ from radiogs_core.scene.colour import srgb_encode
 from .drawing import camera_rays
 from .field import Field
 from .lighting import Shaded
-from .losses import on_white
+from .losses import on_background
 from .marching import Marched, Rays, march
 from .seen import seen_along
 from .shading import Materials, SurfacePoints, surface_points, unit
@@ -89,7 +89,8 @@ class Renderer:
 
 
 def on_black(blended: Float[Tensor, "rays 3"], marched: Marched) -> Float[Tensor, "rays 3"]:
-    """The image that was learnt on white, less the white that is seen, display sRGB in [0, 1]."""
+    """The image on white, less the white that is seen: edges as images with alpha have them; display sRGB in [0, 1]."""
     alpha = marched.alpha
-    image = (on_white(blended, alpha, linear=True) - (1 - alpha)[:, None]).clamp(0, 1)
+    on_white = on_background(blended, alpha, torch.ones_like(alpha[:, None]), linear=True)
+    image = (on_white - (1 - alpha)[:, None]).clamp(0, 1)
     return torch.where(alpha[:, None] > 0, image, 0.0)

@@ -15,7 +15,7 @@ from .drawing import Drawn, drawn_rays
 from .field import Field, field_start
 from .inverse_losses import inverse_losses
 from .light import SphericalGaussians, light_start
-from .losses import on_white, sparsity, squared_error, variation
+from .losses import on_background, sparsity, squared_error, variation
 from .marching import march
 from .model import LIGHT, Model
 from .optimiser import Optimiser
@@ -26,6 +26,7 @@ class _Learning:
 
     name = ""
     iterations = 0
+    random_background = False
 
     def __init__(self, run: Run) -> None:
         self.variant, self.budget, self.seed = run.variant, run.budget, run.seed
@@ -46,7 +47,8 @@ class _Learning:
 
     def drawn(self) -> Drawn:
         """The rays of the next step."""
-        return drawn_rays(self.views, self.box, self.budget, self.iteration, self.seed, self.generator)
+        order = (self.iteration, self.seed)
+        return drawn_rays(self.views, self.box, self.budget, order, self.generator, self.random_background)
 
     def losses(self, drawn: Drawn) -> dict[str, Tensor]:
         """The weighted losses of some rays by name."""
@@ -93,7 +95,8 @@ class RadianceField(_Learning):
         weights, field = self.variant.learning.radiance_field, self.field
         marched = march(field, drawn.rays, self.generator)
         radiance = field.radiance(field.features(marched.places), drawn.rays.direction[marched.ray])
-        found = on_white(marched.blended(radiance), marched.alpha, self.variant.linear == "from-start")
+        blended, linear = marched.blended(radiance), self.variant.linear == "from-start"
+        found = on_background(blended, marched.alpha, drawn.background, linear)
         return {
             "radiance": weights.radiance * squared_error(found, drawn.target),
             "sparsity": weights.sparsity * sparsity(field),
@@ -117,6 +120,7 @@ class InverseRendering(_Learning):
     def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
         super().__init__(run)
         self.iterations = self.budget.inverse_iterations
+        self.random_background = self.variant.background == "random-later"
         parameters = {name: value.to(run.device) for name, value in before["parameters"].items()}
         light = light_start(self.budget.lobes, self.variant.learning.light, self.generator)
         self.begin(Box.of(before["box"], run.device), {**parameters, LIGHT: light})

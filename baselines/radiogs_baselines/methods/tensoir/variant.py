@@ -10,7 +10,7 @@ from .learning import Learning
 SHOWN_ONLY = ("shown", "relight_visibility")
 """Fields that training does not read."""
 
-INVERSE_ONLY = ("indirect", "visibility", "normals", *SHOWN_ONLY)
+INVERSE_ONLY = ("indirect", "visibility", "normals", "background", *SHOWN_ONLY)
 """Fields that the stage of the radiance field does not read."""
 
 
@@ -22,6 +22,8 @@ class Variant:
     way hides the light in training.
     normals: those that points are shaded with: of the network, tied to the density by a loss, or of the density itself.
     linear: whether the field's radiance is linear from the second stage on, as published, or from the start.
+    background: what training images are composited on: white, as published, which a white surface is not told from; or
+    from the second stage on a grey that is drawn for each ray. (From the start on, that leaves the field empty.)
     shown: what images under the recovered light are: the marched radiance field, which TensoIR's are, or shaded.
     relight_visibility: whether density hides the light in relighting.
     view_share: share of the training views that both stages may see, in (0, 1].
@@ -32,6 +34,7 @@ class Variant:
     visibility: bool = True
     normals: Literal["predicted", "derived"] = "predicted"
     linear: Literal["later", "from-start"] = "later"
+    background: Literal["random-later", "white"] = "random-later"
     shown: Literal["field", "shaded"] = "field"
     relight_visibility: bool = True
     view_share: float = 1.0

@@ -41,7 +41,8 @@ def losses_of(tensors: dict[str, Tensor], variant: Variant, some: Rays) -> dict[
     field = Field(whole_box(dtype=torch.float64), {name: value for name, value in tensors.items() if name != LIGHT})
     target = torch.linspace(0.1, 0.9, 3 * len(some), dtype=torch.float64).view(-1, 3)
     model = Model(field, SphericalGaussians(tensors[LIGHT]))
-    return inverse_losses(model, Drawn(some, target), variant, BUDGET, torch.Generator().manual_seed(1))
+    background = torch.linspace(0, 1, len(some), dtype=torch.float64)[:, None]
+    return inverse_losses(model, Drawn(some, target, background), variant, BUDGET, torch.Generator().manual_seed(1))
 
 
 def check(function: Callable[[dict[str, Tensor]], Tensor], tensors: dict[str, Tensor], names: list[str]) -> None:

@@ -142,7 +142,7 @@ def solid_product(where: float = -1.0) -> dict[str, Any]:
     product = field_product()
     parameters = {name: value.clone() for name, value in product["parameters"].items()}
     dense = torch.linspace(-1, 1, parameters["density_plane"].shape[1])[:, None] >= where
-    parameters["density_plane"][0, :, :, 0] = torch.where(dense, 4.0, -30.0)
+    parameters["density_plane"][0, :, :, 0] = torch.where(dense, 4.0, -0.5)
     parameters["density_line"][0, :, 0] = 3.0
     return product | {"parameters": parameters}
 
@@ -165,7 +165,7 @@ def test_radiance_is_display_values_at_first_and_linear_later() -> None:
 def radiance_loss(stage: RadianceField | InverseRendering, shown: float) -> float:
     """Of rays through the middle of the box to pixels that show one value."""
     towards = torch.nn.functional.normalize(torch.randn(20, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
-    drawn = Drawn(Rays(-3 * towards, towards), torch.full((20, 3), shown))
+    drawn = Drawn(Rays(-3 * towards, towards), torch.full((20, 3), shown), torch.zeros(20, 1))
     return float(stage.losses(drawn)["radiance"].detach())
 
 
@@ -229,3 +229,16 @@ def test_training_reads_nothing_that_its_key_leaves_out() -> None:
 def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, Any], named: str) -> None:
     with pytest.raises(UsageError, match=named):
         Variant(**wrong)
+
+
+def test_white_and_empty_are_told_apart_by_the_background_of_the_second_stage() -> None:
+    """Pixels of no coverage show whatever is drawn; on white they always show white."""
+    first = RadianceField(run_of(), {})
+    random = InverseRendering(run_of(), first.product())
+    white = InverseRendering(run_of(Variant(background="white")), first.product())
+    for stage, one in ((first, True), (white, True), (random, False)):
+        drawn = stage.drawn()
+        outside = drawn.target[(drawn.target == drawn.background).all(-1)]
+        assert len(outside) > 20
+        assert bool((outside == 1).all()) == one
+        assert (len(outside.unique()) == 1) == one
