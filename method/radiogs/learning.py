@@ -7,7 +7,7 @@ Defaults are the paper's where nothing else is said. Shares are of the stage's i
 from dataclasses import dataclass, field
 from typing import Literal
 
-from radiogs_core.learning.light_start import LightStart
+from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 
 

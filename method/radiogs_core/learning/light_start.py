@@ -9,7 +9,6 @@ chromaticity are probably of another paint and count less.
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
 """
 
-import math
 from dataclasses import dataclass
 
 import torch
@@ -27,6 +26,7 @@ from ..surfels.surfels import Surfels
 from ..transport.sampling import hemisphere_directions
 from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
+from .light_start_settings import LightStart
 from .views import TrainingView
 
 ROWS = 16
@@ -58,41 +58,6 @@ NEVER_SEEN = 1e-6
 
 SMALLEST_SHARE = 1e-4
 """Irradiance is kept above this share of its mean inside the logarithm."""
-
-
-@dataclass(frozen=True)
-class LightStart:
-    """How the light of least albedo variation is found."""
-
-    steps: int = 300
-    """Steps of Adam."""
-    rate: float = 0.05
-    """Its rate in log-radiance; it falls to zero."""
-    neighbours: int = 8
-    """Nearest points that each point is compared with."""
-    same_paint: float = 0.08
-    """Standard deviation in log-chromaticity up to which neighbours pass for the same paint."""
-    smoothness: float = 0.003
-    """Weight of squared differences of neighbouring texels' log-radiance."""
-    colour: float = 0.02
-    """Weight of the distance of the light's channels from their mean."""
-    white_paint: float = 0.05
-    """Weight of the squared distance between the logarithms of the brightest albedo and of white paint's."""
-    white: float = 0.75
-    """Albedo of white paint."""
-    brightest: float = 0.95
-    """Quantile of the largest channel of albedo that counts as the brightest."""
-    mean_albedo: float = 0.4
-    """Albedo of all points under the constant light that the search starts from."""
-    turned: float = 0.5
-    """Distance, in standard deviations of the points' positions, that a unit of difference in normals counts as."""
-    albedo_range: tuple[float, float] = (0.02, 0.95)
-    """Albedo that surfels start with at least and at most."""
-
-    @property
-    def white_log(self) -> float:
-        """Logarithm of white paint's albedo."""
-        return math.log(self.white)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,8 @@ from radiogs_core.instruments import recording
 from radiogs_core.instruments.finite import require_finite
 from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
-from radiogs_core.learning.light_start import LightStart, light_and_albedo
+from radiogs_core.learning.light_start import light_and_albedo
+from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.views import load
 from radiogs_core.scene.held_pixels import Whole
 from radiogs_core.scene.light import EnvironmentMap

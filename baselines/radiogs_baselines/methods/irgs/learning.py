@@ -6,7 +6,7 @@ Defaults are those of its scripts for TensoIR's scenes where nothing else is sai
 from dataclasses import dataclass, field
 from typing import Literal
 
-from radiogs_core.learning.light_start import LightStart
+from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 
 

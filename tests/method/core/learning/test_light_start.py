@@ -11,7 +11,6 @@ from radiogs_bench.metrics.conventions import Environment
 from radiogs_bench.metrics.environment import environment_error
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.light_start import (
-    LightStart,
     SeenPoints,
     albedo_under,
     enlarged,
@@ -20,6 +19,7 @@ from radiogs_core.learning.light_start import (
     seen_points,
     transport_to,
 )
+from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.views import load
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh

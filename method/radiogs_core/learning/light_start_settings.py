@@ -1,0 +1,40 @@
+"""How the light that materials start with is sought: weights and steps, told apart from the search,
+so that a stage which only hands them on does not depend on it."""
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class LightStart:
+    """How the light of least albedo variation is found."""
+
+    steps: int = 300
+    """Steps of Adam."""
+    rate: float = 0.05
+    """Its rate in log-radiance; it falls to zero."""
+    neighbours: int = 8
+    """Nearest points that each point is compared with."""
+    same_paint: float = 0.08
+    """Standard deviation in log-chromaticity up to which neighbours pass for the same paint."""
+    smoothness: float = 0.003
+    """Weight of squared differences of neighbouring texels' log-radiance."""
+    colour: float = 0.02
+    """Weight of the distance of the light's channels from their mean."""
+    white_paint: float = 0.05
+    """Weight of the squared distance between the logarithms of the brightest albedo and of white paint's."""
+    white: float = 0.75
+    """Albedo of white paint."""
+    brightest: float = 0.95
+    """Quantile of the largest channel of albedo that counts as the brightest."""
+    mean_albedo: float = 0.4
+    """Albedo of all points under the constant light that the search starts from."""
+    turned: float = 0.5
+    """Distance, in standard deviations of the points' positions, that a unit of difference in normals counts as."""
+    albedo_range: tuple[float, float] = (0.02, 0.95)
+    """Albedo that surfels start with at least and at most."""
+
+    @property
+    def white_log(self) -> float:
+        """Logarithm of white paint's albedo."""
+        return math.log(self.white)
