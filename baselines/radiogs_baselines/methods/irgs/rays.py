@@ -12,7 +12,7 @@ from radiogs_core.transport.met_surface import met_radiance
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
-from .pixels import SeenPoints
+from ..seen_points import SeenPoints
 from .variant import Indirect, Variant
 
 

@@ -16,8 +16,8 @@ from radiogs_core.transport.splatting import Splat, displayed
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
+from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from .model import Model
-from .pixels import SeenPoints, covered_pixels, seen_points, seen_surfels
 from .rays import Rays
 from .shading import shade_points
 from .variant import Indirect

@@ -10,7 +10,7 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.shading import shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT
 
-from .pixels import SeenPoints
+from ..seen_points import SeenPoints
 
 
 @dataclass(frozen=True)

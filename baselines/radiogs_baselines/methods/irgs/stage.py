@@ -24,9 +24,9 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, displayed, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
+from ..seen_points import covered_pixels, seen_points, seen_surfels
 from .losses import neutrality, pixel_loss
 from .model import Model
-from .pixels import covered_pixels, seen_points, seen_surfels
 from .rays import Rays
 from .shading import shade_points
 from .start import frozen, rates_of, start_of

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, own, relit, sheet, together
-from radiogs_baselines.methods.irgs.pixels import covered_pixels, seen_points, seen_surfels
 from radiogs_baselines.methods.irgs.rays import Rays
+from radiogs_baselines.methods.seen_points import covered_pixels, seen_points, seen_surfels
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
