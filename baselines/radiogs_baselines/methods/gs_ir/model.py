@@ -1,0 +1,57 @@
+"""What GS-IR recovers: surfels with their materials, the light from afar, and the two volumes around the surfels."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.surfels.surfels import Surfels
+
+from .irradiance import IrradianceVolume
+from .occlusion import OcclusionVolume
+
+
+@dataclass(frozen=True)
+class Model:
+    """log_environment: logarithm of the environment's radiance (see ``scene.light``). metallic_logit, occlusion and
+    irradiance: None where the variant has none.
+    """
+
+    surfels: Surfels
+    log_environment: Float[Tensor, "height width 3"]
+    metallic_logit: Float[Tensor, " surfels"] | None = None
+    occlusion: OcclusionVolume | None = None
+    irradiance: IrradianceVolume | None = None
+
+    @property
+    def environment(self) -> Float[Tensor, "height width 3"]:
+        """Linear radiance of the recovered light."""
+        return self.log_environment.exp()
+
+    @property
+    def metallic(self) -> Float[Tensor, " surfels"] | None:
+        """Metalness in (0, 1)."""
+        return None if self.metallic_logit is None else torch.sigmoid(self.metallic_logit)
+
+    def tensors(self) -> dict[str, Any]:
+        """The model as plain tensors, without gradient history."""
+        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
+        found: dict[str, Any] = {"surfels": surfels, "log_environment": self.log_environment.detach()}
+        if self.metallic_logit is not None:
+            found["metallic_logit"] = self.metallic_logit.detach()
+        volumes = {"occlusion": self.occlusion, "irradiance": self.irradiance}
+        return found | {name: volume.tensors() for name, volume in volumes.items() if volume is not None}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Any]) -> "Model":
+        """The inverse of ``tensors``."""
+        return cls(
+            Surfels.of(tensors["surfels"]),
+            tensors["log_environment"],
+            tensors.get("metallic_logit"),
+            OcclusionVolume.of(tensors["occlusion"]) if "occlusion" in tensors else None,
+            IrradianceVolume.of(tensors["irradiance"]) if "irradiance" in tensors else None,
+        )

@@ -1,0 +1,69 @@
+"""The diffuse pre-filter of GS-IR's code, whose texels' areas are approximate: a white sky becomes 1.06 to 1.10."""
+
+from functools import cache, cached_property
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn.functional import normalize
+
+from radiogs_core.scene.light import bilinear_texels, texel_directions
+from radiogs_core.transport.splitsum import GRID_HEIGHT, PrefilteredLight
+
+from .variant import TexelAreas
+
+FACE = 16
+"""Texels along an edge of the cube map that the code filters."""
+
+
+class ApproximatelyFilteredLight(PrefilteredLight):
+    """A light whose diffuse part is summed over a cube map with the areas of ``approximate_areas``."""
+
+    @cached_property
+    def diffuse(self) -> Float[Tensor, "rows columns 3"]:
+        """Irradiance over pi by normal, 8 % too bright on average."""
+        height, width = self.sharp.shape[:2]
+        filtered = _approximate_filter(height, width).to(self.sharp) @ self.sharp.reshape(-1, 3)
+        return filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
+
+
+def filtered_light(radiance: Float[Tensor, "height width 3"], areas: TexelAreas) -> PrefilteredLight:
+    """A light, filtered with exact or approximate areas of texels; differentiable in its texels."""
+    return PrefilteredLight(radiance) if areas == "exact" else ApproximatelyFilteredLight(radiance)
+
+
+def approximate_areas(face: int = FACE) -> Float[Tensor, "face face"]:
+    """The solid angles that the code gives the texels of a face, float64; six faces of 16 x 16 have 13.59, not 4 pi.
+
+    Each is a product of the differences of two arcus tangents, at whole numbers of texels from the middle of the face:
+    the texels left of the middle are taken one too far out.
+    """
+    half = face // 2
+    away = (torch.arange(face, dtype=torch.float64) - half).abs()
+    width = torch.atan((away + 1) / half) - torch.atan(away / half)
+    return width[:, None] * width[None, :]
+
+
+def cube_directions(face: int = FACE) -> Float[Tensor, "6 face face 3"]:
+    """Unit directions of the texels of a cube map, float64; columns and rows run along two axes of the world."""
+    middle = (2 * torch.arange(face, dtype=torch.float64) + 1) / face - 1
+    row, column = torch.meshgrid(middle, middle, indexing="ij")
+    one = torch.ones_like(row)
+    faces = [
+        torch.stack(axes, -1)
+        for sign in (one, -one)
+        for axes in ((sign, row, column), (row, sign, column), (row, column, sign))
+    ]
+    return normalize(torch.stack(faces), dim=-1)
+
+
+@cache
+def _approximate_filter(height: int, width: int) -> Float[Tensor, "grid texels"]:
+    """From the texels of a lat-long map, read bilinearly at those of the cube, to the diffuse grid; float32."""
+    direction = cube_directions().view(-1, 3)
+    normal = texel_directions(GRID_HEIGHT, 2 * GRID_HEIGHT).view(-1, 3)
+    area = approximate_areas().expand(6, FACE, FACE).reshape(-1)
+    kernel = (normal @ direction.T).clamp(min=0) * area / torch.pi
+    texel, share = bilinear_texels(direction, height, width)
+    read = torch.zeros(len(direction), height * width, dtype=torch.float64).scatter_add_(1, texel, share)
+    return (kernel @ read).float()

@@ -1,0 +1,83 @@
+"""What a camera sees of a model: materials blended into maps, and each covered pixel shaded once."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from radiogs_core.scene.camera import Camera
+from radiogs_core.transport.splatting import Splat, displayed
+
+from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from .model import Model
+from .shading import Shaded, SplitSumLight, shade_points
+
+Maps = dict[str, Float[Tensor, "height width _"]]
+
+
+@dataclass(frozen=True)
+class View:
+    """The blended maps of a view, and the surface points of its covered pixels, row * width + column.
+
+    metallic: of the points; None where the model has none.
+    """
+
+    seen: Splat
+    pixels: Int[Tensor, " points"]
+    points: SeenPoints
+    metallic: Float[Tensor, " points"] | None
+
+    @classmethod
+    def of(cls, camera: Camera, model: Model, albedo: Float[Tensor, "surfels 3"], depth_unit: float = 1.0) -> "View":
+        """What ``camera`` sees; ``albedo`` is given apart, because relighting scales it."""
+        metallic = model.metallic
+        further = {} if metallic is None else {"metallic": metallic[:, None]}
+        seen = seen_surfels(camera, model.surfels, albedo, further, depth_unit)
+        pixels = covered_pixels(seen)
+        points = seen_points(camera, seen, pixels)
+        if metallic is None:
+            return cls(seen, pixels, points, None)
+        blended = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
+        return cls(seen, pixels, points, blended)
+
+    def shaded(self, model: Model, light: SplitSumLight, samples: int) -> Shaded:
+        """The points under the model's own light, with its volumes; O from ``samples`` directions."""
+        place, normal = self.points.place.detach(), self.points.normal.detach()
+        openness = None if model.occlusion is None else model.occlusion.openness(place, normal, samples)
+        irradiance = None if model.irradiance is None else model.irradiance.at(place, normal)
+        return shade_points(self.points, light, openness, irradiance, self.metallic)
+
+    def relit(self, light: SplitSumLight) -> Shaded:
+        """The points under another light: neither occluded nor with indirect light."""
+        return shade_points(self.points, light, metallic=self.metallic)
+
+    def map_of(self, values: Float[Tensor, "points 3"]) -> Float[Tensor, "height width 3"]:
+        """Values of the points as a map, multiplied by coverage."""
+        alpha = self.seen.alpha
+        straight = values.new_zeros(alpha.numel(), 3).index_copy(0, self.pixels, values)
+        return straight.view(*alpha.shape, 3) * alpha[..., None]
+
+    def image(self, shaded: Shaded, straight: bool) -> Float[Tensor, "height width 3"]:
+        """Display sRGB on black, not clipped (see ``splatting.displayed``)."""
+        return displayed(self.map_of(shaded.radiance), self.seen.alpha, straight)
+
+    @torch.no_grad()
+    def maps(self, shaded: Shaded, straight: bool) -> Maps:
+        """Maps [height, width, channels], all composited on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear. roughness,
+        alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
+        """
+        seen = self.seen
+        length = seen.normal.square().sum(-1, keepdim=True)
+        return {
+            "image": self.image(shaded, straight).clamp(0, 1),
+            "direct": self.map_of(shaded.direct),
+            "indirect": self.map_of(shaded.indirect),
+            "albedo": seen.images["albedo"],
+            "roughness": seen.images["roughness"],
+            "alpha": seen.alpha[..., None],
+            "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+            "depth": seen.depth[..., None],
+        }

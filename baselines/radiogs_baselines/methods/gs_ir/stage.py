@@ -1,0 +1,111 @@
+"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading, under occlusion baked before."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.losses import environment_smoothness
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels
+
+from .baking import Reach, bake
+from .irradiance import IrradianceVolume
+from .lattice import Lattice
+from .losses import image_loss, material_prior, material_smoothness
+from .model import Model
+from .prefilter import filtered_light
+from .rendering import View
+from .shading import SplitSumLight
+from .start import frozen, rates_of, start_of
+from .variant import Variant
+
+MATERIALS = ("albedo", "roughness", "metallic")
+"""Blended maps that are kept smooth; the last where there is one."""
+
+
+class InverseRendering:
+    """Stage 2. Bakes occlusion by the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant: Variant = variant
+        self.budget, self.seed = budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        learnt = surfels_of(before, device)
+        self.occlusion, self.dark = None, None
+        if variant.occlusion:
+            lattice = Lattice.over(learnt, budget.occlusion_corners)
+            self.occlusion = bake(learnt, lattice, Reach.of(variant, scene.extent), budget.occlusion_directions)
+            if variant.indirect:
+                self.dark = IrradianceVolume.dark(lattice.of(budget.irradiance_corners))
+        self.optimiser = self._optimiser(learnt, scene.extent)
+
+    def _optimiser(self, learnt: Surfels, extent: float) -> SurfelOptimiser:
+        # The search for the light draws points; nothing after it is drawn.
+        generator = torch.Generator(learnt.centre.device).manual_seed(self.seed)
+        start = start_of(learnt, self.variant, self.budget.light_height, self.views, generator)
+        further = {"log_environment": start.log_environment}
+        if start.metallic_logit is not None:
+            further["metallic_logit"] = start.metallic_logit
+        if self.dark is not None:
+            further["irradiance"] = self.dark.coefficients
+        return SurfelOptimiser(start.surfels, further, rates_of(self.variant, self.budget, extent))
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        surfels, tensors = self.optimiser.surfels, self.optimiser.tensors
+        return Model(
+            surfels if self.variant.lr_scale > 0 else frozen(surfels),
+            tensors["log_environment"],
+            tensors.get("metallic_logit"),
+            self.occlusion,
+            None if self.dark is None else replace(self.dark, coefficients=tensors["irradiance"]),
+        )
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return {name: float(value.detach()) for name, value in losses.items()}
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``."""
+        weights, model, target = self.variant.materials.weights, self.model, view.over(0.0)
+        light = SplitSumLight(filtered_light(model.environment, self.variant.texel_areas))
+        shown = View.of(view.camera, model, model.surfels.albedo, self.depth_unit)
+        shaded = shown.shaded(model, light, self.budget.occlusion_samples)
+        maps = [shown.seen.images[name] for name in MATERIALS if name in shown.seen.images]
+        smoothness = material_smoothness(torch.cat(maps, -1), target, shown.seen.alpha.detach() > 0)
+        return {
+            "shaded": weights.shaded * image_loss(shown.image(shaded, self.variant.straight), target),
+            "smoothness": weights.smoothness * smoothness,
+            "prior": weights.prior * material_prior(shown.points.roughness, shown.metallic),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit; occlusion is baked again from what stage 1 handed on."""
+        return {"iteration": self.iteration, "optimiser": self.optimiser.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
