@@ -1,6 +1,6 @@
 """What each published method is made of: one row for each of its own ablations (docs/baselines.md)."""
 
-from .baselines import IRGS, R3DG, SVG_IR, TENSOIR_METHOD
+from .baselines import GS_IR, IRGS, R3DG, SVG_IR, TENSOIR_METHOD
 from .suite import Metric, Row, Suite
 
 IRGS_ABLATIONS = Suite(
@@ -104,4 +104,27 @@ TENSOIR_ABLATIONS = Suite(
     ),
 )  # fmt: skip
 
-BASELINE_ABLATIONS = (IRGS_ABLATIONS, R3DG_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS)
+GS_IR_ABLATIONS = Suite(
+    name="gs-ir",
+    title="What GS-IR is made of",
+    published=None,
+    reference="gs-ir",
+    rows=(
+        GS_IR,
+        Row("no-occlusion", "", "neither occlusion nor irradiance", {"occlusion": False}, method="gs-ir"),
+        Row("no-indirect", "", "no volume of irradiance", {"indirect": False}, method="gs-ir"),
+        Row("endless", "", "occluders at any distance", {"tau": None}, method="gs-ir"),
+        Row("near-plane", "", "no occluders within 0.044 extents", {"nearest": 0.044}, method="gs-ir"),
+        Row("metallic", "", "with metalness", {"metallic": True}, method="gs-ir"),
+        Row("as-shipped", "", "relit by a Y-up lookup", {"relight_frame": "as_shipped"}, method="gs-ir"),
+        Row("approximate", "", "approximate areas of texels", {"texel_areas": "approximate"}, method="gs-ir"),
+        Row("frozen", "", "frozen geometry", {"lr_scale": 0.0}, method="gs-ir"),
+        Row("no-prior", "", "no prior on roughness", {"materials": {"weights": {"prior": 0.0}}}, method="gs-ir"),
+        Row("constant-light", "", "constant light at the start",
+            {"materials": {"start": {"light": "constant"}}}, method="gs-ir"),
+        Row("corners", "", "<occlusion_corners> corners an edge", budget={"occlusion_corners": 2.0}, method="gs-ir"),
+    ),
+    columns=(*IRGS_ABLATIONS.columns, Metric("normal", "mae")),
+)  # fmt: skip
+
+BASELINE_ABLATIONS = (IRGS_ABLATIONS, GS_IR_ABLATIONS, R3DG_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS)

@@ -67,8 +67,16 @@ def bake(surfels: Surfels, lattice: Lattice, reach: Reach, directions: int) -> O
 
 
 def corners_near(surfels: Surfels, lattice: Lattice) -> Int[Tensor, " near"]:
-    """Numbers, in order, of the corners of the cells that hold a surfel's centre."""
-    number, _ = lattice.around(surfels.centre)
+    """Numbers, in order, of the corners of the cells that a surfel touches or is read in.
+
+    That is at its centre and one standard deviation along each of its axes, and half a cell in front of these places.
+    """
+    along = (
+        surfels.frame.detach() * torch.nn.functional.pad(surfels.scale.detach(), (0, 1), value=lattice.half)[:, None]
+    )
+    tangent_u, tangent_v, ahead = along.unbind(-1)
+    on = [surfels.centre.detach() + offset for offset in (0 * ahead, tangent_u, -tangent_u, tangent_v, -tangent_v)]
+    number, _ = lattice.around(torch.cat([*on, *(place + ahead for place in on)]))
     return torch.unique(number)
 
 

@@ -13,7 +13,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": _light_start(variant),
         "light": "a lat-long map of log-radiance (published: a cube map of radiance, not below zero)",
-        "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 6 to 10 % brighter)",
+        "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 8 % brighter)",
         "relight_frame": _frame(variant),
         "roughness": "from 0.05, in training and shown (published: from 0.04 in training, from 0 shown)",
         "encoding": "images are encoded for display (published: an option, --gamma)",
@@ -22,6 +22,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         labels |= {
             "tau": _tau(variant, extent),
             "nearest": _nearest(variant, extent),
+            "probes": "where a surfel is within one standard deviation (published: in the cells of Gaussians' centres)",
             "box": "the cube around the surfels (published: [-1.5, 1.5]^3)",
             "occlusion_rays": f"{budget.occlusion_directions} traced directions (published: six faces of 256 x 256)",
         }

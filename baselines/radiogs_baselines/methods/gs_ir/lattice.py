@@ -47,6 +47,11 @@ class Lattice:
         """Distance of neighbouring corners, world units."""
         return self.edge / (self.corners - 1)
 
+    @property
+    def half(self) -> float:
+        """How far in front of a surface it is read, world units: nearly half a cell, as published."""
+        return self.edge / (2 * self.corners)
+
     def of(self, corners: int) -> "Lattice":
         """Another number of corners over the same cube."""
         return replace(self, corners=corners)

@@ -40,8 +40,7 @@ class OcclusionVolume:
 
         Corners behind the tangent plane there do not count; the shares of the others are scaled to sum to one.
         """
-        half = self.lattice.edge / (2 * self.lattice.corners)
-        middle = self.lattice.inside(self.lattice.inside(place) + half * normal)
+        middle = self.lattice.inside(self.lattice.inside(place) + self.lattice.half * normal)
         number, share = self.lattice.around(middle)
         ahead = ((self.lattice.places(number) - middle[:, None]) * normal[:, None]).sum(-1)
         share = torch.where(ahead >= -IN_PLANE * self.lattice.spacing, share, 0.0)

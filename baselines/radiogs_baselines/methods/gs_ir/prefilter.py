@@ -45,16 +45,18 @@ def approximate_areas(face: int = FACE) -> Float[Tensor, "face face"]:
 
 
 def cube_directions(face: int = FACE) -> Float[Tensor, "6 face face 3"]:
-    """Unit directions of the texels of a cube map, float64; columns and rows run along two axes of the world."""
+    """Unit directions of the texels of a cube map by face, row and column, float64, as OpenGL lays its faces out.
+
+    Which way rows and columns run matters: ``approximate_areas`` are not the same on both sides of a face.
+    """
     middle = (2 * torch.arange(face, dtype=torch.float64) + 1) / face - 1
     row, column = torch.meshgrid(middle, middle, indexing="ij")
     one = torch.ones_like(row)
-    faces = [
-        torch.stack(axes, -1)
-        for sign in (one, -one)
-        for axes in ((sign, row, column), (row, sign, column), (row, column, sign))
-    ]
-    return normalize(torch.stack(faces), dim=-1)
+    faces = (
+        (one, -row, -column), (-one, -row, column), (column, one, row),
+        (column, -one, -row), (column, -row, one), (-column, -row, -one),
+    )  # fmt: skip
+    return normalize(torch.stack([torch.stack(axes, -1) for axes in faces]), dim=-1)
 
 
 @cache

@@ -1,0 +1,134 @@
+"""The pre-filter's approximate areas, the frame that new lights are looked up in, and F0 of metals."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from baselines.methods.gs_ir.world import model_of, trained
+from known_ball import BALL, SCENE
+from radiogs_baselines.methods.gs_ir.prefilter import (
+    ApproximatelyFilteredLight,
+    approximate_areas,
+    cube_directions,
+    filtered_light,
+)
+from radiogs_baselines.methods.gs_ir.shading import SplitSumLight, metallic_factor, shade_points
+from radiogs_baselines.methods.seen_points import SeenPoints
+from radiogs_bench.kernel_bench import plain_split_sum
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.transport.sampling import GOLDEN_ANGLE
+
+F64 = torch.float64
+
+
+def all_around(count: int = 2000) -> Tensor:
+    step = torch.arange(count, dtype=F64)
+    height = 1 - (2 * step + 1) / count
+    sine = (1 - height.square()).sqrt()
+    return torch.stack([sine * torch.cos(step * GOLDEN_ANGLE), sine * torch.sin(step * GOLDEN_ANGLE), height], -1)
+
+
+def test_approximate_areas_brighten_a_white_sky_by_8_percent_and_exact_ones_do_not() -> None:
+    """By 6 to 11 % along the axes, 4.6 to 11.5 % anywhere."""
+    white = torch.ones(32, 64, 3, dtype=F64)
+    exact = filtered_light(white, "exact").irradiance(all_around())
+    torch.testing.assert_close(exact, torch.ones_like(exact), rtol=1e-5, atol=0)
+    bright = filtered_light(white, "approximate").irradiance(all_around())
+    assert 1.08 < float(bright.mean()) < 1.084
+    assert 1.045 < float(bright.min()) < 1.06
+    assert 1.1 < float(bright.max()) < 1.12
+    axes = torch.cat([torch.eye(3, dtype=F64), -torch.eye(3, dtype=F64)])
+    along = filtered_light(white, "approximate").irradiance(axes)
+    assert 1.06 < float(along.min()) < float(along.max()) < 1.115
+    assert torch.equal(filtered_light(white, "approximate").glossy, filtered_light(white, "exact").glossy)
+
+
+def test_the_areas_of_the_code_sum_to_13_59() -> None:
+    """The middle four texels of a face are right; the sum of the exact ones is 4 pi = 12.57."""
+    assert 6 * float(approximate_areas().sum()) == pytest.approx(13.59, abs=0.01)
+    arc = math.atan(1 / 8)
+    assert float(approximate_areas()[8, 8]) == pytest.approx(arc**2)
+    assert float(approximate_areas()[7, 8]) == pytest.approx((math.atan(2 / 8) - arc) * arc)
+
+
+def test_the_cube_looks_everywhere_once() -> None:
+    """Every direction has a texel within half a diagonal of the largest one, and no two look the same way."""
+    cube, seen = cube_directions().view(-1, 3), all_around(400)
+    assert float((seen @ cube.T).amax(1).acos().max()) < math.sqrt(2) / 16 + 1e-6
+    assert len(torch.unique(cube.round(decimals=9), dim=0)) == 6 * 16 * 16
+
+
+def test_the_approximate_filter_is_the_sum_over_the_cube() -> None:
+    """Under a sky that brightens upwards, by the formula, for a few normals on the grid."""
+    radiance = 1 + 0.5 * texel_directions(32, 64)[..., 2:].expand(-1, -1, 3)
+    light = ApproximatelyFilteredLight(radiance)
+    texels, area = cube_directions(), approximate_areas()
+    for row, column in ((0, 0), (5, 17), (8, 3), (15, 31)):
+        normal = texel_directions(16, 32)[row, column]
+        total = sum(
+            float(EnvironmentMap(radiance).lookup(texels[face, i, j])[0] * max(0.0, float(texels[face, i, j] @ normal)))
+            * float(area[i, j]) / math.pi
+            for face in range(6) for i in range(16) for j in range(16)
+        )  # fmt: skip
+        assert float(light.diffuse[row, column, 0]) == pytest.approx(total, rel=1e-5)
+
+
+def white_points(normal: Tensor) -> SeenPoints:
+    one = torch.ones_like(normal[:, 0])
+    return SeenPoints(0 * normal, normal, torch.ones_like(normal), one, normal, one)
+
+
+@pytest.mark.parametrize("texel", [(2, 5), (7, 12), (8, 30), (13, 20)])
+def test_a_bright_texel_lights_what_faces_it_in_the_frame_of_the_lookup(texel: tuple[int, int]) -> None:
+    """Oriented: the direction that the map says. As shipped: that whose u = 1/2 + atan2(x, -z) / 2 pi and
+    v = acos(y) / pi fall on the texel."""
+    sky = torch.full((16, 32, 3), 1e-6, dtype=F64)
+    sky[texel] = 100.0
+    v, u = (texel[0] + 0.5) / 16, (texel[1] + 0.5) / 32
+    sine, turn = math.sin(math.pi * v), 2 * math.pi * (u - 0.5)
+    shipped = torch.tensor([sine * math.sin(turn), math.cos(math.pi * v), -sine * math.cos(turn)], dtype=F64)
+    oriented = texel_directions(16, 32)[texel]
+    assert float(oriented @ shipped) < 0.95, "they could not be told apart"
+    normals = all_around()
+    for frame, expected in (("oriented", oriented), ("as_shipped", shipped)):
+        light = SplitSumLight(filtered_light(sky, "exact"), frame)  # type: ignore[arg-type]
+        brightest = normals[shade_points(white_points(normals), light).direct[:, 0].argmax()]
+        assert float(brightest @ expected) > 0.98, frame
+
+
+def test_relit_models_look_lights_up_in_the_frame_of_their_variant() -> None:
+    """As shipped, a sky that brightens towards +X lights what faces -Z, and one's own light stays as it was learnt."""
+    along = texel_directions(16, 32).float()
+    towards_x, away_from_z = (1 + 0.8 * part[..., None].expand(-1, -1, 3) for part in (along[..., 0], -along[..., 2]))
+    model, camera = model_of(BALL, EnvironmentMap(towards_x)), SCENE.test[0].camera
+    shipped = trained(model, relight_frame="as_shipped").prepare(EnvironmentMap(towards_x)).render(camera)
+    meant = trained(model).prepare(EnvironmentMap(away_from_z)).render(camera)
+    other = trained(model).prepare(EnvironmentMap(towards_x)).render(camera)
+    torch.testing.assert_close(shipped["direct"], meant["direct"], rtol=0, atol=2e-3)
+    assert float((shipped["direct"] - other["direct"]).abs().max()) > 0.05
+    own = [trained(model, relight_frame=frame).prepare().render(camera) for frame in ("oriented", "as_shipped")]
+    assert torch.equal(own[0]["image"], own[1]["image"])
+
+
+@pytest.mark.parametrize(("metal", "roughness", "view"), [(0.0, 0.3, 0.4), (0.6, 0.3, 0.4), (1.0, 0.8, 0.9)])
+def test_metals_have_the_lobe_of_their_albedo(metal: float, roughness: float, view: float) -> None:
+    """Under a white sky the lobe is F0 A + B with F0 = 0.04 (1 - m) + m a; diffuse light is that of any material."""
+    albedo = torch.tensor([[0.9, 0.5, 0.1]], dtype=F64)
+    normal = torch.tensor([[0.0, 0.0, 1.0]], dtype=F64)
+    outgoing = torch.tensor([[(1 - view**2) ** 0.5, 0.0, view]], dtype=F64)
+    rough = torch.tensor([roughness], dtype=F64)
+    points = SeenPoints(0 * normal, normal, albedo, rough, outgoing, rough)
+    light = SplitSumLight(filtered_light(torch.ones(16, 32, 3, dtype=F64), "exact"))
+    found = shade_points(points, light, metallic=torch.tensor([metal], dtype=F64)).direct
+    scale, bias = plain_split_sum.brdf_integral(torch.tensor([view], dtype=F64), rough)
+    expected = albedo + (0.04 * (1 - metal) + metal * albedo) * scale + bias
+    torch.testing.assert_close(found, expected, rtol=1e-5, atol=0)
+
+
+def test_a_lobe_that_the_table_does_not_have_stays_as_it_is() -> None:
+    """Seen exactly from the edge A = B = 0."""
+    none, all_metal = torch.zeros(1, dtype=F64), torch.ones(1, dtype=F64)
+    edge = metallic_factor(torch.full((1, 3), 0.5, dtype=F64), none, all_metal, none)
+    assert torch.equal(edge, torch.ones(1, 3, dtype=F64))

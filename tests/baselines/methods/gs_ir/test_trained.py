@@ -1,0 +1,164 @@
+"""A trained GS-IR model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+
+import tomllib
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.methods.gs_ir.training import BUDGET, run_of, variant
+from baselines.methods.gs_ir.world import lit
+from baselines.methods.irgs.world import DOWN, grey, sheet, together
+from known_ball import BALL, SCENE
+from radiogs_baselines.methods.gs_ir.baking import Reach, bake
+from radiogs_baselines.methods.gs_ir.budget import PRESETS
+from radiogs_baselines.methods.gs_ir.labels import labels_of
+from radiogs_baselines.methods.gs_ir.lattice import Lattice
+from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
+from radiogs_baselines.methods.gs_ir.model import Model
+from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR
+from radiogs_baselines.methods.gs_ir.variant import Variant
+from radiogs_bench.suites.baselines import PUBLISHED_METHODS
+from radiogs_bench.suites.registry import suite
+from radiogs_core.contract import Method, Prepared, Trained
+from radiogs_core.errors import DataError
+from radiogs_core.learning.fit_geometry import GeometryBudget
+
+CAMERA = SCENE.test[0].camera
+ROOFED = together(BALL, sheet(1.5, DOWN, scale=0.5))
+LATTICE = Lattice.over(ROOFED, 16)
+VOLUMES = {"occlusion": bake(ROOFED, LATTICE, Reach(), 64), "irradiance": lit(0.4, LATTICE)}
+
+
+def model(**changes: object) -> Model:
+    return replace(Model(ROOFED, torch.zeros(8, 16, 3), **VOLUMES), **changes)  # type: ignore[arg-type]
+
+
+def trained(turned: Variant | None = None, **changes: object) -> TrainedGSIR:
+    return GS_IR_METHOD.restore(run_of(turned), model(**changes).tensors())
+
+
+def test_it_is_a_method_and_registered() -> None:
+    assert isinstance(GS_IR_METHOD, Method)
+    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
+    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["gs-ir"].partition(":")
+    assert getattr(import_module(module), name) is GS_IR_METHOD
+    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
+    assert isinstance(trained(), Trained)
+
+
+def test_it_has_a_row_in_the_paper_s_order_and_a_suite_whose_rows_are_its_variants() -> None:
+    order = [row.key for row in PUBLISHED_METHODS]
+    assert order.index("tensoir") < order.index("gs-ir") < order.index("r3dg")
+    for row in suite("gs-ir").rows:
+        assert row.method == "gs-ir"
+
+
+def test_maps_are_as_they_are_declared() -> None:
+    for shown in (trained().prepare(), trained().prepare(grey())):
+        assert isinstance(shown, Prepared)
+        maps = shown.render(CAMERA)
+        assert set(maps) == shown.default == set(shown.offers)
+        for name, value in maps.items():
+            channels = 1 if name in ("alpha", "roughness", "depth") else 3
+            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
+            assert not value.requires_grad
+            outside = maps["alpha"][..., 0] == 0
+            assert bool((value[outside] == 0).all()), name
+        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
+        torch.testing.assert_close(length, torch.ones_like(length))
+        assert float(maps["image"].min()) >= 0
+        assert float(maps["image"].max()) <= 1
+
+
+def test_the_model_comes_back_as_it_was() -> None:
+    logit = torch.randn(len(ROOFED))
+    found = trained(log_environment=torch.randn(8, 16, 3), metallic_logit=logit)
+    assert torch.equal(found.light.radiance, found.model.log_environment.exp())
+    assert all(torch.equal(getattr(ROOFED, name), value) for name, value in found.model.surfels.parameters().items())
+    assert found.model.metallic is not None
+    torch.testing.assert_close(found.model.metallic, logit.sigmoid())
+    again, first = (each.prepare().render(CAMERA) for each in (found, TrainedGSIR(found.model, found.run)))
+    assert all(torch.equal(again[name], first[name]) for name in first)
+    bare = trained(occlusion=None, irradiance=None)
+    assert bare.model.occlusion is None
+    assert bare.model.irradiance is None
+    assert not bare.prepare().render(CAMERA)["indirect"].any()
+
+
+def test_under_its_own_light_it_is_occluded_and_has_indirect_light() -> None:
+    own, bare = (each.prepare().render(CAMERA) for each in (trained(), trained(occlusion=None, irradiance=None)))
+    assert own["indirect"].any()
+    assert float((bare["direct"] - own["direct"]).max()) > 0.01
+    relit = trained().prepare(grey()).render(CAMERA)
+    torch.testing.assert_close(relit["direct"], bare["direct"])
+
+
+def test_metals_are_shown_and_relit_as_metals() -> None:
+    """Under a white light a metal's lobe has more of its albedo; that of no metal at all is the plain model's."""
+    plain = trained(occlusion=None, irradiance=None)
+    for logit, differs in ((-40.0, False), (2.0, True)):
+        metal = trained(occlusion=None, irradiance=None, metallic_logit=torch.full((len(ROOFED),), logit))
+        for light in (None, grey()):
+            mine, theirs = (each.prepare(light).render(CAMERA)["direct"] for each in (metal, plain))
+            assert (float((mine - theirs).abs().max()) > 0.01) == differs
+
+
+def test_the_factor_of_albedo_is_of_the_diffuse_part() -> None:
+    twice = torch.tensor([2.0, 1.0, 0.5])
+    one, scaled = (trained().prepare(grey(), factor).render(CAMERA) for factor in (None, twice))
+    torch.testing.assert_close(scaled["albedo"], one["albedo"] * twice)
+    torch.testing.assert_close(scaled["direct"] - one["direct"], one["albedo"] * (twice - 1), rtol=1e-3, atol=1e-4)
+
+
+def test_new_lights_are_filtered_with_the_variant_s_areas() -> None:
+    exact, rough = (
+        trained(variant(texel_areas=areas)).prepare(grey()).render(CAMERA) for areas in ("exact", "approximate")
+    )
+    seen = exact["alpha"][..., 0] > 0.9
+    ratio = (rough["direct"] - exact["direct"])[seen] / exact["albedo"][seen]
+    assert 0.04 < float(ratio.min()) < float(ratio.max()) < 0.12
+
+
+def test_a_light_that_is_not_finite_is_refused() -> None:
+    broken = grey()
+    broken.radiance[1, 3, 0] = float("nan")
+    with pytest.raises(DataError, match="1 texels of the environment map are not finite"):
+        trained().prepare(broken)
+
+
+def test_what_is_exported_can_be_read(tmp_path: Path) -> None:
+    found = trained(metallic_logit=torch.randn(len(ROOFED)))
+    files = found.export(tmp_path)
+    assert [path.name for path in files] == ["surfels.ply", "metallic.npy", "volumes.npz"]
+    assert np.load(files[1]).shape == (len(ROOFED),)
+    volumes = np.load(files[2])
+    occlusion = VOLUMES["occlusion"]
+    number = (3 * 16 + 4) * 16 + 5
+    expected = occlusion.coefficients[occlusion.probe[number]]  # type: ignore[union-attr]
+    assert np.array_equal(volumes["occlusion"][3, 4, 5], expected)
+    assert volumes["irradiance"].shape == (5, 5, 5, 9)
+    assert float(volumes["edge"]) == pytest.approx(LATTICE.edge)
+    bare = trained(occlusion=None, irradiance=None).export(tmp_path / "..")
+    assert [path.name for path in bare] == ["surfels.ply"]
+
+
+def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+    facts = trained().facts()
+    assert facts["surfels"] == len(ROOFED)
+    assert facts["probes"] == len(VOLUMES["occlusion"].coefficients)  # type: ignore[union-attr]
+    assert facts["labels"]["stage1"].startswith("shared")
+    assert f"occlusion_samples {BUDGET.occlusion_samples} (published: 256)" in facts["labels"]["reduced"]
+    assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
+    whole = labels_of(Variant(), PRESETS["paper"], 4.545)
+    assert "reduced" not in whole
+    assert "lr_scale" not in whole
+    assert whole["tau"] == "0.25 world units (published: 0.25)"
+    assert labels_of(Variant(tau=None), PRESETS["paper"], 1.0)["tau"].startswith("none")
+    assert "0.2 world units" in labels_of(Variant(nearest=0.044), PRESETS["paper"], 4.545)["nearest"]
+    assert labels_of(Variant(lr_scale=0.0), PRESETS["paper"], 1.0)["lr_scale"].startswith("0 of")
+    assert labels_of(Variant(relight_frame="as_shipped"), PRESETS["paper"], 1.0)["relight_frame"].startswith("Y-up")
+    assert "tau" not in labels_of(Variant(occlusion=False), PRESETS["paper"], 1.0)

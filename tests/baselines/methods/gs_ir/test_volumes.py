@@ -1,0 +1,204 @@
+"""The lattice, what it is baked with, and how it is read."""
+
+import math
+
+import pytest
+import torch
+
+from baselines.methods.gs_ir.world import LATTICE, UPWARDS, baked, closed_form, lit
+from baselines.methods.irgs.world import UP, sheet, together
+from known_ball import BALL
+from radiogs_baselines.methods.gs_ir.baking import Reach, bake, corners_near, inherited
+from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
+from radiogs_baselines.methods.gs_ir.lattice import Lattice
+from radiogs_baselines.methods.gs_ir.occlusion import (
+    OcclusionVolume,
+    cosine_directions,
+    mean_openness,
+    projection,
+    sphere_directions,
+)
+from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
+from radiogs_core.surfels.surfels import Surfels
+
+F64 = torch.float64
+OPEN = torch.zeros(COEFFICIENTS)
+OPEN[0] = 1 / CONSTANT_BASIS
+"""Harmonics of M = 1."""
+
+
+def test_shares_give_back_what_is_linear_in_place() -> None:
+    torch.manual_seed(0)
+    place = 1.4 * torch.rand(200, 3) - 0.7
+    number, share = LATTICE.around(place)
+    torch.testing.assert_close(share.sum(-1), torch.ones(200))
+    assert bool((share >= 0).all())
+    torch.testing.assert_close((share[..., None] * LATTICE.places(number)).sum(1), place, rtol=0, atol=1e-6)
+    outside = torch.tensor([[9.0, -9.0, 0.0]])
+    torch.testing.assert_close(LATTICE.inside(outside), torch.tensor([[0.7, -0.7, 0.0]]))
+    assert torch.equal(LATTICE.around(outside)[1], LATTICE.around(LATTICE.inside(outside))[1])
+
+
+def test_a_lattice_over_surfels_leaves_a_cell_on_every_side() -> None:
+    lattice = Lattice.over(BALL, 21)
+    low, high = BALL.centre.amin(0), BALL.centre.amax(0)
+    torch.testing.assert_close(lattice.low + lattice.spacing, low, rtol=0, atol=0.03)
+    torch.testing.assert_close(lattice.low + lattice.edge - lattice.spacing, high, rtol=0, atol=0.03)
+    assert lattice.of(5).edge == lattice.edge
+    assert lattice.of(5).spacing == pytest.approx(5 * lattice.spacing)
+
+
+def test_one_stray_surfel_in_two_thousand_does_not_stretch_the_lattice() -> None:
+    many = together(*[BALL] * 6)
+    stray = together(many, sheet(500.0, UP, scale=0.1))
+    assert Lattice.over(stray, 21).edge == pytest.approx(Lattice.over(many, 21).edge, rel=0.05)
+
+
+def heights(surfel: Surfels) -> list[float]:
+    """Of the corners that are near one surfel."""
+    return sorted({round(float(z), 6) for z in LATTICE.places(corners_near(surfel, LATTICE))[:, 2]})
+
+
+def test_only_corners_near_a_surfel_are_baked() -> None:
+    """A small surfel: the eight around it; every other corner reads one of them."""
+    one = sheet(0.0, scale=0.05)
+    near = corners_near(one, LATTICE)
+    assert float((LATTICE.places(near).abs() - 0.1).abs().max()) < 1e-6
+    assert len(near) == len(baked(one).coefficients) == 8
+    probe = inherited(near, LATTICE.corners)
+    assert int(probe.min()) == 0
+    assert int(probe.max()) == 7
+    away = LATTICE.places(torch.arange(8**3))
+    same_side = LATTICE.places(near)[probe].sign() == away.sign()
+    assert bool(same_side.all()), "the nearest by steps along the axes lies on the same side of each"
+
+
+def test_corners_are_near_where_a_surfel_reaches_and_where_it_is_read() -> None:
+    """It is read 0.0875 ahead of 0.05, in the cell above that of its centre; from behind in its own. A wide one reaches
+    0.35 to either side, along both of its axes."""
+    assert heights(sheet(0.05, scale=0.05)) == [-0.1, 0.1, 0.3]
+    assert heights(sheet(0.05, (0.0, 0.0, -1.0), scale=0.05)) == [-0.1, 0.1]
+    wide = LATTICE.places(corners_near(sheet(0.0, scale=0.35), LATTICE))
+    assert sorted({round(float(x), 6) for x in wide[:, 0]}) == [-0.5, -0.3, -0.1, 0.1, 0.3, 0.5]
+    assert sorted({round(float(y), 6) for y in wide[:, 1]}) == [-0.5, -0.3, -0.1, 0.1, 0.3, 0.5]
+    upright = sheet(0.0, (1.0, 0.0, 0.0), scale=0.35)
+    assert len(heights(upright)) == 6
+
+
+def test_inheriting_goes_step_by_step() -> None:
+    """Two probes at the ends of a row: each half of it reads the nearer one."""
+    near = torch.tensor([0, 6])
+    probe = inherited(near, 7)[:7]
+    assert probe.tolist()[:3] == [0, 0, 0]
+    assert probe.tolist()[4:] == [1, 1, 1]
+
+
+def test_the_projection_is_onto_orthonormal_harmonics() -> None:
+    """Sums of products over the sphere are the identity; M = 1 is the constant alone."""
+    direction = sphere_directions(4096, dtype=F64)
+    onto = projection(direction)
+    gram = (onto * len(direction) / (4 * math.pi)).T @ onto
+    torch.testing.assert_close(gram, torch.eye(16, dtype=F64), rtol=0, atol=2e-3)
+    torch.testing.assert_close(onto.sum(0), OPEN.double(), rtol=0, atol=2e-3)
+    torch.testing.assert_close(direction.mean(0), torch.zeros(3, dtype=F64), rtol=0, atol=1e-3)
+
+
+def test_directions_about_a_normal_are_distributed_as_their_cosine() -> None:
+    """Moments of the cosine under density cosine / pi: 2/3, 1/2 and 2/5; nothing to either side."""
+    torch.manual_seed(1)
+    normal = torch.nn.functional.normalize(torch.randn(5, 3, dtype=F64), dim=-1)
+    direction = cosine_directions(normal, 4000)
+    cosine = (direction * normal[:, None]).sum(-1)
+    assert float(cosine.min()) > 0
+    for power, expected in ((1, 2 / 3), (2, 1 / 2), (3, 2 / 5)):
+        torch.testing.assert_close(cosine.pow(power).mean(1), torch.full((5,), expected, dtype=F64), rtol=1e-4, atol=0)
+    torch.testing.assert_close(direction.mean(1), 2 / 3 * normal, rtol=0, atol=2e-3)
+
+
+def test_openness_is_clamped_direction_by_direction() -> None:
+    """M = 1 + 3 cos, clamped, is 1 on the hemisphere; 2 cos - 1/2 is cut off below 1/4 and above 3/4."""
+    linear = math.sqrt(3 / (4 * math.pi))  # Y_10 = linear * z, of positive sign in 3DGS's basis
+    over, cut = OPEN.double().clone(), -0.5 * OPEN.double()
+    over[2], cut[2] = 3 / linear, 2 / linear
+    normal = UPWARDS.double()
+    assert float(mean_openness(over[None], normal, 2048)) == pytest.approx(1.0)
+    quarter, three = 0.25, 0.75
+    between = 4 * (three**3 - quarter**3) / 3 - 0.5 * (three**2 - quarter**2)
+    assert float(mean_openness(cut[None], normal, 4096)) == pytest.approx(between + 1 - three**2, abs=1e-4)
+
+
+def halves(axis: int) -> OcclusionVolume:
+    """Closed on the lower half of the lattice along one axis, open on the upper."""
+    upper = LATTICE.places(torch.arange(8**3))[:, axis] > 0
+    return OcclusionVolume(LATTICE, upper.long(), torch.stack([torch.zeros(16), OPEN]))
+
+
+def test_corners_behind_the_tangent_plane_do_not_count() -> None:
+    """Between a closed layer and an open one a floor reads the one ahead of it, wherever in the cell it lies."""
+    place = torch.tensor([[0.03, -0.02, height] for height in (-0.08, -0.03, 0.0)])
+    up = UPWARDS.expand(3, 3)
+    assert torch.equal(halves(2).openness(place, up, 64), torch.ones(3))
+    assert torch.equal(halves(2).openness(-place, -up, 64), torch.zeros(3))
+
+
+def test_corners_beside_it_count_by_their_trilinear_shares() -> None:
+    """Closed to the left and open to the right: from 0 to 1 across the cell, whose shares ahead are scaled to one."""
+    place = torch.tensor([[-0.1, 0.0, 0.0], [-0.05, 0.0, 0.0], [0.0, 0.02, 0.0], [0.1, 0.0, 0.0]])
+    found = halves(0).openness(place, UPWARDS.expand(4, 3), 64)
+    torch.testing.assert_close(found, torch.tensor([0.0, 0.25, 0.5, 1.0]), rtol=0, atol=1e-5)
+
+
+def test_a_point_is_read_half_a_cell_ahead() -> None:
+    """From 0.02 above a layer of corners on it is the next one, whose plane lies within half a cell of 0.0875."""
+    layers = OcclusionVolume(LATTICE, torch.arange(8**3) % 8, torch.linspace(0, 1, 8)[:, None] * OPEN)
+    for height in (-0.09, 0.0, 0.011, 0.013):
+        ahead = math.ceil((height + 0.0875 + 0.7) / 0.2 - 1e-9)
+        found = layers.openness(torch.tensor([[0.0, 0.0, height]]), UPWARDS, 16)
+        assert float(found) == pytest.approx(ahead / 7, abs=1e-5), height
+
+
+def test_points_at_and_beyond_the_faces_of_the_cube_read_the_corners_there() -> None:
+    everywhere = OcclusionVolume(LATTICE, torch.zeros(8**3, dtype=torch.int64), OPEN[None])
+    torch.manual_seed(2)
+    place = 3 * torch.rand(300, 3) - 1.5
+    normal = torch.nn.functional.normalize(torch.randn(300, 3), dim=-1)
+    corner = torch.tensor([[0.7, 0.7, 0.7], [-0.7, 0.7, -0.7]])
+    outward = torch.nn.functional.normalize(corner, dim=-1)
+    found = everywhere.openness(torch.cat([place, corner]), torch.cat([normal, outward]), 16)
+    torch.testing.assert_close(found, torch.ones(302))
+
+
+def test_surfels_are_met_from_both_sides() -> None:
+    """Seen from below, a floor that looks upwards occludes as much as one that looks down."""
+    upwards, downwards = (baked(sheet(0.0, normal)) for normal in (UP, (0.0, 0.0, -1.0)))
+    torch.testing.assert_close(upwards.coefficients, downwards.coefficients, rtol=0, atol=1e-6)
+    assert float(upwards.coefficients[:, 2].abs().min()) > 0.1
+
+
+def test_a_few_directions_say_nearly_the_same_as_many() -> None:
+    floor = sheet(0.0)
+    few = float(bake(floor, LATTICE, Reach(tau=0.5), 256).openness(torch.zeros(1, 3), UPWARDS, 32))
+    assert few == pytest.approx(closed_form(None), abs=0.02)
+
+
+def test_irradiance_is_trilinear_in_place_and_of_degree_two_in_the_normal() -> None:
+    volume = IrradianceVolume.dark(LATTICE.of(4))
+    assert volume.coefficients.shape == (64, 9)
+    volume.coefficients[:, 0] = (2 + LATTICE.of(4).places(torch.arange(64))[:, 0]) / CONSTANT_BASIS
+    place = torch.tensor([[0.3, 0.1, -0.2], [-0.55, 0.0, 0.6]])
+    torch.testing.assert_close(volume.at(place, UPWARDS.expand(2, 3)), 2 + place[:, 0])
+    tilted = lit(1.0)
+    tilted.coefficients[:, 2] = 0.5 / math.sqrt(3 / (4 * math.pi))
+    normals = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+    torch.testing.assert_close(tilted.at(torch.zeros(3, 3), normals), torch.tensor([1.5, 0.5, 1.0]))
+
+
+def test_volumes_come_back_from_their_tensors() -> None:
+    volume = halves(1)
+    back = OcclusionVolume.of(volume.tensors())
+    assert torch.equal(back.probe, volume.probe)
+    assert torch.equal(back.coefficients, volume.coefficients)
+    assert back.lattice.spacing == LATTICE.spacing
+    again = IrradianceVolume.of(lit(0.3).tensors())
+    assert torch.equal(again.coefficients, lit(0.3).coefficients)
+    assert again.lattice.corners == 5

@@ -1,0 +1,92 @@
+"""A floor under a roof, the lattice that occlusion is baked on around them, and trained models of such sheets."""
+
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.polynomial import legendre
+from torch import Tensor
+
+from baselines.methods.irgs.world import DOWN, grey, looking_down, sheet
+from known_ball import CPU, SCENE
+from radiogs_baselines.methods.gs_ir.baking import Reach, bake
+from radiogs_baselines.methods.gs_ir.budget import PRESETS
+from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
+from radiogs_baselines.methods.gs_ir.lattice import Lattice
+from radiogs_baselines.methods.gs_ir.model import Model
+from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
+from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR
+from radiogs_baselines.methods.gs_ir.variant import Variant
+from radiogs_core.contract import Prepared, Run
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.harmonics import CONSTANT_BASIS
+from radiogs_core.surfels.surfels import Surfels
+
+TAU = 0.5
+"""Distance from which on nothing occludes, world units."""
+
+LATTICE = Lattice(torch.full((3,), -0.7), 1.4, 8)
+"""Corners 0.2 apart; those nearest to the floor, at a height of zero, lie 0.1 above it and below it."""
+
+PROBE = 0.1
+"""Height of the probes that the floor reads: half a cell in front of it, only they are ahead."""
+
+UPWARDS = torch.tensor([[0.0, 0.0, 1.0]])
+
+
+def roof(height: float, opacity: float = 0.9999, albedo: float = 0.5) -> Surfels:
+    """A sheet that looks down upon the floor, endless as seen from it."""
+    return sheet(height, DOWN, scale=1e4 * max(1.0, height), opacity=opacity, albedo=albedo)
+
+
+def baked(surfels: Surfels, reach: Reach | None = None, directions: int = 4096) -> OcclusionVolume:
+    """On ``LATTICE``; occluders count up to TAU unless ``reach`` says otherwise."""
+    return bake(surfels, LATTICE, reach or Reach(tau=TAU), directions)
+
+
+def openness(volume: OcclusionVolume, samples: int = 4096) -> float:
+    """O of the floor at the origin."""
+    return float(volume.openness(torch.zeros(1, 3), UPWARDS, samples))
+
+
+def closed_form(
+    height: float | None, tau: float = TAU, nearest: float = 0.0, directions: int = 200_001, samples: int = 20_001
+) -> float:
+    """O of the floor by the formulas: M of a probe between floor and roof, zonal, by Legendre polynomials.
+
+    The probe sees the floor at a distance of PROBE / -cosine and the roof at (height - PROBE) / cosine.
+    """
+    cosine = np.linspace(-1, 1, directions)
+    with np.errstate(divide="ignore"):
+        floor = np.where(cosine < 0, PROBE / -cosine, np.inf)
+        above = np.inf if height is None else np.where(cosine > 0, (height - PROBE) / cosine, np.inf)
+    distance = np.minimum(floor, above)
+    mask = 1.0 - ((distance >= nearest) & (distance < tau))
+    each = [np.trapezoid(mask * legendre.Legendre.basis(degree)(cosine), cosine) for degree in range(4)]
+    kept = legendre.Legendre([(2 * degree + 1) / 2 * value for degree, value in enumerate(each)])
+    about = np.linspace(0, 1, samples)
+    return float(np.trapezoid(2 * about * kept(about).clip(0, 1), about))
+
+
+def lit(level: float, lattice: Lattice = LATTICE) -> IrradianceVolume:
+    """An irradiance over pi of ``level`` at every place and towards every side."""
+    volume = IrradianceVolume.dark(lattice.of(5))
+    volume.coefficients[:, 0] = level / CONSTANT_BASIS
+    return volume
+
+
+def model_of(surfels: Surfels, light: EnvironmentMap | None = None, **volumes: Any) -> Model:
+    """As if training had found them."""
+    return Model(surfels, (light or grey()).radiance.to(surfels.centre).log(), **volumes)
+
+
+def trained(model: Model, **turned: Any) -> TrainedGSIR:
+    """A model with a run; ``turned``: fields of the variant."""
+    return TrainedGSIR(model, Run(SCENE, Variant(**turned), PRESETS["smoke"], 0, CPU))
+
+
+def middle(shown: Prepared) -> dict[str, Tensor]:
+    """What the middle pixel of ``looking_down`` shows; radiance of its covered part."""
+    maps = shown.render(looking_down())
+    seen = {name: values[1, 1] for name, values in maps.items()}
+    return seen | {name: seen[name] / seen["alpha"] for name in ("direct", "indirect")}
