@@ -51,7 +51,7 @@ def _light_start(variant: Variant) -> str:
 
 
 def _frame(variant: Variant) -> str:
-    if variant.relight_frame == "as_shipped":
+    if variant.frame == "as_shipped":
         return "Y-up lookup of new lights along Z-up directions, as published"
     return "new lights as their maps are meant (published: a Y-up lookup along Z-up directions)"
 

@@ -105,7 +105,7 @@ class TrainedGSIR:
         filtered = filtered_light(radiance, variant.texel_areas)
         # The kernel's maps are made now: the first frame, which is timed, must not wait for them.
         _ = filtered.diffuse, filtered.glossy
-        return SplitSumLight(filtered, variant.relight_frame if relit else "oriented")
+        return SplitSumLight(filtered, variant.frame if relit else "oriented")
 
 
 class _Shown:

@@ -14,7 +14,7 @@ TexelAreas = Literal["exact", "approximate"]
 Frame = Literal["oriented", "as_shipped"]
 """How a new light is looked up: as its map is meant, Z up; or by a lookup for Y up along unchanged directions."""
 
-SHOWN_ONLY = ("relight_frame",)
+SHOWN_ONLY = ("frame",)
 """Fields that training does not read."""
 
 
@@ -28,7 +28,7 @@ class Variant:
     nearest: distance up to which geometry does not occlude; the published rasterizer leaves out what is nearer than
     0.2, which is 0.044 of TensoIR's.
     metallic: whether a metalness is learnt that mixes F0 from 0.04 and the albedo.
-    texel_areas: see ``TexelAreas``. relight_frame: see ``Frame``.
+    texel_areas: see ``TexelAreas``. frame: see ``Frame``.
     lr_scale: share of the rates that stage 1 ends with at which geometry moves in stage 2; at 0 it is frozen.
     view_share: share of the training views that both stages may see, in (0, 1].
     geometry: weights, rates and schedule of stage 1. materials: those of stage 2.
@@ -40,7 +40,7 @@ class Variant:
     nearest: float = 0.0
     metallic: bool = False
     texel_areas: TexelAreas = "exact"
-    relight_frame: Frame = "oriented"
+    frame: Frame = "oriented"
     lr_scale: float = 1.0
     view_share: float = 1.0
     geometry: GeometryLearning = field(default_factory=GeometryLearning)

@@ -103,12 +103,12 @@ def test_relit_models_look_lights_up_in_the_frame_of_their_variant() -> None:
     along = texel_directions(16, 32).float()
     towards_x, away_from_z = (1 + 0.8 * part[..., None].expand(-1, -1, 3) for part in (along[..., 0], -along[..., 2]))
     model, camera = model_of(BALL, EnvironmentMap(towards_x)), SCENE.test[0].camera
-    shipped = trained(model, relight_frame="as_shipped").prepare(EnvironmentMap(towards_x)).render(camera)
+    shipped = trained(model, frame="as_shipped").prepare(EnvironmentMap(towards_x)).render(camera)
     meant = trained(model).prepare(EnvironmentMap(away_from_z)).render(camera)
     other = trained(model).prepare(EnvironmentMap(towards_x)).render(camera)
     torch.testing.assert_close(shipped["direct"], meant["direct"], rtol=0, atol=2e-3)
     assert float((shipped["direct"] - other["direct"]).abs().max()) > 0.05
-    own = [trained(model, relight_frame=frame).prepare().render(camera) for frame in ("oriented", "as_shipped")]
+    own = [trained(model, frame=frame).prepare().render(camera) for frame in ("oriented", "as_shipped")]
     assert torch.equal(own[0]["image"], own[1]["image"])
 
 

@@ -210,9 +210,9 @@ def test_it_resumes_bit_for_bit(turned: dict[str, object]) -> None:
 def test_training_reads_nothing_that_its_key_leaves_out() -> None:
     geometry, invert = GS_IR_METHOD.stages(Variant(), BUDGET)
     assert geometry.owner == "radiogs_core"
-    assert GS_IR_METHOD.stages(Variant(relight_frame="as_shipped"), BUDGET)[1].reads == invert.reads
+    assert GS_IR_METHOD.stages(Variant(frame="as_shipped"), BUDGET)[1].reads == invert.reads
     one = InverseRendering(run_of(), product_of(BALL))
-    other = InverseRendering(run_of(variant(relight_frame="as_shipped")), product_of(BALL))
+    other = InverseRendering(run_of(variant(frame="as_shipped")), product_of(BALL))
     for _ in range(3):
         assert one.step() == other.step()
     for changed in (

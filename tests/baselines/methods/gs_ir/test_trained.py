@@ -160,5 +160,5 @@ def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
     assert labels_of(Variant(tau=None), PRESETS["paper"], 1.0)["tau"].startswith("none")
     assert "0.2 world units" in labels_of(Variant(nearest=0.044), PRESETS["paper"], 4.545)["nearest"]
     assert labels_of(Variant(lr_scale=0.0), PRESETS["paper"], 1.0)["lr_scale"].startswith("0 of")
-    assert labels_of(Variant(relight_frame="as_shipped"), PRESETS["paper"], 1.0)["relight_frame"].startswith("Y-up")
+    assert labels_of(Variant(frame="as_shipped"), PRESETS["paper"], 1.0)["relight_frame"].startswith("Y-up")
     assert "tau" not in labels_of(Variant(occlusion=False), PRESETS["paper"], 1.0)
