@@ -51,9 +51,9 @@ def read_png(path: Path) -> NDArray[np.float32]:
     return image[..., order].astype(np.float32) / np.float32(np.iinfo(image.dtype).max)
 
 
-def write_png(path: Path, image: NDArray[np.floating]) -> None:
-    """8-bit PNG of values in [0, 1], clipped and rounded; 1, 3 or 4 channels."""
-    levels = np.rint(np.clip(_finite(path, image), 0, 1) * 255).astype(np.uint8)
+def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
+    """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
+    levels = np.rint(np.clip(_finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
     order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
     _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
