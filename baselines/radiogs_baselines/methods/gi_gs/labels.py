@@ -35,7 +35,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
 def _moves(variant: Variant) -> str:
     if variant.lr_scale == 0:
         return "frozen in stage 2 (published: moved by the blending of the maps)"
-    return f"moved in stage 2 at {variant.lr_scale:g} of its last rates"
+    return f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
 
 
 def _light_start(variant: Variant) -> str:

@@ -40,8 +40,8 @@ class Variant:
     radius, bias, thick: length of a march; how far behind the marched point, and how far before it, a surface counts as
     met. The script's 0.8, 0.01 and 0.05 are so many of TensoIR's extents.
     far: depth over which the radius grows: it is multiplied by (1 + depth / far)^2. The script's is 100.
-    lr_scale: share of the learning rates that stage 1 ends with at which geometry moves in stage 2: through the
-    blending of the maps alone. The script has 1; at 0 geometry is frozen.
+    lr_scale: share of the learning rates that stage 1 ends with at which geometry moves in stage 2, through the
+    blending of the maps alone; at 0 it is frozen.
     view_share: share of the training views that both stages may see, in (0, 1].
     geometry: weights, rates and schedule of stage 1. materials: those of stage 2.
     """
@@ -58,7 +58,7 @@ class Variant:
     bias: float = 0.0022
     thick: float = 0.011
     far: float = 22.0
-    lr_scale: float = 0.0
+    lr_scale: float = 1.0
     view_share: float = 1.0
     geometry: GeometryLearning = field(default_factory=GeometryLearning)
     materials: MaterialLearning = field(default_factory=MaterialLearning)
