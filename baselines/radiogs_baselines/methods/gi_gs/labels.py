@@ -26,9 +26,10 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     }  # fmt: skip
     reduced = {
         f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "azimuths", "heights", "march_steps", "light_height")
+        for name in ("inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
+                     "render_heights")
         if getattr(budget, name) != getattr(PAPER, name)
-    }
+    }  # fmt: skip
     return labels | ({"reduced": ", ".join(sorted(reduced))} if reduced else {})
 
 

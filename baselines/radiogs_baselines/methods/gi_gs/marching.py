@@ -11,7 +11,6 @@ from torch import Tensor
 
 from radiogs_core.transport.sampling import tangent_frame
 
-from .budget import Budget
 from .gbuffer import GBuffer
 from .grid import Grid
 from .variant import WHOLE_MARCH, Variant
@@ -39,12 +38,11 @@ class March:
     far: float
 
     @classmethod
-    def of(cls, variant: Variant, budget: Budget, extent: float, start: int) -> "March":
-        """Marches from step ``start`` on, in sixteenths of the radius; ``extent``: the scene's, world units."""
-        steps = budget.march_steps
+    def of(cls, grid: Grid, variant: Variant, steps: int, extent: float, start: int) -> "March":
+        """Marches of ``steps`` a radius, from ``start`` sixteenths of it on; ``extent``: the scene's, world units."""
         places = tuple(step / steps for step in range(steps) if step * WHOLE_MARCH >= start * steps)
         lengths = (extent * length for length in (variant.radius, variant.bias, variant.thick, variant.far))
-        return cls(Grid.of(budget.azimuths, budget.heights), places, *lengths)
+        return cls(grid, places, *lengths)
 
     @torch.no_grad()
     def met(self, buffer: GBuffer) -> Int[Tensor, "points directions"]:
@@ -65,16 +63,20 @@ class March:
     def _met_along(
         self, buffer: GBuffer, place: Float[Tensor, "points 3"], direction: Float[Tensor, "points directions 3"]
     ) -> Int[Tensor, "points directions"]:
-        camera, depth = buffer.camera, buffer.depth.flatten()
+        camera, outside = buffer.camera, buffer.depth.numel()
+        depth = torch.cat([buffer.depth.flatten(), buffer.depth.new_full((1,), torch.inf)])
+        # A place is (column z, row z, z): linear along a march, as the place itself.
+        onto = place.new_tensor([[camera.fx, 0, 0], [0, camera.fy, 0], [camera.cx, camera.cy, 1]])
         length = self.radius * (1 + place[:, 2:] / self.far).square()
+        begin = (place @ onto)[:, None].unbind(-1)
+        along = (length[..., None] * (direction @ onto)).unbind(-1)
         found = torch.full(direction.shape[:2], NOTHING, dtype=torch.int64, device=place.device)
         for share in self.places:
-            x, y, z = (place[:, None] + (share * length)[..., None] * direction).unbind(-1)
-            column = (camera.fx * x / z + camera.cx).floor()
-            row = (camera.fy * y / z + camera.cy).floor()
+            x, y, z = (first + share * step for first, step in zip(begin, along, strict=True))
+            column, row = x / z, y / z
             inside = (z > 0) & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-            pixel = torch.where(inside, row, 0).long() * camera.width + torch.where(inside, column, 0).long()
+            pixel = torch.where(inside, row.long() * camera.width + column.long(), outside)
             surface = depth[pixel]
-            meets = inside & (surface <= z + self.bias) & (surface >= z - self.thick)
+            meets = (surface <= z + self.bias) & (surface >= z - self.thick)
             found = torch.where(meets & (found == NOTHING), pixel, found)
         return found.to(torch.int32)

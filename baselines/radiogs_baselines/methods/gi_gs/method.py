@@ -6,7 +6,7 @@ from typing import Any
 from radiogs_core.contract import Run, StageSpec, values_but
 from radiogs_core.learning.fit_geometry import fit_geometry
 
-from .budget import PRESETS, Budget
+from .budget import PRESETS, SHOWN_ONLY, Budget
 from .model import Model
 from .stage import InverseRendering
 from .trained import TrainedGIGS
@@ -31,7 +31,7 @@ class GIGS:
                 title="stage 2, inverse rendering",
                 steps=budget.inverse_iterations,
                 owner=self.name,
-                reads={"variant": variant.of_training(), "budget": values_but(budget, "name")},
+                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *SHOWN_ONLY)},
                 sources=("radiogs_baselines.methods.gi_gs.stage",),
                 begin=InverseRendering,
                 compiles=True,

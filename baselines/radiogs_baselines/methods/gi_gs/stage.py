@@ -14,6 +14,7 @@ from radiogs_core.learning.views import TrainingView, chosen_views, load, view_a
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 
 from .gbuffer import GBuffer, gbuffer, seen_materials
+from .grid import Grid
 from .lighting import SplitSumLight
 from .losses import image_loss, plainness, variation
 from .marching import March
@@ -35,7 +36,8 @@ class InverseRendering:
         generator = torch.Generator(device).manual_seed(run.seed)
         start = start_of(surfels_of(before, device), variant, budget.light_height, self.views, generator)
         self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, scene.extent))
-        march = March.of(variant, budget, scene.extent, variant.training_start)
+        grid = Grid.of(budget.azimuths, budget.heights)
+        march = March.of(grid, variant, budget.march_steps, scene.extent, variant.training_start)
         self.shader = Shader(march, variant.occlusion, variant.indirect, variant.sum, variant.straight)
 
     @property

@@ -14,6 +14,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.ply import write_ply
 from radiogs_core.transport.sampling import require_finite_light
 
+from .grid import Grid
 from .labels import labels_of
 from .lighting import SplitSumLight
 from .marching import March
@@ -84,8 +85,9 @@ class TrainedGIGS:
         return _Shown(Renderer(self.model, albedo * scale.to(albedo.device), new, shader), incident=False)
 
     def _shader(self, occlusion: bool, indirect: bool) -> Shader:
-        variant = self.run.variant
-        march = March.of(variant, self.run.budget, self.run.scene.extent, variant.start)
+        variant, budget = self.run.variant, self.run.budget
+        grid = Grid.of(budget.render_azimuths, budget.render_heights)
+        march = March.of(grid, variant, budget.march_steps, self.run.scene.extent, variant.start)
         return Shader(march, occlusion, indirect, variant.sum, variant.straight)
 
 

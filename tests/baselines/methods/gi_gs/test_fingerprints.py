@@ -28,7 +28,6 @@ from baselines.methods.gi_gs.world import (
 )
 from baselines.methods.irgs.world import sheet, together
 from radiogs_baselines.methods.gi_gs.around import gathered, mean_radiance, openness
-from radiogs_baselines.methods.gi_gs.budget import PRESETS
 from radiogs_baselines.methods.gi_gs.composition import median, summed
 from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
 from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
@@ -103,21 +102,25 @@ def test_a_surface_counts_as_met_between_thick_before_and_bias_behind_the_place(
     assert torch.equal(met, expected)
 
 
+def march_of(steps: int, start: int) -> March:
+    return March.of(Grid.of(8, 5), Variant(), steps, 1.0, start)
+
+
 def test_marches_begin_where_they_are_told_to() -> None:
     """A low ledge beside the pixel: places a sixth of the radius away meet it, those beyond half of it do not."""
     depth = torch.full((SIZE, SIZE), DISTANCE, dtype=F64)
     depth[:, EDGE] -= 0.1
     buffer = frame(depth)
     for start, meets in ((0, True), (3, True), (8, False)):
-        marches = March.of(Variant(start=start, thick=0.05, bias=0.01, radius=0.8), PRESETS["paper"], 1.0, start)
+        marches = March.of(Grid.of(32, 17), Variant(thick=0.05, bias=0.01, radius=0.8), 16, 1.0, start)
         assert bool((of_middle(marches.met(buffer), buffer) != NOTHING).any()) == meets
-    assert March.of(Variant(), PRESETS["tiny"], 1.0, 8).places == tuple(step / 16 for step in range(8, 16))
-    assert March.of(Variant(), PRESETS["smoke"], 1.0, 8).places == tuple(step / 8 for step in range(4, 8))
-    assert March.of(Variant(), PRESETS["paper"], 1.0, 64).places == ()
+    assert march_of(16, 8).places == tuple(step / 16 for step in range(8, 16))
+    assert march_of(8, 8).places == tuple(step / 8 for step in range(4, 8))
+    assert march_of(16, 64).places == ()
 
 
 def test_lengths_are_of_the_scene_s_extent() -> None:
-    marches = March.of(Variant(), PRESETS["tiny"], 4.55, 8)
+    marches = March.of(Grid.of(8, 5), Variant(), 16, 4.55, 8)
     lengths = (marches.radius, marches.bias, marches.thick, marches.far)
     assert lengths == pytest.approx((0.8, 0.01, 0.05, 100.0), rel=0.01), "TensoIR's"
 

@@ -88,7 +88,7 @@ def gradients(of: object, values: Values, names: tuple[str, ...]) -> Values:
 def test_every_direction_meets_what_the_loops_meet() -> None:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()))
     assert len(buffer) == SIZE * SIZE
-    met = MARCHES.met(buffer).view(SIZE * SIZE, dense.AZIMUTHS, dense.HEIGHTS - 2)
+    met = MARCHES.met(buffer).view(SIZE * SIZE, dense.HEIGHTS - 2, dense.AZIMUTHS).mT
     expected = torch.tensor([[NOTHING if hit is None else hit for hit in hits] for hits in dense_hits()])
     expected = expected.view(SIZE * SIZE, dense.AZIMUTHS, dense.HEIGHTS)[:, :, 1:-1]
     assert torch.equal(met.long(), expected)

@@ -139,18 +139,20 @@ def test_training_is_done_with_what_the_variant_says(part: str) -> None:
 
 
 def test_materials_are_found_where_light_and_shape_are_known() -> None:
-    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
-    rates = replace(CONSTANT.rates, light=0.0, roughness=0.0)
-    still = variant(materials=replace(CONSTANT, rates=rates), lr_scale=0.0)
-    stage = turned_to(
-        stage_of(still, BALL, replace(BUDGET, inverse_iterations=150)), log_environment=torch.zeros(8, 16, 3)
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe, 0.013 as seen from the front."""
+    learning = replace(
+        CONSTANT,
+        rates=replace(CONSTANT.rates, light=0.0, roughness=0.0, albedo_end=0.02),
+        start=replace(CONSTANT.start, albedo=0.3),
     )
-    for _ in range(150):
+    stage = stage_of(variant(materials=learning, lr_scale=0.0), BALL)
+    turned_to(stage, log_environment=torch.zeros(8, 16, 3))
+    for _ in range(100):
         stage.step()
     surfels = stage.model.surfels
-    seen = (surfels.albedo - 0.73).abs().sum(-1) > 1e-3
+    seen = (surfels.albedo - 0.3).abs().sum(-1) > 1e-3
     found = surfels.albedo[seen].median(0).values
-    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.04, rtol=0, atol=0.02)
+    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.013, rtol=0, atol=0.01)
 
 
 def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for() -> None:
@@ -159,8 +161,8 @@ def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for(
     torch.testing.assert_close(constant.surfels.albedo, torch.full_like(constant.surfels.albedo, 0.73))
     torch.testing.assert_close(constant.surfels.roughness, torch.full_like(constant.surfels.roughness, 0.73))
     shared = stage_of(Variant(), BALL).model
-    assert float(shared.log_environment.std()) > 1e-3
-    assert float(shared.surfels.albedo.std()) > 1e-3
+    assert float(shared.log_environment.detach().std()) > 1e-3
+    assert float(shared.surfels.albedo.detach().std()) > 1e-3
 
 
 @pytest.mark.parametrize("metallic", [False, True])
@@ -184,9 +186,10 @@ def test_training_reads_nothing_that_its_key_leaves_out() -> None:
     geometry, invert = GI_GS_METHOD.stages(Variant(), BUDGET)
     assert geometry.owner == "radiogs_core"
     shown = Variant(relight_indirect=False, frame="as_shipped")
-    assert GI_GS_METHOD.stages(shown, BUDGET)[1].reads == invert.reads
+    less = replace(BUDGET, render_azimuths=4, render_heights=3)
+    assert GI_GS_METHOD.stages(shown, less)[1].reads == invert.reads
     one = InverseRendering(run_of(), product_of(STANDING))
-    other = InverseRendering(run_of(variant(relight_indirect=False, frame="as_shipped")), product_of(STANDING))
+    other = InverseRendering(run_of(variant(relight_indirect=False, frame="as_shipped"), less), product_of(STANDING))
     for _ in range(2):
         assert one.step() == other.step()
     for field, value in {"indirect": False, "readme_bug": True, "start": 4, "metallic": True, "far": 9.0}.items():
@@ -209,8 +212,9 @@ def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> Non
 
 
 def test_a_grid_without_a_direction_that_counts_is_refused() -> None:
-    with pytest.raises(UsageError, match="heights"):
-        replace(BUDGET, heights=2)
+    for name in ("heights", "render_heights"):
+        with pytest.raises(UsageError, match=f"^{name}"):
+            replace(BUDGET, **{name: 2})
     assert isinstance(replace(BUDGET, heights=3), Budget)
 
 

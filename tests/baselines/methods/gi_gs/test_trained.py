@@ -1,6 +1,7 @@
 """A trained GI-GS model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
 
 import tomllib
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -123,6 +124,17 @@ def test_as_shipped_the_same_map_lights_another_side() -> None:
     assert float(oriented["direct"][up].mean()) > 2 * float(shipped["direct"][up].mean())
     own = trained(variant(frame="as_shipped")).prepare().render(CAMERA)
     assert torch.equal(own["image"], trained().prepare().render(CAMERA)["image"]), "the recovered light has its frame"
+
+
+def test_shown_frames_have_a_grid_of_their_own() -> None:
+    fine = replace(BUDGET, render_azimuths=32, render_heights=17)
+    model = Model(STANDING, torch.zeros(8, 16, 3)).tensors()
+    found = GI_GS_METHOD.restore(run_of(budget=fine), model).prepare().render(CAMERA)
+    coarse, near = trained().prepare().render(CAMERA), found["direct"]
+    assert not torch.equal(found["indirect"], coarse["indirect"])
+    ratio = float(found["indirect"].mean() / coarse["indirect"].mean())
+    assert ratio == pytest.approx(1.0, abs=0.25), "every grid is weighted to the same share"
+    assert not torch.equal(near, coarse["direct"])
 
 
 def test_metal_is_shown() -> None:
