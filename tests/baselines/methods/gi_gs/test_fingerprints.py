@@ -54,6 +54,17 @@ def test_a_wall_inside_the_frame_hides_its_share_of_the_grid_and_outside_nothing
     assert float(of_middle(openness(marches.met(outside), marches.grid), outside)) == 1.0
 
 
+def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
+    """Its last column is a wall 0.08 away; the place nearest to the point lies 0.11 to the right of it."""
+    buffer = only_beside_a_wall(0.0, columns=FINE // 2 + 9)
+    buffer.depth[:, -1] -= 2.0
+    marches = march(thick=SOLID)
+    assert not (marches.met(buffer) != NOTHING).any()
+    whole = only_beside_a_wall(0.0)
+    whole.depth[:, FINE // 2 + 8 :] -= 2.0
+    assert (marches.met(whole) != NOTHING).any()
+
+
 def test_surfels_outside_the_frame_neither_shadow_nor_bounce() -> None:
     """The same surfels and pixels, in a frame that ends before the block and in one that does not."""
     surfels = together(sheet(0.0), block(1.0, 0.1, 1.5))
