@@ -1,6 +1,5 @@
 """What a frame knows of the scene: one surface point for each covered pixel, and the depth map around them."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
@@ -45,11 +44,10 @@ def seen_materials(
     surfels: Surfels,
     albedo: Float[Tensor, "surfels 3"],
     metallic: Float[Tensor, " surfels"],
-    further: Mapping[str, Float[Tensor, "surfels _"]] | None = None,
 ) -> Splat:
     """The blended maps that ``gbuffer`` reads, in one pass. ``albedo`` is given apart: relighting scales it."""
     materials = {"albedo": albedo, "roughness": surfels.roughness[:, None], "metallic": metallic[:, None]}
-    return splat(camera, surfels, {**materials, **(further or {})}, depth_unit=1.0)
+    return splat(camera, surfels, materials, depth_unit=1.0)
 
 
 def gbuffer(camera: Camera, seen: Splat) -> GBuffer:
