@@ -5,18 +5,32 @@ from .variant import Variant
 
 PAPER = PRESETS["paper"]
 
+PUBLISHED_LENGTHS = {"radius": 0.8, "bias": 0.01, "thick": 0.05, "far": 100.0}
+"""In the world units of TensoIR's scenes."""
+
 
 def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
     """Labels by name. ``extent``: the scene's, world units."""
+    lengths = (
+        f"{name} {extent * getattr(variant, name):.3g} (published: {value:g})"
+        for name, value in PUBLISHED_LENGTHS.items()
+    )
     labels = {
         "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {_moves(variant)}",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
         "light_start": _light_start(variant),
-        "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 6 to 10 % brighter)",
+        "lengths": f"shares of the extent, here {', '.join(lengths)}",
+        "start": _start(variant),
         "relight_frame": "light maps with Y up, as the published code reads them" if variant.frame == "as_shipped"
         else "light maps as their files say (published: with Y up)",
     }  # fmt: skip
-    return labels | (_baked(variant, budget, extent) if variant.occlusion else {}) | _reduced(budget)
+    reduced = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in ("inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
+                     "render_heights")
+        if getattr(budget, name) != getattr(PAPER, name)
+    }  # fmt: skip
+    return labels | ({"reduced": ", ".join(sorted(reduced))} if reduced else {})
 
 
 def _moves(variant: Variant) -> str:
@@ -31,22 +45,8 @@ def _light_start(variant: Variant) -> str:
     return "constant, by the images' exposure (published: random between 0.25 and 0.75)"
 
 
-def _baked(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
-    tau = "none, occluders at any distance" if variant.tau is None else f"{variant.tau * extent:.3g} world units"
-    return {
-        "tau": f"{tau} (published: 0.25)",
-        "nearest": f"occluders from {variant.nearest * extent:.3g} world units on (published: from 0.2 on along the axis "
-        "of a face, as its rasterizer draws nothing nearer)",
-        "lattice": "over the cube around the surfels (published: from -1.5 to 1.5)",
-        "occlusion_rays": f"{budget.occlusion_directions} traced directions (published: six faces of 256 x 256 pixels)",
-    }
-
-
-def _reduced(budget: Budget) -> dict[str, str]:
-    reduced = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "occlusion_corners", "occlusion_samples", "irradiance_corners",
-                     "light_height")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }  # fmt: skip
-    return {"reduced": ", ".join(sorted(reduced))} if reduced else {}
+def _start(variant: Variant) -> str:
+    shown = f"marches begin at {variant.start} of 16 steps"
+    if variant.readme_bug:
+        return f"{shown} where images are shown, at {variant.training_start} in training, as the README's command says"
+    return f"{shown} (published: 8; its README's command trains with 64, which finds nothing)"
