@@ -12,6 +12,7 @@ docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all
 """
 
 import tempfile
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,12 +24,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Method, Run, Trained
-from radiogs_core.errors import UsageError
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
-from radiogs_datasets.image_files import read_exr, read_hdr
+from radiogs_datasets.lights import read_light as read_light_file
 
 from .evaluation.evaluate import evaluate
 from .evaluation.maps import on_black
@@ -130,13 +130,13 @@ def method(name: str) -> Method:
 def read_light(path: str | Path) -> EnvironmentMap:
     """The light in an .exr or .hdr file: linear radiance, latitude-longitude, Z up, centre column towards +X.
 
-    Raises UsageError for a file of another kind, DataError for a damaged one.
+    Negative radiance becomes zero, with a warning. Raises UsageError for a file of another kind, DataError for a
+    damaged one, for one of fewer than three channels, and for one without light.
     """
-    readers = {".hdr": read_hdr, ".exr": read_exr}
-    place = Path(path)
-    if place.suffix.lower() not in readers:
-        raise UsageError(f"{place} is neither .hdr nor .exr", "Light needs linear values above one.")
-    return EnvironmentMap(torch.from_numpy(readers[place.suffix.lower()](place)[..., :3]))
+    light, repairs = read_light_file(Path(path))
+    for repair in repairs:
+        warnings.warn(repair, stacklevel=2)
+    return light
 
 
 def train(

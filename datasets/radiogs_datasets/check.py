@@ -12,7 +12,8 @@ import torch
 from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
-from .image_files import read_bytes, read_image
+from .bounded_reading import read_bytes
+from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder

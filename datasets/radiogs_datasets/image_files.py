@@ -14,23 +14,24 @@ from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError
 
-from .image_structure import check_png_pixels, damaged, exr_size, jpeg_size, png_layout, radiance_size
+from .bounded_reading import read_bytes
+from .colour_profiles import in_srgb
+from .exr_channels import chosen, require_plain
+from .image_structure import (
+    PngLayout,
+    check_png_pixels,
+    damaged,
+    exr_size,
+    jpeg_layout,
+    png_layout,
+    radiance_size,
+    require_size,
+)
+from .jpeg_decoding import decode_jpeg
 
 HALF_MAX = 65504.0
 
 Number = TypeVar("Number", bound=np.floating)
-
-
-def read_bytes(path: Path) -> bytes:
-    """The whole file. Raises DataError if it cannot be read."""
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise DataError(
-            f"cannot read {path}",
-            f"The system says: {error.strerror}.",
-            "Check the path, and that you may read the file.",
-        ) from error
 
 
 def read_image(path: Path) -> NDArray[np.float32]:
@@ -45,15 +46,28 @@ def read_png(path: Path) -> NDArray[np.float32]:
     Raises DataError if the file is missing, cut off, corrupt or not a PNG.
     """
     data = read_bytes(path)
-    check_png_pixels(path, png_layout(path, data))
+    layout = png_layout(path, data)
+    check_png_pixels(path, layout)
     image = _decode(path, data)
-    order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]
-    return image[..., order].astype(np.float32) / np.float32(np.iinfo(image.dtype).max)
+    levels = in_srgb(path, image[..., {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[image.shape[2]]], layout.profile)
+    if layout.transparent and levels.shape[2] != 4:
+        levels = _with_key(path, levels, layout)
+    return levels.astype(np.float32) / np.float32(np.iinfo(levels.dtype).max)
 
 
-def write_png(path: Path, image: NDArray[np.floating]) -> None:
-    """8-bit PNG of values in [0, 1], clipped and rounded; 1, 3 or 4 channels."""
-    levels = np.rint(np.clip(_finite(path, image), 0, 1) * 255).astype(np.uint8)
+def _with_key(path: Path, levels: NDArray, layout: PngLayout) -> NDArray:
+    """RGBA of an image one of whose colours is named transparent (tRNS), which OpenCV drops from grey ones."""
+    most = np.iinfo(levels.dtype).max
+    key = np.array(layout.transparent_key, np.float64) * (most / ((1 << layout.bits) - 1))
+    if key.shape != (levels.shape[2],):
+        raise damaged(path, "its transparency does not fit its pixels")
+    alpha = np.where((levels == np.rint(key)).all(-1, keepdims=True), 0, most).astype(levels.dtype)
+    return np.concatenate([np.broadcast_to(levels, (*levels.shape[:2], 3)), alpha], -1)
+
+
+def write_png(path: Path, image: NDArray[np.floating], bits: int = 8) -> None:
+    """PNG of values in [0, 1], clipped and rounded to 8 or 16 bits; 1, 3 or 4 channels."""
+    levels = np.rint(np.clip(_finite(path, image), 0, 1) * (2**bits - 1)).astype(f"uint{bits}")
     order = {1: [0], 3: [2, 1, 0], 4: [2, 1, 0, 3]}[levels.shape[2]]
     _encode(path, ".png", levels[..., order], [cv2.IMWRITE_PNG_COMPRESSION, 9])
 
@@ -64,41 +78,40 @@ def read_jpeg(path: Path) -> NDArray[np.float32]:
     Raises DataError if the file is missing, cut off or no JPEG.
     """
     data = read_bytes(path)
-    jpeg_size(path, data)
-    try:
-        with _quiet():
-            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
-    except cv2.error as error:
-        raise damaged(path, f"OpenCV says: {error.err}") from error
-    if image is None:
-        raise damaged(path, "its pixels cannot be decoded")
-    return image[..., ::-1].astype(np.float32) / np.float32(255)
+    layout = jpeg_layout(path, data)
+    image = in_srgb(path, decode_jpeg(path, data)[..., ::-1], layout.profile)
+    return image.astype(np.float32) / np.float32(255)
 
 
 def read_exr(path: Path) -> NDArray[np.float32]:
-    """Linear values; channels R, G, B(, A) where they exist, else all channels in the order of their names.
+    """Linear values of the channels that are the image (``exr_channels``): R, G, B(, A), X, Y, Z or one of values.
 
-    Raises DataError if the file is missing, damaged, or holds a NaN or an infinity.
+    Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
+    whole image, or says that it is no image in sRGB's primaries.
     """
     height, width = exr_size(path, read_bytes(path))
     try:
+        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+            header, parts = file.header(), [part.name() for part in file.parts]
+            require_plain(path, parts, header)
+            names = [channel.name for channel in header["channels"]]
+        wanted = chosen(path, names)
+        require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
-    except (RuntimeError, ValueError, TypeError, OSError, MemoryError) as error:
+            channels = {name: np.asarray(file.channels()[name].pixels, np.float32) for name in wanted}
+    except (RuntimeError, ValueError, TypeError, KeyError, OSError, MemoryError) as error:
         raise damaged(path, f"OpenEXR says: {error}") from error
-    wanted = [name for name in "RGBA" if name in channels] if "R" in channels else sorted(channels)
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
     return _finite(path, np.stack([channels[name] for name in wanted], -1))
 
 
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:
-    """Half-float OpenEXR with ZIP compression; 1 (Y), 3 or 4 channels, magnitudes up to 65504."""
-    if float(np.abs(image).max()) > HALF_MAX:
-        raise DataError(f"cannot write {path}", f"Half floats end at {HALF_MAX:g}; it holds {np.abs(image).max():g}.")
+    """OpenEXR with ZIP compression; 1 (Y), 3 or 4 channels; half floats, or 32 bits where one is beyond 65504."""
     names = {1: "Y", 3: "RGB", 4: "RGBA"}[image.shape[2]]
-    half = _finite(path, image).astype(np.float16)
-    channels = {name: np.ascontiguousarray(half[..., place]) for place, name in enumerate(names)}
+    kind = np.float32 if float(np.abs(_finite(path, image)).max(initial=0)) > HALF_MAX else np.float16
+    stored = image.astype(kind)
+    channels = {name: np.ascontiguousarray(stored[..., place]) for place, name in enumerate(names)}
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     _require_writable(path)
     with OpenEXR.File(header, channels) as file:

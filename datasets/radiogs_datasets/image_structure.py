@@ -7,7 +7,7 @@ header claims. So the layout of PNG, OpenEXR and Radiance files is walked here f
 import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,9 +15,11 @@ import numpy as np
 
 from radiogs_core.errors import DataError
 
+from .bounded_reading import IMAGE_LIMIT, limit
+from .colour_profiles import profile_of_png
+
 LARGEST_SIDE = 1 << 16
-LARGEST_IMAGE = 1 << 28
-"""Pixels beyond which a header is taken for damage: the largest light maps in use (16k x 8k) have 2^27."""
+"""Pixels a side beyond which a header is taken for damage."""
 
 DEFLATE_LIMIT = 1032
 """Bytes that one byte of a deflate stream can stand for, at most (258 for each two bits or more)."""
@@ -40,6 +42,9 @@ JPEG_START, JPEG_END = b"\xff\xd8\xff", b"\xff\xd9"
 JPEG_TAIL = 4096
 """Bytes at the end in which the end marker must lie; cameras append a little of their own."""
 
+JPEG_PROFILE, ICC_MARK = 0xE2, b"ICC_PROFILE\0"
+"""Segments of an ICC profile: after the mark their number and their count, a byte each; they come in order."""
+
 JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers that begin a frame, and with it the size; the others of that range define tables."""
 
@@ -51,7 +56,11 @@ RADIANCE_RUN = 127
 
 @dataclass(frozen=True)
 class PngLayout:
-    """Size in pixels, bits a sample, samples a pixel, the compressed stream, and the bytes that it must expand to."""
+    """Size in pixels, bits a sample, samples a pixel, the compressed stream, and the bytes that it must expand to.
+
+    ``transparent``: whether pixels have alpha, of their own, by their palette or by a key (tRNS). ``transparent_key``
+    is the one colour that is transparent in a grey or RGB image, as stored. ``profile`` is its ICC profile.
+    """
 
     height: int
     width: int
@@ -59,6 +68,18 @@ class PngLayout:
     samples: int
     stream: bytes
     expanded: int
+    transparent: bool = False
+    transparent_key: tuple[int, ...] = ()
+    profile: bytes | None = None
+
+
+@dataclass(frozen=True)
+class JpegLayout:
+    """Size in pixels, and the ICC profile where there is one."""
+
+    height: int
+    width: int
+    profile: bytes | None
 
 
 def damaged(path: Path, reason: str) -> DataError:
@@ -74,14 +95,15 @@ def image_size(path: Path, data: bytes) -> tuple[int, int]:
     """Height and width of a file whose type its suffix tells; its layout is checked, its pixels are not decoded."""
     match path.suffix.lower():
         case ".png":
-            layout = png_layout(path, data)
-            return layout.height, layout.width
+            png = png_layout(path, data)
+            return png.height, png.width
         case ".exr":
             return exr_size(path, data)
         case ".hdr":
             return radiance_size(path, data)
         case ".jpg" | ".jpeg":
-            return jpeg_size(path, data)
+            jpeg = jpeg_layout(path, data)
+            return jpeg.height, jpeg.width
     raise DataError(f"{path} is not an image that can be read", "", "Known are .png, .exr, .hdr and .jpg.")
 
 
@@ -95,9 +117,10 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
     if chunks[-1][0] != b"IEND":
         raise damaged(path, "its end is missing")
     width, height, bits, colour, _, _, interlaced = struct.unpack(">IIBBBBB", chunks[0][1])
-    _require_sane_size(path, height, width)
+    require_size(path, height, width)
     if colour not in PNG_SAMPLES:
         raise damaged(path, f"its colour type {colour} does not exist")
+    others = _png_others(path, chunks)
     passes = ADAM7 if interlaced else ((0, 0, 1, 1),)
     sizes = [(-(-(height - y) // dy), -(-(width - x) // dx)) for x, y, dx, dy in passes]
     # Each line begins with a byte that names its filter; a pass without columns has no lines.
@@ -105,7 +128,26 @@ def png_layout(path: Path, data: bytes) -> PngLayout:
     stream = b"".join(body for name, body in chunks if name == b"IDAT")
     if expanded > DEFLATE_LIMIT * len(stream):
         raise damaged(path, f"it claims {width} x {height} pixels, more than its {len(stream)} bytes can hold")
-    return PngLayout(height, width, bits, PNG_SAMPLES[colour], stream, expanded)
+    key = others.get(b"tRNS", b"") if colour in (0, 2) else b""
+    return PngLayout(
+        height, width, bits, PNG_SAMPLES[colour], stream, expanded,
+        colour in (4, 6) or b"tRNS" in others,
+        struct.unpack(f">{len(key) // 2}H", key[: len(key) // 2 * 2]),
+        profile_of_png(path, others),
+    )  # fmt: skip
+
+
+def _png_others(path: Path, chunks: Sequence[tuple[bytes, bytes]]) -> dict[bytes, bytes]:
+    """Chunks beside the pixels, by name. Raises DataError for an animation, and for what a reader must know."""
+    others = {name: body for name, body in chunks if name not in (b"IHDR", b"PLTE", b"IDAT", b"IEND")}
+    if b"acTL" in others:
+        raise DataError(
+            f"{path} is an animation (APNG)", "Which of its frames is meant cannot be told.", "Save one frame as PNG."
+        )
+    unknown = [name for name in others if not name[0] & 0x20]
+    if unknown:
+        raise damaged(path, f"its part {unknown[0].decode('latin-1')} is critical, and not known")
+    return others
 
 
 def check_png_pixels(path: Path, layout: PngLayout) -> None:
@@ -119,20 +161,27 @@ def check_png_pixels(path: Path, layout: PngLayout) -> None:
         raise damaged(path, f"it holds {expanded} bytes of pixels where its header claims {layout.expanded}")
 
 
-def jpeg_size(path: Path, data: bytes) -> tuple[int, int]:
-    """Height and width of a JPEG whose last segment is there: decoders grey out what a cut-off file lacks."""
+def jpeg_layout(path: Path, data: bytes) -> JpegLayout:
+    """Size and profile of a JPEG whose last segment is there: decoders grey out what a cut-off file lacks.
+
+    Raises DataError for what is damaged, and for colours that are neither grey nor three (CMYK).
+    """
     if not data.startswith(JPEG_START):
         raise damaged(path, "it does not begin like a JPEG file")
     if JPEG_END not in data[-JPEG_TAIL:]:
         raise damaged(path, "its end is missing")
-    place = 2
+    place, profile = 2, b""
     try:
         while data[place] == 0xFF:
             marker, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+            if marker == JPEG_PROFILE and data[place + 4 :].startswith(ICC_MARK):
+                profile += data[place + 4 + len(ICC_MARK) + 2 : place + 2 + length]
             if marker in JPEG_FRAMES:
-                height, width = struct.unpack_from(">HH", data, place + 5)
-                _require_sane_size(path, height, width)
-                return height, width
+                height, width, components = struct.unpack_from(">HHB", data, place + 5)
+                require_size(path, height, width)
+                if components not in (1, 3):
+                    raise DataError(f"{path} has {components} components", "It may be CMYK.", "Save it in sRGB.")
+                return JpegLayout(height, width, profile or None)
             place += 2 + max(length, 2)
     except (IndexError, struct.error):
         pass
@@ -151,7 +200,7 @@ def exr_size(path: Path, data: bytes) -> tuple[int, int]:
     except (struct.error, ValueError, KeyError, IndexError) as error:
         raise damaged(path, "its header is cut off or altered") from error
     height, width = bottom - top + 1, right - left + 1
-    _require_sane_size(path, height, width)
+    require_size(path, height, width)
     if not flags & EXR_NOT_PLAIN and compression in EXR_BLOCK_LINES:
         _check_exr_blocks(path, data, end, -(-height // EXR_BLOCK_LINES[compression]))
     return height, width
@@ -165,7 +214,7 @@ def radiance_size(path: Path, data: bytes) -> tuple[int, int]:
     if found is None:
         raise damaged(path, "its size is missing, or its rows do not run from the top and the left (-Y h +X w)")
     height, width = int(found[1]), int(found[2])
-    _require_sane_size(path, height, width)
+    require_size(path, height, width)
     # Four bytes a pixel, or a mark of four bytes a line and two bytes a run for each of its four channels.
     least = height * min(4 * width, 4 + 8 * -(-width // RADIANCE_RUN))
     if len(data) - found.end() < least:
@@ -173,9 +222,16 @@ def radiance_size(path: Path, data: bytes) -> tuple[int, int]:
     return height, width
 
 
-def _require_sane_size(path: Path, height: int, width: int) -> None:
-    if not (0 < height <= LARGEST_SIDE and 0 < width <= LARGEST_SIDE and height * width <= LARGEST_IMAGE):
+def require_size(path: Path, height: int, width: int) -> None:
+    """Raise DataError for an image that takes more memory than is granted, before a decoder asks for it."""
+    if not (0 < height <= LARGEST_SIDE and 0 < width <= LARGEST_SIDE):
         raise damaged(path, f"its header claims {width} x {height} pixels")
+    if height * width > limit(IMAGE_LIMIT):
+        raise DataError(
+            f"{path} has {width} x {height} pixels",
+            f"Images are read up to {limit(IMAGE_LIMIT)} pixels, to keep memory and time within bounds.",
+            f"Reduce the image; or raise the limit:  {IMAGE_LIMIT}={height * width}",
+        )
 
 
 def _png_chunks(path: Path, data: bytes) -> Iterator[tuple[bytes, bytes]]:

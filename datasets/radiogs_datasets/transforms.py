@@ -2,7 +2,6 @@
 camera-to-world, a lens for the file or for a frame (``lenses.fields``), paths of images, masks and depth.
 """
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,7 +15,9 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 
+from .bounded_reading import read_json
 from .lenses.fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields
+from .transforms_fields import said_of_fields
 
 SPLITS = ("train", "val", "test")
 
@@ -48,13 +49,14 @@ class Transforms:
     """All views of a file, in its order.
 
     ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
-    the poses; ``splits``: lists of images by split, where the file names them.
+    the poses; ``splits``: lists of images by split, where the file names them; ``said``: what of the file is not used.
     """
 
     frames: tuple[Frame, ...]
     depth_unit: float = DEPTH_UNIT
     points_path: str | None = None
     splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
 
     def camera(self, frame: Frame, height: int, width: int) -> Camera:
         """The pinhole camera of a frame whose image has this size.
@@ -87,6 +89,7 @@ def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transf
         _depth_unit(path, table),
         _path(str(path), table, "ply_file_path"),
         {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
+        said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)]),
     )
 
 
@@ -129,16 +132,7 @@ def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
 
 
 def _read_object(path: Path) -> dict[str, Any]:
-    try:
-        table = json.loads(path.read_text(encoding="utf-8-sig"))
-    except OSError as error:
-        raise DataError(
-            f"cannot read {path}",
-            f"The system says: {error.strerror}. It holds the cameras of the scene.",
-            "Give the folder that holds this file, or complete it.",
-        ) from error
-    except (ValueError, RecursionError) as error:
-        raise DataError(f"{path} is not valid JSON: {error}", "", "Copy the file again, or correct it.") from error
+    table = read_json(path)
     if not isinstance(table, dict):
         raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
     return table
@@ -162,9 +156,11 @@ def _frame(path: Path, place: int, frame: object, table: dict[str, Any], common:
 
 
 def _merged(table: dict[str, Any], frame: dict[str, Any]) -> dict[str, Any]:
-    """The file's lens with the frame's fields in their place; a frame's angle of view makes the file's pixels void."""
-    own_angle = "camera_angle_x" in frame and "fl_x" not in frame
-    return {name: value for name, value in table.items() if not (own_angle and name in PIXELS)} | frame
+    """The file's lens with the frame's fields in their place; a frame's angle makes the file's pixels void, and pixels
+    of a frame the file's angles."""
+    own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
+    void = (*PIXELS, "camera_angle_y") if own_angle else ("camera_angle_x", "camera_angle_y") if own_pixels else ()
+    return {name: value for name, value in table.items() if name not in void} | frame
 
 
 def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:

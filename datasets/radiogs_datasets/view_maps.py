@@ -11,6 +11,13 @@ from radiogs_core.scene.colour import srgb_decode
 
 from .image_files import read_image
 
+NO_DIRECTION = 3**0.5 / 255 * 1.001
+"""Length of a zero normal as 8 bits store it: each of its coordinates is half a level too low or too high."""
+
+SOLID = 0.5
+MOST_WITHOUT = 0.01
+"""Coverage from which on a pixel has a normal, and the share of such pixels that may be without one: soft edges."""
+
 
 def read_colour(path: Path) -> Float[Tensor, "height width 3"]:
     """The first three channels, as stored. Raises DataError if there are fewer."""
@@ -33,9 +40,20 @@ def read_alpha(path: Path) -> Float[Tensor, "height width 1"]:
 
 
 def read_normal(path: Path, image: Path) -> Float[Tensor, "height width 3"]:
-    """Unit normals in the world from n / 2 + 1 / 2; zero where ``image`` has no coverage (no direction is stored)."""
-    normal = torch.nn.functional.normalize(2 * read_colour(path) - 1, dim=-1)
-    return torch.where(read_alpha(image) > 0, normal, 0.0)
+    """Unit normals in the world from n / 2 + 1 / 2; zero where ``image`` has no coverage (no direction is stored).
+
+    Zero, too, where grey is stored, which is no direction. Raises DataError where that is more than an edge.
+    """
+    stored, alpha = 2 * read_colour(path) - 1, read_alpha(image)
+    none = stored.norm(dim=-1, keepdim=True) <= NO_DIRECTION
+    solid = alpha > SOLID
+    if int((none & solid).sum()) > MOST_WITHOUT * int(solid.sum()):
+        raise DataError(
+            f"{path} is grey where its view shows the object: {int((none & solid).sum())} of {int(solid.sum())} pixels",
+            "Levels of 128 are no direction; scored, they would be normals at random.",
+            "Export the normals again as n / 2 + 1 / 2, or remove the map from all views.",
+        )
+    return torch.where((alpha > 0) & ~none, torch.nn.functional.normalize(stored, dim=-1), 0.0)
 
 
 def read_displayed(path: Path, image: Path) -> Float[Tensor, "height width 3"]:

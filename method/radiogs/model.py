@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.surfels.known_surfaces import KnownRadiance
+from radiogs_core.surfels.restoring import restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, everything
 
@@ -42,11 +43,11 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
         effects = tensors["effects"]
         return cls(
-            Surfels.of(tensors["surfels"]),
-            tensors["log_environment"],
+            restored_surfels(tensors["surfels"]),
+            restored_map(tensors, "log_environment"),
             EffectPlan(**effects["plan"]),
             tuple(effects["evidence"]),
             _known(tensors["indirect"]) if "indirect" in tensors else None,
@@ -58,7 +59,7 @@ def _plain(known: KnownRadiance) -> dict[str, Any]:
 
 
 def _known(stored: Mapping[str, Any]) -> KnownRadiance:
-    return KnownRadiance(Surfels.of(stored["surfels"]), stored["residual"])
+    return KnownRadiance(restored_surfels(stored["surfels"]), stored["residual"])
 
 
 def constant_light(height: int, radiance: float, device: torch.device) -> Float[Tensor, "height width 3"]:

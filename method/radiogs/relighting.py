@@ -15,12 +15,12 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
-from radiogs_core.transport.met_surface import met_features, met_radiance
+from radiogs_core.transport.met_surface import met_features, met_radiance, openness
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.splitsum import PrefilteredLight
-from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
+from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, gather_incident, incident_along
 
 from .effects.decide.evidence import Evidence
 from .effects.decide.new_light import model_error, plan_for_light, scene_under
@@ -94,7 +94,12 @@ def relight(
         )  # fmt: skip
         tracer = rays.tracer(surfels)
         if mode == "pbr":
-            incident = split_sum_incident(tracer, albedo, light, direction, weight, plan)
+            is_open = None
+            if run.variant.met_light == "occluded":
+                hemisphere = gather_incident(tracer, surfels, budget.relight_hemisphere_samples, None, rays.floor, plan)
+                is_open = openness(surfels.frame[..., 2], hemisphere)
+            features = met_features(surfels, albedo, is_open)
+            incident = split_sum_incident(tracer, features, light, direction, weight, plan)
         else:
             incident = incident_along(tracer, direction, weight, plan)
     return RelitByRays(surfels, albedo, light, incident, plan, run.variant.straight)
@@ -190,23 +195,21 @@ class RelitBySurfels:
 
 def split_sum_incident(
     tracer: SurfelTracer,
-    albedo: Float[Tensor, "surfels 3"],
+    features: Float[Tensor, "surfels _"],
     light: EnvironmentMap,
     direction: Float[Tensor, "surfels samples 3"],
     weight: Float[Tensor, "surfels samples"],
     plan: EffectPlan = EVERYTHING,
 ) -> Incident:
-    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets.
+    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets (``met_surface``).
 
-    The surfels' own radiance belongs to another light; the met surface is lit by the new one, unoccluded (one bounce).
-    What ``plan`` leaves out is not traced.
+    The surfels' own radiance belongs to another light; ``features`` are those of ``met_features``. What ``plan`` leaves
+    out is not traced.
     """
-    surfels = tracer.surfels
-    every = torch.arange(len(surfels), device=direction.device)
+    every = torch.arange(len(features), device=direction.device)
     incident = unoccluded(direction, weight) if plan.traces_all else tracer.untraced(every, direction, weight)
     chosen = plan.traced_among(every)
     prefiltered = PrefilteredLight(light.radiance)
-    features = met_features(surfels, albedo)
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     for index in chosen.split(together) if len(chosen) else ():
         hits = tracer.trace(index, direction[index], features)

@@ -18,7 +18,7 @@ L_ind is the radiance of surfels that were fine-tuned under that light ("finetun
 Shading = Literal["monte-carlo", "split-sum"]
 """L_PBR of stage 2: Eq. 8 over traced rays, or pre-filtered light without occlusion or indirect light."""
 
-SCORING_ONLY = ("relighting",)
+SCORING_ONLY = ("relighting", "met_light")
 """Fields that training does not read: cells that differ in these alone share the trained model."""
 
 
@@ -34,6 +34,8 @@ class Variant:
     incident: how V and L_ind enter L_rad: traced in every step with gradient to the surfels met ("traced"), without
     ("detached"), or once, before stage 2 begins, and never again ("precomputed").
     relighting: see ``Relighting``.
+    met_light: how what "pbr" relighting's rays meet is lit: as far as it is open to the light (``openness``), or as if
+    nothing hid it ("unoccluded", the paper's). In a box the latter sends back too much.
     deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
     any other.
     effects: what stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see
@@ -52,6 +54,7 @@ class Variant:
     shading: Shading = "monte-carlo"
     incident: Literal["traced", "detached", "precomputed"] = "traced"
     relighting: Relighting = "pbr"
+    met_light: Literal["occluded", "unoccluded"] = "occluded"
     deviations: tuple[str, ...] = ()
     effects: Effects = "all"
     given: tuple[str, ...] = ()

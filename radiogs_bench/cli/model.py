@@ -1,6 +1,7 @@
 """``radiogs-bench train``, ``render`` and ``relight``: one model, outside any suite."""
 
 import argparse
+import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -68,8 +69,8 @@ def factors(text: str) -> tuple[float, float, float]:
         red, green, blue = (float(part) for part in text.split(","))
     except ValueError:
         raise argparse.ArgumentTypeError(f"'{text}' is not three numbers such as 0.9,1,1.1") from None
-    if min(red, green, blue) <= 0:
-        raise argparse.ArgumentTypeError(f"'{text}': a factor of an albedo is above zero")
+    if not all(0 < factor < math.inf for factor in (red, green, blue)):
+        raise argparse.ArgumentTypeError(f"'{text}': a factor of an albedo is finite and above zero")
     return red, green, blue
 
 
@@ -187,15 +188,18 @@ def relight(options: argparse.Namespace) -> int:
     import torch
 
     from radiogs_core.capabilities import Remarking
+    from radiogs_datasets.lights import read_light
 
-    from ..api import read_light
     from ..evaluation.near_light import NOT_DISTANT
     from ..store.folder import Store
     from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     device = chosen_device(options)
-    light = read_light(options.envmap)
+    place = lit_folder(options.envmap)
+    light, repairs = read_light(options.envmap)
+    for repair in repairs:
+        say(repair)
     about = read_about(options.folder)
     asked = {"relighting": options.mode, "effects": options.effects}
     turned = {name: value for name, value in asked.items() if name in about["variant"]}
@@ -208,8 +212,19 @@ def relight(options: argparse.Namespace) -> int:
             say(remark)
         return write_views(
             about["method"], relit, run, options.views, options.folder / "relight" / options.mode,
-            lambda kind: f"{'relit' if kind == 'image' else kind}/{options.envmap.stem}",
+            lambda kind: f"{'relit' if kind == 'image' else kind}/{place}",
         )  # fmt: skip
+
+
+def lit_folder(envmap: Path) -> str:
+    """The folder of what is lit by a map: its name, with the ending where an x.exr lies beside an x.hdr."""
+    from radiogs_datasets.bounded_reading import require_storable
+
+    if envmap.stem.strip(".") == "":
+        raise UsageError(f"{envmap} has no name to store renders under", "", "Rename the file.")
+    require_storable(envmap.name, "the light")
+    two = envmap.suffix.lower() == ".exr" and envmap.with_suffix(".hdr").exists()
+    return f"{envmap.stem}_exr" if two else envmap.stem
 
 
 def write_views(

@@ -44,12 +44,21 @@ def add_to(commands: "Commands") -> None:
 
 def probe(options: argparse.Namespace) -> int:
     """Probe, print the table, and draw where each effect matters."""
-    from ..api import read_light
+    from radiogs_core.errors import UsageError
+    from radiogs_datasets.lights import read_light
+
     from .device import chosen_device
     from .reporter import say
 
+    if options.picture is not None and not options.picture.absolute().parent.is_dir():
+        raise UsageError(
+            f"there is no folder {options.picture.parent}", "The picture could not be written there.", "Make it first."
+        )
     device = chosen_device(options)
-    light = read_light(options.envmap) if options.envmap else None
+    light, repairs = read_light(options.envmap) if options.envmap else (None, [])
+    if not options.json:
+        for repair in repairs:
+            say(repair)
     name, found = _probed(options, device, light)
     if light is not None:
         name += f"-{options.envmap.stem}"

@@ -1,11 +1,11 @@
-"""``radiogs-bench status``, ``report`` and ``export``: a folder's state, its reports, its metrics or mesh."""
+"""``radiogs-bench status``, ``report`` and ``export``: a folder's state, its reports, its metrics, mesh or images."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from . import mesh
+from . import layout, mesh
 from .options import add_verbose
 
 if TYPE_CHECKING:
@@ -16,10 +16,15 @@ def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "status", "what a folder of results holds", status)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
-    exporting = _declare(commands, "export", "a run's metrics as one table, or a trained model's mesh", export)
+    exporting = _declare(
+        commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
+    )
     exporting.add_argument("--to", choices=["csv", "json", "parquet"], default="csv", help="(default: csv)")
-    exporting.add_argument("--file", type=Path, help="(default: OUT/export.csv and so on; OUT/mesh.ply)")
+    exporting.add_argument(
+        "--file", type=Path, help="(default: OUT/export.csv and so on; OUT/mesh.ply; folder OUT/CODE)"
+    )
     mesh.add_options(exporting)
+    layout.add_options(exporting)
 
 
 def _declare(
@@ -64,9 +69,11 @@ def report(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store, or the mesh of a trained model."""
+    """Write one table of every metric in the store, or a trained model's mesh or images."""
     if options.mesh:
         return mesh.export_mesh(options)
+    if options.layout_of is not None:
+        return layout.export_layout(options)
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep

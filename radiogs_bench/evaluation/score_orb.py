@@ -13,6 +13,7 @@ from torch import Tensor
 from radiogs_baselines.outputs.stanford_orb import Pair
 from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
 
 from ..metrics import Protocol
@@ -115,10 +116,10 @@ def _mask(pair: Pair, like: Float[Tensor, "height width channels"]) -> Float[Ten
 def _numbers(path: Path) -> Float[Tensor, "height width channels"]:
     if path.suffix != ".npy":
         return torch.from_numpy(read_image(path))
-    try:
-        return torch.from_numpy(np.atleast_3d(np.load(path, allow_pickle=False)).astype(np.float32))
-    except (OSError, EOFError, ValueError) as error:
-        raise DataError(f"cannot read {path}", f"NumPy says: {error}.") from error
+    values = np.atleast_3d(read_numpy(path))
+    if values.ndim != 3 or not values.size or not np.issubdtype(values.dtype, np.number):
+        raise DataError(f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.")
+    return torch.from_numpy(as_float32(path, values))
 
 
 def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channels"]:

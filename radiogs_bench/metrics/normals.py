@@ -30,10 +30,10 @@ def normal_mae(
     """Mean angle in degrees over the region of the rules; NaN if the mask is empty. Lengths do not matter.
 
     ``mask`` is the true and ``alpha`` the predicted coverage (the true one if not given); normals are directions in one
-    frame, zero where there are none.
+    frame, zero where there are none; pixels without a true one are left out.
     """
     normal = _through_bits(normal, rules.prediction_bits)
-    inside = mask[..., 0] > 0.5
+    inside = (mask[..., 0] > 0.5) & (target != 0).any(-1)  # without a true direction there is no error
     if rules.region == "image":
         blended_by = mask if alpha is None or rules.blended_by == "true coverage" else alpha
         normal, target = over_background(normal, blended_by), over_background(target, mask)

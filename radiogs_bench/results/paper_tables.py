@@ -10,6 +10,7 @@ from radiogs_baselines.published import PublishedTable, published, published_tab
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
+from radiogs_reports.analysis.ranks import resolved_ranks
 from radiogs_reports.statistics import Estimate, Sample, estimate, paired_difference
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
@@ -97,6 +98,11 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
 def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> PaperTable:
     """The published table with the measured values beside it."""
     reference = (suite.reference if suite else None) or OURS.key
+    ranks = {
+        name: resolved_ranks({row: sample(rows, row, name) for row in table.labels}, column.direction)
+        for name, column in table.columns.items()
+        if column.direction != "none"
+    }
     return PaperTable(
         key=key,
         title=table.title,
@@ -110,7 +116,9 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
         ],
         cells={
             row: {
-                column: paper_value(table, rows, row, column, reference, suite) for column in table.columns
+                column: paper_value(table, rows, row, column, reference, suite)
+                | {"rank": ranks.get(column, {}).get(row)}
+                for column in table.columns
             }
             for row in table.labels
         },

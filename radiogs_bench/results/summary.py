@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from radiogs_reports.analysis.ranks import resolved_ranks
 from radiogs_reports.statistics import Sample, estimate, paired_difference
 from radiogs_reports.summary import (
     SCHEMA,
@@ -46,10 +47,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         reference=sweep["reference"],
         columns=[column_summary(Metric.of(key)) for key in sweep["columns"]],
         rows=[row_summary(cells, row) for row in sweep["rows"]],
-        cells={
-            row["key"]: {column: cell_summary(cells, sweep, row, column) for column in sweep["columns"]}
-            for row in sweep["rows"]
-        },
+        cells=table_cells(cells, sweep),
         published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
         machine=machines([result for _, result in finished]),
@@ -84,18 +82,36 @@ def row_summary(cells: Finished, line: Line) -> RowSummary:
     return row
 
 
-def cell_summary(cells: Finished, sweep: Sweep, line: Line, column: str) -> CellSummary:
-    """The mean of a metric over a row's cells, and its paired difference to the reference row."""
+def table_cells(cells: Finished, sweep: Sweep) -> dict[str, dict[str, CellSummary]]:
+    """The values of the table by row, then column, with their ranks."""
+    rows = [line["key"] for line in sweep["rows"]]
+    ranks = {
+        column: resolved_ranks(
+            {row: sample(cells, row, column)[0] for row in rows}, MEASURES[Metric.of(column).measure].better
+        )
+        for column in sweep["columns"]
+    }
+    return {
+        line["key"]: {
+            column: cell_summary(cells, sweep, line, column, ranks[column].get(line["key"]))
+            for column in sweep["columns"]
+        }
+        for line in sweep["rows"]
+    }
+
+
+def cell_summary(cells: Finished, sweep: Sweep, line: Line, column: str, rank: int | None) -> CellSummary:
+    """The mean of a metric over a row's cells, its rank, and its paired difference to the reference row."""
     row = line["key"]
     mine, reason = sample(cells, row, column)
     mean = estimate(list(mine.values()))
     if mean is None:
-        return CellSummary(mean=None, count=0, difference=None, reason=line.get("refused", reason))
+        return CellSummary(mean=None, count=0, difference=None, reason=line.get("refused", reason), rank=None)
     difference = None
     reference = sweep["reference"]
     if reference is not None and row != reference:
         difference = paired_difference(mine, sample(cells, reference, column)[0])
-    return CellSummary(mean=mean.mean, count=mean.count, difference=interval(difference), reason=reason)
+    return CellSummary(mean=mean.mean, count=mean.count, difference=interval(difference), reason=reason, rank=rank)
 
 
 def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:

@@ -1,6 +1,6 @@
 """What each published method is made of: one row for each of its own ablations (docs/baselines.md)."""
 
-from .baselines import GS_IR, IRGS, R3DG, SVG_IR, TENSOIR_METHOD
+from .baselines import GI_GS, GS_IR, IRGS, R3DG, SVG_IR, TENSOIR_METHOD
 from .suite import Metric, Row, Suite
 
 IRGS_ABLATIONS = Suite(
@@ -127,4 +127,32 @@ GS_IR_ABLATIONS = Suite(
     columns=(*IRGS_ABLATIONS.columns, Metric("normal", "mae")),
 )  # fmt: skip
 
-BASELINE_ABLATIONS = (IRGS_ABLATIONS, GS_IR_ABLATIONS, R3DG_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS)
+GI_GS_ABLATIONS = Suite(
+    name="gi-gs",
+    title="What GI-GS is made of",
+    published=None,
+    reference="gi-gs",
+    rows=(
+        GI_GS,
+        Row("no-indirect", "", "no indirect light", {"indirect": False, "relight_indirect": False}, method="gi-gs"),
+        Row("no-relit-indirect", "", "relit without indirect light", {"relight_indirect": False}, method="gi-gs"),
+        Row("no-occlusion", "", "no occlusion", {"occlusion": False}, method="gi-gs"),
+        Row("neither", "", "split sum alone",
+            {"indirect": False, "relight_indirect": False, "occlusion": False}, method="gi-gs"),
+        Row("linear", "", "lights added up as linear radiance", {"sum": "linear"}, method="gi-gs"),
+        Row("as-shipped", "", "relit by maps read with Y up", {"frame": "as_shipped"}, method="gi-gs"),
+        Row("readme-bug", "", "trained as its README says", {"readme_bug": True}, method="gi-gs"),
+        Row("near", "", "marches begin at the first step", {"start": 1}, method="gi-gs"),
+        Row("metallic", "", "metal learnt", {"metallic": True}, method="gi-gs"),
+        Row("still", "", "geometry frozen in stage 2", {"lr_scale": 0.0}, method="gi-gs"),
+        Row("constant-light", "", "constant light at the start",
+            {"materials": {"start": {"light": "constant"}}}, method="gi-gs"),
+        Row("azimuths", "", "<azimuths> azimuths", budget={"azimuths": 2.0}, method="gi-gs"),
+        Row("shown", "", "<render_azimuths> azimuths shown", budget={"render_azimuths": 2.0}, method="gi-gs"),
+    ),
+    columns=IRGS_ABLATIONS.columns,
+)  # fmt: skip
+
+BASELINE_ABLATIONS = (
+    GS_IR_ABLATIONS, GI_GS_ABLATIONS, R3DG_ABLATIONS, IRGS_ABLATIONS, SVG_IR_ABLATIONS, TENSOIR_ABLATIONS,
+)  # fmt: skip

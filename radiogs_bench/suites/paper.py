@@ -137,6 +137,9 @@ PROFILES_SUITE = Suite(
         Row("paper", "Paper", "the paper", {}),
         *(Row(name, name, name, {"deviations": (name,)}) for name in DEVIATIONS),
         Row("released", "Released", "all of them", {"deviations": DEVIATIONS}),
+        Row(
+            "unoccluded", "Unoccluded hits", "relit rays meet unoccluded surfaces (paper)", {"met_light": "unoccluded"}
+        ),
     ),
     columns=(*QUALITY, Metric("roughness", "mse")),
     scenes=("corner", "convex"),

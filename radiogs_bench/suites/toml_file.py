@@ -15,6 +15,7 @@ from radiogs_core.contract import whole_numbers
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import PlainReader, to_plain
 from radiogs_datasets import known_names
+from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
 from ..methods import SUFFIX, method
 from .experiment import EXPERIMENTS
@@ -31,10 +32,10 @@ def read_suite(path: Path) -> Suite:
     the file's folder.
     """
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"cannot read the suite {path}", f"{error.strerror}.", "Name a suite's file.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
+    except DataError as error:
+        raise DataError(f"cannot read the suite {path}", error.why, "Name a suite's file.") from error
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no TOML: {error}", "", "What a suite's file may say: docs/suites.md") from error
     reader = PlainReader(str(path), "What a suite's file may say: docs/suites.md")
     reader.special[Metric] = partial(_metric, reader)

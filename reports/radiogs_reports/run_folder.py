@@ -6,16 +6,19 @@ from pathlib import Path
 from .analysis.audit import audit_report
 from .analysis.cost import cost_report
 from .analysis.ladder import ladder_report
+from .analysis.published_order import order_report
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
 from .page import write_page
 from .stale import drop_stale
 from .summary import Summary, read_summary
-from .write.audit import audit_csv, audit_latex, audit_markdown
+from .write.audit import audit_csv
 from .write.cost import cost_csv, cost_latex, cost_markdown
 from .write.document import report_document
-from .write.ladder import ladder_csv, ladder_latex, ladder_markdown
+from .write.findings import Findings, findings_latex, findings_markdown
+from .write.ladder import ladder_csv
+from .write.order import order_csv
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
@@ -57,7 +60,7 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
 
 
 def _tables(summary: Summary) -> dict[str, str]:
-    """Tables of the paper, of the cost report, of the audit and of the oracle ladder, by file name."""
+    """Tables of the paper, of the cost report and of every other analysis, by file name."""
     made = {}
     for table in summary["paper"]:
         name = f"tables/{table['key']}"
@@ -69,14 +72,21 @@ def _tables(summary: Summary) -> dict[str, str]:
         made["tables/cost.tex"] = cost_latex(summary, cost)
         made["tables/cost.md"] = cost_markdown(summary, cost)
         made["tables/cost.csv"] = cost_csv(summary, cost)
-    audit = audit_report(summary)
-    if audit is not None:
-        made["tables/audit.tex"] = audit_latex(summary, audit)
-        made["tables/audit.md"] = audit_markdown(summary, audit)
-        made["tables/audit.csv"] = audit_csv(audit)
-    ladder = ladder_report(summary)
-    if ladder is not None:
-        made["tables/ladder.tex"] = ladder_latex(summary, ladder)
-        made["tables/ladder.md"] = ladder_markdown(summary, ladder)
-        made["tables/ladder.csv"] = ladder_csv(ladder)
+    for name, (title, found, records) in _findings(summary).items():
+        made[f"tables/{name}.tex"] = findings_latex(summary, title, found)
+        made[f"tables/{name}.md"] = findings_markdown(summary, title, found)
+        made[f"tables/{name}.csv"] = records
     return made
+
+
+def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
+    """Title, findings and CSV of every analysis that the run allows, by file name."""
+    audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
+    found: dict[str, tuple[str, Findings, str]] = {}
+    if audit is not None:
+        found["audit"] = "the audit of plans", audit, audit_csv(audit)
+    if ladder is not None:
+        found["ladder"] = "the oracle ladder", ladder, ladder_csv(ladder)
+    if order is not None:
+        found["published_order"] = "measured and published order", order, order_csv(order)
+    return found

@@ -33,6 +33,8 @@ class CellSummary(TypedDict):
     difference: Interval | None
     """To the reference row; None in that row, and where the two share no pair."""
     reason: str | None
+    rank: NotRequired[int | None]
+    """``analysis.ranks.resolved_ranks`` among the rows of the table; None or absent for a row without one."""
 
 
 class ColumnSummary(TypedDict):
@@ -185,6 +187,8 @@ class PaperValue(TypedDict):
     """As printed."""
     absent: str | None
     """Why nothing was published."""
+    rank: NotRequired[int | None]
+    """Of the measured value, as in ``CellSummary``."""
 
 
 class PaperTable(TypedDict):

@@ -65,7 +65,13 @@ def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) 
 def test_a_metric_that_no_result_has_says_why(sweep: FakeSweep) -> None:
     summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
     found = summary["cells"]["ours"]["albedo/psnr"]
-    assert found == {"mean": None, "count": 0, "difference": None, "reason": "fake has no ground truth for it"}
+    assert found == {
+        "mean": None,
+        "count": 0,
+        "difference": None,
+        "reason": "fake has no ground truth for it",
+        "rank": None,
+    }
 
 
 def test_the_sheet_shows_the_first_seed_of_every_row_that_is_there(sweep: FakeSweep, tmp_path: Path) -> None:

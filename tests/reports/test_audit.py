@@ -20,7 +20,8 @@ from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.run_folder import texts
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.audit import audit_csv, audit_latex, audit_markdown
+from radiogs_reports.write.audit import audit_csv
+from radiogs_reports.write.findings import findings_latex, findings_markdown
 
 SEEDS = (0, 1, 2)
 COLUMNS = ("nvs/psnr", "albedo/psnr", "relight/psnr")
@@ -248,8 +249,8 @@ def test_seeds_are_named_where_they_differ() -> None:
 def test_every_form_of_the_report_holds_it_all() -> None:
     made = made_up()
     report, written = report_of(made), texts(made)
-    assert written["tables/audit.md"] == audit_markdown(made, report)
-    assert written["tables/audit.tex"] == audit_latex(made, report)
+    assert written["tables/audit.md"] == findings_markdown(made, "the audit of plans", report)
+    assert written["tables/audit.tex"] == findings_latex(made, "the audit of plans", report)
     assert r"\input{tables/audit.tex}" in written["report.tex"]
     for sentence in report.sentences:
         assert f"- {sentence}" in written["tables/audit.md"]

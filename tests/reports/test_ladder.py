@@ -18,7 +18,8 @@ from radiogs_reports.figures.ladder import ladder_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.ladder import ladder_csv, ladder_latex, ladder_markdown
+from radiogs_reports.write.findings import findings_latex, findings_markdown
+from radiogs_reports.write.ladder import ladder_csv
 
 SEEDS = (0, 1, 2)
 GIVEN: dict[str, list[str]] = {
@@ -238,8 +239,10 @@ def test_noise_beside_the_bar_of_the_part_itself_is_not_made_large() -> None:
 def test_markdown_latex_and_csv_hold_the_same_values(tmp_path: Path) -> None:
     made = made_up()
     report = report_of(made)
-    assert "| ball | NVS PSNR ↑ (dB) | 25.00 ± 12.42 | +1.20 ± 0.50 | +5.00 ± 0.00 |" in ladder_markdown(made, report)
-    assert r"+1.20 $\pm$ 0.50 & +5.00 $\pm$ 0.00" in ladder_latex(made, report)
+    assert "| ball | NVS PSNR ↑ (dB) | 25.00 ± 12.42 | +1.20 ± 0.50 | +5.00 ± 0.00 |" in findings_markdown(
+        made, "the oracle ladder", report
+    )
+    assert r"+1.20 $\pm$ 0.50 & +5.00 $\pm$ 0.00" in findings_latex(made, "the oracle ladder", report)
     records = pd.read_csv(io.StringIO(ladder_csv(report))).set_index(["metric", "part"])
     record = records.loc[("nvs/psnr", "light")]
     assert (record["method"], record["scene"]) == ("RadioGS", "ball")

@@ -12,7 +12,7 @@ from radiogs_reports import write_reports
 from radiogs_reports.run_folder import texts
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.write.paper.reading import caption, measured, paper_ranks
+from radiogs_reports.write.paper.reading import caption, measured, measured_ranks, published_ranks
 
 TABLE, SUMMARY = paper_table(), summary()
 LATEX = paper_latex(TABLE, SUMMARY)
@@ -129,20 +129,13 @@ def test_every_missing_value_has_its_reason_below_the_table() -> None:
 
 
 def test_measured_and_published_values_are_ranked_separately() -> None:
-    psnr, lpips, hours, samples = TABLE["columns"]
-    assert paper_ranks(TABLE, psnr, of_published=False) == {"ours": 1, "detach": 2}
-    assert paper_ranks(TABLE, psnr, of_published=True) == {"ours": 1, "detach": 2, "split-sum": 3}
-    assert paper_ranks(TABLE, lpips, of_published=False) == {"ours": 1, "detach": 1}
-    assert paper_ranks(TABLE, hours, of_published=False) == {"detach": 1, "ours": 2}
-    assert paper_ranks(TABLE, samples, of_published=True) == {}
+    psnr, lpips, _, samples = TABLE["columns"]
+    assert measured_ranks(TABLE, psnr) == {"ours": 1, "detach": 2}
+    assert published_ranks(TABLE, psnr) == {"ours": 1, "detach": 2, "split-sum": 3}
+    assert measured_ranks(TABLE, lpips) == {"ours": 1, "detach": 1}
+    assert published_ranks(TABLE, samples) == {}
     assert r"\cellcolor[HTML]{FF9999}31.623" in LATEX
     assert r"\cellcolor[HTML]{FF9999}\textcolor{darkgray}{37.858}" in LATEX
-
-
-def test_one_measured_row_alone_has_no_rank() -> None:
-    alone = paper_table()
-    alone["cells"]["detach"]["nvs/psnr"]["mean"] = None
-    assert paper_ranks(alone, alone["columns"][0], of_published=False) == {}
 
 
 def test_a_small_value_is_not_printed_as_zero() -> None:

@@ -1,28 +1,48 @@
-"""The Pareto front holds exactly the rows that no other beats: judged by comparing every pair."""
+"""The Pareto front holds the rows that are better than what is cheaper, as far as paired intervals resolve it."""
 
 import itertools
 import random
+from collections.abc import Sequence
 
 import pytest
 
 from made_up_run import summary
 from radiogs_reports.analysis.pareto import pareto_front, points
 from radiogs_reports.analysis.samples import cost_of
+from radiogs_reports.statistics import Sample
 
 
-def test_the_pareto_front_holds_the_pairs_that_no_other_dominates() -> None:
+def single(qualities: Sequence[float]) -> list[Sample]:
+    """One pair of scene and seed each, so that values are compared as they are."""
+    return [{("ball", 0): quality} for quality in qualities]
+
+
+def seeds(*values: float) -> Sample:
+    return {("ball", seed): value for seed, value in enumerate(values)}
+
+
+def test_without_intervals_the_front_holds_the_pairs_that_no_other_dominates() -> None:
     generator = random.Random(0)
-    places = [(float(generator.randint(0, 9)), float(generator.randint(0, 9))) for _ in range(60)]
+    costs = [float(cost) for cost in generator.sample(range(1000), 60)]
+    qualities = [float(quality) for quality in generator.sample(range(1000), 60)]
     beaten = {
         place
-        for (place, mine), (_, other) in itertools.permutations(enumerate(places), 2)
-        if other[0] <= mine[0] and other[1] >= mine[1] and (other[0] < mine[0] or other[1] > mine[1])
+        for (place, mine), (_, other) in itertools.permutations(enumerate(zip(costs, qualities, strict=True)), 2)
+        if other[0] <= mine[0] and other[1] >= mine[1]
     }
-    assert pareto_front(places, "up") == set(range(60)) - beaten
-    assert pareto_front([(cost, -quality) for cost, quality in places], "down") == pareto_front(places, "up")
-    signs = [generator.choice((-1.0, 1.0)) for _ in places]
-    around = [(cost, sign * (9 - quality)) for sign, (cost, quality) in zip(signs, places, strict=True)]
-    assert pareto_front(around, "zero") == pareto_front(places, "up")
+    assert pareto_front(costs, single(qualities), "up") == set(range(60)) - beaten
+    assert pareto_front(costs, single([-each for each in qualities]), "down") == set(range(60)) - beaten
+    signs = [generator.choice((-1.0, 1.0)) for _ in costs]
+    distances = [sign * (1000 - quality) for sign, quality in zip(signs, qualities, strict=True)]
+    assert pareto_front(costs, single(distances), "zero") == set(range(60)) - beaten
+
+
+def test_what_costs_more_and_is_better_by_noise_alone_is_not_on_the_front() -> None:
+    cheap, best = seeds(30.0, 31.0, 32.0), seeds(33.0, 34.1, 35.0)
+    by_noise, by_little = seeds(30.5, 30.9, 32.2), seeds(30.2, 31.21, 32.19)
+    assert pareto_front([1.0, 2.0, 3.0], [cheap, by_noise, best], "up") == {0, 2}
+    assert pareto_front([1.0, 2.0, 3.0], [cheap, by_little, best], "up") == {0, 1, 2}, "the same mean gain, resolved"
+    assert pareto_front([1.0, 1.0], [cheap, best], "up") == {1}, "the better of equal cost"
 
 
 def test_a_point_is_the_mean_cost_and_quality_of_a_row() -> None:
@@ -32,9 +52,6 @@ def test_a_point_is_the_mean_cost_and_quality_of_a_row() -> None:
     assert ours.cost == pytest.approx(10 * 31 - 280 + 1)
     assert no_rad.half_width == pytest.approx(0.5)
     assert ours.on_front
-    assert no_rad.on_front
-    made["cells"]["no-rad"]["nvs/psnr"]["mean"] = 32.0
-    assert [point.on_front for point in points(made, made["columns"][0], "seconds")] == [False, True]
 
 
 def test_rays_are_counted_over_both_stages_and_unknown_costs_are_no_points() -> None:

@@ -14,7 +14,6 @@ from PIL import Image
 
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
-from radiogs_reports.analysis.ranks import suite_ranks
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.write.latex import escape
@@ -62,14 +61,6 @@ def test_the_table_says_everything_that_the_summary_says() -> None:
     columns = {line.count("&") for line in text.splitlines() if line.endswith(r"\\")}
     assert columns == {4}
     assert text.count("{") == text.count("}")
-
-
-def test_ranks_go_by_what_is_printed_and_ties_share() -> None:
-    made = summary()
-    made["cells"]["no-rad"]["nvs/psnr"]["mean"] = 31.2341
-    assert suite_ranks(made, made["columns"][0]) == {"ours": 1, "no-rad": 1}
-    assert suite_ranks(made, made["columns"][1]) == {"ours": 2, "no-rad": 1}
-    assert suite_ranks(made, made["columns"][2]) == {}
 
 
 def test_markdown_and_csv_hold_the_same_values() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import PlainReader
+from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 from radiogs_datasets.registry import LAYOUTS
 
 from ..outputs import CODES
@@ -143,10 +144,10 @@ class MethodFile:
 def read_file(path: Path) -> MethodFile:
     """The method of a file. Raises DataError where there is none, UsageError for what is wrong in it."""
     try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataError(f"cannot read the method {path}", f"{error.strerror}.", "Name a method's file.") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
+    except DataError as error:
+        raise DataError(f"cannot read the method {path}", error.why, "Name a method's file.") from error
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path} is no TOML: {error}", "", MANUAL) from error
     reader = PlainReader(str(path), MANUAL)
     file: MethodFile = reader.build(MethodFile, content, "")

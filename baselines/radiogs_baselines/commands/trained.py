@@ -16,7 +16,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
-from radiogs_datasets.image_files import read_bytes
+from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
 from ..outputs import CODES, Predictions, read_predictions

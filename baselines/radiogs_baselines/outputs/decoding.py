@@ -12,6 +12,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import View
+from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
 
 from .files import Found
@@ -93,13 +94,10 @@ def _part(found: Found, image: NDArray[np.float32], size: tuple[int, int]) -> Te
 def _read(path: Path) -> NDArray[np.float32]:
     if path.suffix != ".npy":
         return read_image(path)
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, EOFError, ValueError) as error:
-        raise DataError(f"cannot read {path}", f"NumPy says: {error}.", "Write it anew with numpy.save.") from error
-    if not np.issubdtype(values.dtype, np.floating) or values.ndim not in (2, 3) or not np.isfinite(values).all():
+    values = read_numpy(path)
+    if not np.issubdtype(values.dtype, np.floating) or values.ndim not in (2, 3) or not values.size:
         raise DataError(
             f"{path} is no image",
             f"It holds {values.dtype} of shape {values.shape}; finite floats [height, width(, channels)] are needed.",
         )
-    return np.atleast_3d(values).astype(np.float32)
+    return as_float32(path, np.atleast_3d(values))

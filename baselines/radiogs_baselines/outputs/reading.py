@@ -7,7 +7,7 @@ from pathlib import Path
 
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene, View
-from radiogs_datasets.image_files import read_bytes
+from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
 from .codes import CODES

@@ -6,13 +6,13 @@ as many of their parts as lead to a file. nvdiffrec writes ``val_<k>_opt.png`` b
 ``val_<k>_ref.png``.
 """
 
-import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 from radiogs_core.errors import DataError
+from radiogs_datasets.bounded_reading import read_json
 
 from .unread import unread_files
 
@@ -135,7 +135,4 @@ def _is_handed_in(file: Path) -> bool:
 
 
 def _read(file: Path) -> Any:
-    try:
-        return json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise DataError(f"cannot read {file}", f"{error}.", "Give a JSON file.") from error
+    return read_json(file)

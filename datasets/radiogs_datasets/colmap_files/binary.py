@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..image_files import read_bytes
+from ..bounded_reading import read_bytes
 from ..lenses.lens import PARAMETERS
 from .model import StoredCamera, StoredImage, unsupported, wrong
 

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..image_files import read_bytes
+from ..bounded_reading import read_bytes
 from ..lenses.lens import PARAMETERS
 from .model import StoredCamera, StoredImage, unsupported, wrong
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
-from ..image_files import read_bytes
+from ..bounded_reading import read_bytes
 from ..image_structure import png_layout
 from ..options import AS_STORED, SceneOptions
 from ..point_files import read_points
@@ -44,6 +44,7 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
     if not any(photo.has_alpha or photo.mask for photo in photos):
         repairs.append("its images have no alpha: every pixel counts as covered")
     repairs += said_of_lenses(photos)
+    repairs += [f"{table.name}: {said}" for table, each in files.items() for said in each.said]
     views = [view_of(photo) for photo in photos]
     decode_if_small(views, sizes)
     return Scene(
@@ -82,9 +83,7 @@ def _masks(listed: list[Listed]) -> dict[Path, Path]:
 
 def _transparent(images: list[Path]) -> dict[Path, bool]:
     """Which images have an alpha channel. Raises DataError where some have and others have not."""
-    found = {
-        path: path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).samples in (2, 4) for path in images
-    }
+    found = {path: path.suffix.lower() == ".png" and png_layout(path, read_bytes(path)).transparent for path in images}
     if any(found.values()) and not all(found.values()):
         plain = next(path for path, has in found.items() if not has)
         raise DataError(

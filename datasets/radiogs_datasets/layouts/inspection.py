@@ -9,7 +9,7 @@ from pathlib import Path
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
-from ..image_files import read_bytes
+from ..bounded_reading import read_bytes
 from ..image_structure import image_size
 
 SMALL_SCENE = 50_000_000
@@ -40,6 +40,16 @@ def require_distinct(folder: Path, places: Sequence[Path]) -> None:
             f"scene '{folder.name}' lists views twice: {shown(twice)}",
             "Such a view would count twice, or be trained on and then scored.",
             "Take one of them out of the transforms files.",
+        )
+    files: dict[str, list[str]] = {}
+    for place in places:
+        files.setdefault(os.path.realpath(place), []).append(place.relative_to(folder).as_posix())
+    same = next((names for names in files.values() if len(names) > 1), None)
+    if same:
+        raise DataError(
+            f"scene '{folder.name}' has one image for {len(same)} views: {shown(same)}",
+            "They are links to one place. The view would count twice, or be trained on and then scored.",
+            "Put each view's own image in its place.",
         )
 
 

@@ -14,7 +14,8 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
-from ..image_files import read_bytes, read_image
+from ..bounded_reading import as_float32, read_bytes, read_numpy
+from ..image_files import read_image
 from ..image_structure import png_layout
 from ..lenses.lens import Lens
 from ..lenses.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
@@ -193,14 +194,11 @@ def _levels(path: Path) -> Float[Tensor, "height width 1"]:
 
 def read_numbers(path: Path) -> Float[Tensor, "height width 1"]:
     """A NumPy array [height, width] of finite numbers. Raises DataError."""
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, EOFError, ValueError, MemoryError) as error:
-        raise DataError(f"cannot read {path}", f"NumPy says: {error}.", "Copy the file again.") from error
-    values = values[..., 0] if values.ndim == 3 else values
-    if values.ndim != 2 or not np.issubdtype(values.dtype, np.number) or not np.isfinite(values).all():
+    values = read_numpy(path)
+    values = values[..., 0] if values.ndim == 3 and values.shape[2] == 1 else values
+    if values.ndim != 2 or not values.size or not np.issubdtype(values.dtype, np.number):
         raise DataError(
-            f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}, or a NaN.",
+            f"{path} is no map of numbers", f"It holds {values.dtype} of shape {values.shape}.",
             "Export the depth again, or take its path out of the file.",
         )  # fmt: skip
-    return torch.from_numpy(values.astype(np.float32))[..., None]
+    return torch.from_numpy(as_float32(path, values))[..., None]

@@ -10,7 +10,6 @@ clipped. Normals and environment maps are stored in each view's camera, and are 
 ``transforms_novel.json`` shows the object in another capture, under a light of its own: ``Scene.relight``.
 """
 
-import json
 import os
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -27,9 +26,12 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
-from ..image_files import read_exr, read_image
+from ..bounded_reading import as_float32, read_json, read_numpy
+from ..image_files import read_image
+from ..lights import read_light
 from ..transforms import Transforms, read_transforms
-from .inspection import decode_if_small, inside, inspect, require_distinct, require_files
+from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
+from .photos import read_mask
 
 SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
@@ -68,7 +70,8 @@ def load_stanford_orb(folder: Path) -> Scene:
         for split in ("train", "test")
     )
     decode_if_small([*train, *test, *relight], sizes)
-    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, (), relight)
+    repairs = tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said)
+    return Scene(folder.name, "stanford-orb", train, test, lights, None, checksum, repairs, relight)
 
 
 def light_in_the_world(stored: EnvironmentMap, camera_to_world: Float[Tensor, "4 4"]) -> EnvironmentMap:
@@ -136,6 +139,7 @@ def _view(
 ) -> View:
     height, width = reduced(torch.empty(*size, 1)).shape[:2]
     camera = transforms.camera(transforms.frames[place], height, width)
+    files = {"image": image, "alpha": _mask(image)}
     sources: dict[str, Callable[[], Tensor]] = {
         "image": partial(_shown, image),
         "alpha": partial(_coverage, _mask(image)),
@@ -147,7 +151,18 @@ def _view(
             "depth": (truth / "z_depth" / f"{image.stem}.npy", partial(_depth, _mask(image))),
         }
         sources |= {name: partial(read, path) for name, (path, read) in found.items() if path.is_file()}
-    return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sources)
+        files |= {name: path for name, (path, _) in found.items()}
+    sized = {name: partial(_of_size, read, files[name], (height, width)) for name, read in sources.items()}
+    return View(image.relative_to(folder).with_suffix("").as_posix(), camera, sized)
+
+
+def _of_size(
+    read: Callable[[], Float[Tensor, "height width channels"]], path: Path, wanted: tuple[int, int]
+) -> Float[Tensor, "height width channels"]:
+    """A map of a view, which must have the view's size: a map of one pixel would be spread over all."""
+    values = read()
+    require_same_size(path, (values.shape[0], values.shape[1]), wanted)
+    return values
 
 
 def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], dict[str, Path]]:
@@ -171,19 +186,20 @@ def _novel(folder: Path) -> tuple[tuple[View, ...], dict[str, EnvironmentMap], d
         pixels = _colours(image).shape
         camera = single.camera(single.frames[0], pixels[0], pixels[1])
         name = f"{capture}/{image.stem}"
-        radiance = torch.from_numpy(read_exr(light)[..., :3].copy()).clamp(min=0)
-        lights[name] = light_in_the_world(EnvironmentMap(radiance), camera.camera_to_world)
-        shown = {f"relit/{name}": partial(_shown, image), "alpha": partial(_coverage, mask)}
+        lights[name] = light_in_the_world(read_light(light)[0], camera.camera_to_world)
+        size = (camera.height, camera.width)
+        shown = {
+            f"relit/{name}": partial(_shown, image),
+            "alpha": partial(_of_size, partial(_coverage, mask), mask, size),
+        }
         views.append(View(name, camera, shown))
         files |= {f"novel/{name}/{part}": path for part, path in zip(NOVEL_PARTS, (image, mask, light), strict=True)}
     return tuple(views), lights, files
 
 
 def _frames(table: Path) -> list[dict[str, object]]:
-    try:
-        frames = json.loads(table.read_text(encoding="utf-8")).get("frames")
-    except (OSError, ValueError, AttributeError) as error:
-        raise DataError(f"cannot read {table}", f"{error}.", "Copy the file again, or remove it.") from error
+    content = read_json(table)
+    frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not all(isinstance(frame, dict) for frame in frames):
         raise DataError(f"{table}: 'frames' must be a list of objects", "", "Correct the file, or remove it.")
     return frames
@@ -199,7 +215,7 @@ def _shown(path: Path) -> Float[Tensor, "height width 3"]:
 
 
 def _coverage(path: Path) -> Float[Tensor, "height width 1"]:
-    return _colours(path)[..., :1]
+    return reduced(read_mask(path))
 
 
 def _albedo(path: Path) -> Float[Tensor, "height width 3"]:
@@ -209,20 +225,18 @@ def _albedo(path: Path) -> Float[Tensor, "height width 3"]:
 def _normal(camera: Camera, mask: Path, path: Path) -> Float[Tensor, "height width 3"]:
     right, up, back = _numbers(path, 3).unbind(-1)
     world = torch.stack([right, -up, -back], -1) @ camera.axes.T
+    require_same_size(path, (world.shape[0], world.shape[1]), (camera.height, camera.width))
     return torch.where(_coverage(mask) > 0, torch.nn.functional.normalize(world, dim=-1), 0.0)
 
 
 def _depth(mask: Path, path: Path) -> Float[Tensor, "height width 1"]:
-    return torch.where(_coverage(mask) > 0, _numbers(path, 1), 0.0)
+    depth, coverage = _numbers(path, 1), _coverage(mask)
+    require_same_size(path, (depth.shape[0], depth.shape[1]), (coverage.shape[0], coverage.shape[1]))
+    return torch.where(coverage > 0, depth, 0.0)
 
 
 def _numbers(path: Path, channels: int) -> Float[Tensor, "height width channels"]:
-    try:
-        values = np.atleast_3d(np.load(path, allow_pickle=False))
-    except (OSError, EOFError, ValueError) as error:
-        raise DataError(f"cannot read {path}", f"NumPy says: {error}.", "Copy the file again.") from error
-    if values.shape[2] < channels or not np.issubdtype(values.dtype, np.floating) or not np.isfinite(values).all():
-        raise DataError(
-            f"{path} is no map of {channels} channels", f"It holds {values.dtype} of shape {values.shape}, or a NaN."
-        )
-    return reduced(torch.from_numpy(values[..., :channels].astype(np.float32)))
+    values = np.atleast_3d(read_numpy(path))
+    if values.ndim != 3 or values.shape[2] < channels or not values.size or values.dtype.kind != "f":
+        raise DataError(f"{path} is no map of {channels} channels", f"It holds {values.dtype} of shape {values.shape}.")
+    return reduced(torch.from_numpy(as_float32(path, values[..., :channels])))

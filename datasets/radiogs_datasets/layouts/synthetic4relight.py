@@ -17,17 +17,15 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
-from ..image_files import read_exr
+from ..lights import read_light
 from ..transforms import Transforms, read_transforms
 from ..view_maps import read_alpha, read_colour, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
@@ -67,6 +65,7 @@ def load_synthetic4relight(folder: Path) -> Scene:
     ]
     every = [path for paths in (*train_files, *test_files) for path in paths]
     require_files(folder, every)
+    require_distinct(folder, [image for image, *_ in (*train_files, *test_files)])
     named = {path.relative_to(folder).as_posix(): path for path in (*tables.values(), *every)}
     sizes, checksum = inspect(named | {f"{light}.exr": path for light, path in light_files.items()})
     for image, *maps in (*train_files, *test_files):
@@ -82,7 +81,7 @@ def load_synthetic4relight(folder: Path) -> Scene:
     )
     decode_if_small([*train, *test], sizes)
     radiance: dict[str, EnvironmentMap] = {}
-    repairs: list[str] = []
+    repairs = [f"{tables[split].name}: {said}" for split in splits for said in splits[split].said]
     for light, path in light_files.items():
         radiance[light], said = read_light(path)
         repairs += said
@@ -96,16 +95,6 @@ def load_synthetic4relight(folder: Path) -> Scene:
         checksum=checksum,
         repairs=tuple(repairs),
     )
-
-
-def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
-    """A map of distant light, Z up, RGB or RGBA; negative radiance becomes zero, which the sentence returned says."""
-    image = read_exr(path)[..., :3]
-    if image.shape[2] < 3:
-        raise DataError(f"{path} has {image.shape[2]} channels, 3 are needed", "", "Export it as RGB.")
-    negative = int((image < 0).sum())
-    said = [f"{path.name}: {negative} negative values of radiance were set to zero"] if negative else []
-    return EnvironmentMap(torch.from_numpy(np.ascontiguousarray(image)).clamp(min=0)), said
 
 
 def _lights(folder: Path, stems: list[Path]) -> tuple[list[str], dict[str, Path]]:

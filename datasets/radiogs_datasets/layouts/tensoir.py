@@ -81,6 +81,7 @@ def load_tensoir(folder: Path) -> Scene:
         lights={light: read_light(path) for light, path in lights.relight.items()},
         training_light=None if lights.training is None else read_light(lights.training),
         checksum=checksum,
+        repairs=tuple(f"{tables[split].name}: {said}" for split in splits for said in splits[split].said),
     )
 
 

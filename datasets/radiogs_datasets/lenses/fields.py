@@ -15,16 +15,22 @@ from .lens import LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection
 SIZE = ("w", "h")
 PIXELS = ("fl_x", "fl_y", "cx", "cy")
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
-FIELDS = frozenset(
-    {*SIZE, *PIXELS, *COEFFICIENTS, "camera_angle_x", "camera_angle_y", "camera_model", "is_fisheye"}
-)  # fmt: skip
-"""Fields of a lens: those of a frame take the place of the file's."""
-
 OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "rolling_shutter")
 """instant-ngp's fields for cameras that OpenCV cannot undistort."""
 
+FIELDS = frozenset(
+    {*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, "camera_angle_x", "camera_angle_y", "camera_model", "is_fisheye"}
+)  # fmt: skip
+"""Fields of a lens: those of a frame take the place of the file's."""
+
 COMMON = frozenset({"k1", "k2", "k3", "p1", "p2"})
 """Coefficients that all codes mean alike: k4 is a power of r for nerfstudio, and a divisor's for OpenCV."""
+
+SAME_FOCAL = 1e-3
+"""Share by which focal lengths of both angles of view may differ in square pixels: angles are rounded."""
+
+OTHER_FOCAL = 0.02
+"""Share by which angles of view may contradict focal lengths: some writers ignore distortion, or round the size."""
 
 LensOfSize = Callable[[int, int], Lens]
 """The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
@@ -32,7 +38,7 @@ LensOfSize = Callable[[int, int], Lens]
 
 def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
     """The lens of a file or frame; ``what`` names it in errors. Raises DataError."""
-    refused = [name for name in OTHER_LENSES if _is_set(fields.get(name))]
+    refused = [name for name in OTHER_LENSES if is_set(fields.get(name))]
     if refused:
         raise DataError(
             f"{what}: its lens has '{refused[0]}'", "OpenCV has no formula for it.", "Undistort the images first."
@@ -40,6 +46,8 @@ def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
     projection, coefficients = _distortion(what, fields)
     if "fl_x" in fields:
         return _of_pixels(what, fields, projection, coefficients)
+    if "fl_y" in fields:
+        raise DataError(f"{what}: there is 'fl_y' without 'fl_x'", "Focal lengths come in pairs.", "Correct the file.")
     return _of_angle(what, fields, projection, coefficients)
 
 
@@ -54,20 +62,44 @@ def finite(value: object) -> float:
 
 
 def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
-    """Square pixels and a principal point in the middle, of a horizontal field of view in radians."""
-    angle = fields.get("camera_angle_x")
-    if not 0 < finite(angle) < math.pi:
-        raise DataError(
-            f"{what}: 'camera_angle_x' is {angle!r:.40}",
-            "It must be the horizontal field of view in radians, between 0 and pi; the focal length follows from it.",
-            "Correct the file.",
-        )
-    ratio = 0.5 / math.tan(0.5 * finite(angle))
+    """Of a horizontal field of view in radians, for images of any size: square pixels unless there is a vertical one,
+    the principal point in the middle unless it is written for a size."""
+    across = _ratio(what, "camera_angle_x", fields.get("camera_angle_x"))
+    vertical = fields.get("camera_angle_y")
+    down = None if vertical is None else _ratio(what, "camera_angle_y", vertical)
+    given = {name: finite(fields[name]) for name in (*PIXELS[2:], *SIZE) if fields.get(name) is not None}
+    if not all(map(math.isfinite, given.values())):
+        raise DataError(f"{what}: of {', '.join(given)} one is no finite number", "", "Correct the file.")
 
     def lens(height: int, width: int) -> Lens:
-        return Lens(ratio * width, ratio * width, width / 2, height / 2, width, height, projection, bent)
+        columns, rows = given.get("w", float(width)), given.get("h", float(height))
+        if min(columns, rows) <= 0 or abs(columns * height - rows * width) > max(columns, rows, height, width):
+            raise _other_size(what, (columns, rows), (width, height))
+        cx, cy = given.get("cx", columns / 2) * width / columns, given.get("cy", rows / 2) * height / rows
+        fx = across * width
+        fy = fx if down is None or abs(down * height - fx) <= SAME_FOCAL * fx else down * height
+        return Lens(fx, fy, cx, cy, width, height, projection, bent)
 
     return lens
+
+
+def _ratio(what: str, name: str, angle: object) -> float:
+    """Focal length over the side that an angle of view spans."""
+    if not 0 < finite(angle) < math.pi:
+        raise DataError(
+            f"{what}: '{name}' is {angle!r:.40}",
+            "It must be a field of view in radians, between 0 and pi; the focal length follows from it.",
+            "Correct the file.",
+        )
+    return 0.5 / math.tan(0.5 * finite(angle))
+
+
+def _other_size(what: str, written: tuple[float, float], found: tuple[int, int]) -> DataError:
+    return DataError(
+        f"{what} is written for images of {written[0]:g} x {written[1]:g} pixels, one is {found[0]} x {found[1]}",
+        "Its focal lengths count those pixels.",
+        "Use the images that the file was made for.",
+    )
 
 
 def _of_pixels(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
@@ -86,16 +118,28 @@ def _of_pixels(what: str, fields: Mapping[str, Any], projection: Projection, ben
             "Correct the file.",
         ) from error
 
+    _require_one_focal(what, fields, stored)
+
     def lens(rows: int, columns: int) -> Lens:
         if (stored.height, stored.width) != (rows, columns):
-            raise DataError(
-                f"{what} is written for images of {stored.width} x {stored.height} pixels, one is {columns} x {rows}",
-                "Its focal lengths count those pixels.",
-                "Use the images that the file was made for.",
-            )
+            raise _other_size(what, (float(stored.width), float(stored.height)), (columns, rows))
         return stored
 
     return lens
+
+
+def _require_one_focal(what: str, fields: Mapping[str, Any], stored: Lens) -> None:
+    """Raise DataError where angles of view, written beside focal lengths, say something else."""
+    for name, focal, side in (
+        ("camera_angle_x", stored.fx, stored.width), ("camera_angle_y", stored.fy, stored.height)
+    ):  # fmt: skip
+        angle = fields.get(name)
+        if angle is not None and abs(_ratio(what, name, angle) * side - focal) > OTHER_FOCAL * focal:
+            raise DataError(
+                f"{what}: '{name}' makes a focal length of {_ratio(what, name, angle) * side:g}, beside {focal:g}",
+                "Which of them the images were taken with cannot be told.",
+                "Take the wrong one out of the file.",
+            )
 
 
 def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple[float, ...]]:
@@ -108,7 +152,7 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
             "A coefficient of distortion is a finite number.",
             "Correct the file.",
         )
-    model = fields.get("camera_model", "OPENCV_FISHEYE" if _is_set(fields.get("is_fisheye")) else None)
+    model = fields.get("camera_model", "OPENCV_FISHEYE" if is_set(fields.get("is_fisheye")) else None)
     if model is not None and (not isinstance(model, str) or model not in PARAMETERS):
         raise DataError(
             f"{what}: 'camera_model' is {model!r:.40}",
@@ -134,6 +178,6 @@ def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple
     return projection, bent
 
 
-def _is_set(value: object) -> bool:
+def is_set(value: object) -> bool:
     """Whether a field says anything but nothing, zero and false; lists of zeros say nothing."""
-    return any(map(_is_set, value)) if isinstance(value, list) else bool(value)
+    return any(map(is_set, value)) if isinstance(value, list) else bool(value)

@@ -10,6 +10,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ..errors import DataError
+
 
 @dataclass(frozen=True)
 class EnvironmentMap:
@@ -17,10 +19,24 @@ class EnvironmentMap:
 
     radiance: Float[Tensor, "height width 3"]
 
+    def __post_init__(self) -> None:
+        require_map(self.radiance, "a map of light")
+
     def lookup(self, directions: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Bilinear radiance along unit directions towards the light; wraps at the seam, clamps at the poles."""
         texel, share = bilinear_texels(directions, *self.radiance.shape[:2])
         return (self.radiance.flatten(0, 1)[texel] * share[..., None]).sum(-2)
+
+
+def require_map(radiance: object, what: str) -> None:
+    """Raise DataError for what is no tensor [height, width, 3] with a texel: kernels would read beyond its end."""
+    shape = tuple(radiance.shape) if isinstance(radiance, Tensor) else type(radiance).__name__
+    if not isinstance(radiance, Tensor) or len(radiance.shape) != 3 or radiance.shape[2] != 3 or not radiance.numel():
+        raise DataError(
+            f"{what} has the shape {shape}",
+            "It is latitude-longitude, [height, width, 3] with a texel at least.",
+            "Export it again as RGB; if it is part of a trained model, train the model again.",
+        )
 
 
 def bilinear_texels(

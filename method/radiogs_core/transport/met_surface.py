@@ -6,14 +6,28 @@ from torch import Tensor
 
 from ..kernels.trace.trace import Hits
 from ..surfels.surfels import Surfels
+from .incident import Incident
 from .splitsum import PrefilteredLight, split_sum_radiance
 from .tracer import visibility_of
 
 
-def met_features(surfels: Surfels, albedo: Float[Tensor, "surfels 3"]) -> Float[Tensor, "surfels 7"]:
-    """What rays have to carry for ``met_radiance``: normal, albedo (given apart, because relighting may scale it) and
-    roughness."""
-    return torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None]], -1)
+def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Tensor, " surfels"]:
+    """How much of a constant light reaches each surfel: the mean of V over the hemisphere, weighted by the cosine."""
+    cosine = incident.weight * (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
+    whole = cosine.sum(-1)
+    return (cosine * incident.visibility).sum(-1) / torch.where(whole > 0, whole, 1.0)
+
+
+def met_features(
+    surfels: Surfels, albedo: Float[Tensor, "surfels 3"], is_open: Float[Tensor, " surfels"] | None = None
+) -> Float[Tensor, "surfels _"]:
+    """What rays have to carry for ``met_radiance``, 7 or 8 channels.
+
+    They are normal, albedo (given apart, because relighting may scale it), roughness and, where it counts, ``openness``
+    as ``is_open``.
+    """
+    known = [] if is_open is None else [is_open[:, None]]
+    return torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None], *known], -1)
 
 
 def met_radiance(
@@ -21,13 +35,13 @@ def met_radiance(
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, "rays 3"]]:
     """V, and the linear radiance L_ind that arrives along rays that carried ``met_features``.
 
-    The met surface is lit by ``light``, unoccluded (one bounce), and counts as far as it covers the ray. ``direction``:
-    unit, of travel.
+    The met surface is lit by ``light`` (one bounce), as far as it is open to it if the rays carried that, unoccluded
+    otherwise, and counts as far as it covers the ray. ``direction``: unit, of travel.
     """
     seen, whole = visibility_of(hits)
     blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
     length = blended[:, :3].square().sum(-1, keepdim=True)
     met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
     diffuse, specular = split_sum_radiance(met_normal, blended[:, 3:6], blended[:, 6], -direction, light)
-    coverage = (1 - hits.transmittance) * whole
+    coverage = (1 - hits.transmittance) * whole * (blended[:, 7] if blended.shape[1] > 7 else 1.0)
     return seen, (diffuse + specular) * coverage[:, None]

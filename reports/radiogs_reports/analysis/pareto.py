@@ -1,12 +1,13 @@
 """Quality against cost: a point for each row of the table, and which points lie on the Pareto front."""
 
 import math
-from typing import Literal, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
+from ..statistics import Sample, paired_difference
 from ..summary import ColumnSummary, Summary, half_width
-from .samples import cost_of
-
-Direction = Literal["up", "down", "zero"]
+from .ranks import Direction, upwards
+from .samples import cost_of, values_of
 
 
 class Point(NamedTuple):
@@ -30,22 +31,28 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
             continue
         mean_cost = math.fsum(known) / len(known)
         found.append(Point(row["key"], mean_cost, cell["mean"], half_width(cell["difference"]), False))
-    best = pareto_front([(point.cost, point.quality) for point in found], column["direction"])
+    samples = [values_of(summary, point.row, column["key"]) for point in found]
+    best = pareto_front([point.cost for point in found], samples, column["direction"])
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
 
 
-def pareto_front(pairs: list[tuple[float, float]], direction: Direction) -> set[int]:
-    """Indices of the (cost, quality) pairs that no other pair dominates.
+def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: Direction) -> set[int]:
+    """Indices of the rows that are better than every cheaper one on the front. ``samples``: values by (scene, seed).
 
-    A pair dominates another if it is no worse in cost and quality, and better in one of them. ``direction`` says which
-    qualities are better; "zero": those of smaller magnitude.
+    Better is what the paired 95 % interval resolves; where two rows share one pair only, what the pair says. Among rows
+    of equal cost the better one comes first.
     """
-    if direction == "zero":
-        pairs = [(cost, abs(quality)) for cost, quality in pairs]
-    sign = -1.0 if direction == "up" else 1.0
-    signed = [(cost, sign * quality) for cost, quality in pairs]
-    return {
-        place
-        for place, mine in enumerate(signed)
-        if not any(other != mine and other[0] <= mine[0] and other[1] <= mine[1] for other in signed)
-    }
+    upward = [upwards(sample, direction) for sample in samples]
+    means = [math.fsum(sample.values()) / len(sample) if sample else -math.inf for sample in upward]
+    front: list[int] = []
+    for place in sorted(range(len(costs)), key=lambda place: (costs[place], -means[place])):
+        if upward[place] and all(_better(upward[place], upward[other]) for other in front):
+            front.append(place)
+    return set(front)
+
+
+def _better(sample: Sample, other: Sample) -> bool:
+    difference = paired_difference(sample, other)
+    if difference is None:
+        return False
+    return (difference.mean if difference.low is None else difference.low) > 0

@@ -46,7 +46,7 @@ def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[
     caption = (
         f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
         " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel;"
-        " line: the front."
+        " line: the front, whose rows are better than the cheaper ones on it as far as intervals resolve it."
     )
     return Sketch(f"cost-{cost}", caption, figure)
 

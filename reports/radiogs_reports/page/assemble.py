@@ -15,6 +15,7 @@ from ..analysis.audit import audit_report
 from ..analysis.cost import cost_report
 from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
+from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
 from ..summary import Summary
 from ..write.caption import run_note
@@ -42,6 +43,7 @@ def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] 
 def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
     """The page as text; ``figures`` are data addresses and captions."""
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
+    order = order_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
     templates = Environment(
@@ -61,6 +63,8 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         audit_table=None if audit is None else grid_table(audit.grid),
         ladder=ladder,
         ladder_table=None if ladder is None else grid_table(ladder.grid),
+        order=order,
+        order_table=None if order is None else grid_table(order.grid),
         figures=figures,
         note=run_note(summary),
         missing=missing(summary),

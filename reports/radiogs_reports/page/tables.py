@@ -10,7 +10,7 @@ from ..doubts import footnotes, marks
 from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary, half_width, row_texts
 from ..wording import ARROWS, plus_minus, signed
 from ..write.paper.layout import as_printed
-from ..write.paper.reading import change, measured, paper_ranks
+from ..write.paper.reading import change, measured, measured_ranks
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def paper_table(table: PaperTable) -> Table:
                     published=value["published"] or "",
                     published_value=float(value["published"]) if value["published"] else None,
                     reason=value["reason"] or "",
-                    rank=paper_ranks(table, column, of_published=False).get(row["key"], 0),
+                    rank=measured_ranks(table, column).get(row["key"], 0),
                 )
             )
         rows.append(entries)

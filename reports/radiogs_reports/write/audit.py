@@ -1,25 +1,9 @@
-"""The audit as Markdown, LaTeX and CSV."""
+"""The audit as CSV."""
 
 import pandas as pd
 
 from ..analysis.audit import AuditReport
-from ..summary import Summary
-from .caption import run_note
-from .document import itemized
-from .grid import grid_latex, grid_markdown
 from .records import estimate_fields
-
-
-def audit_markdown(summary: Summary, report: AuditReport) -> str:
-    """Sentences, then the table."""
-    lines = [f"# {summary['title']}: the audit", "", *(f"- {each}" for each in report.sentences), ""]
-    return "\n".join([*lines, *grid_markdown(report.grid), "", run_note(summary), ""])
-
-
-def audit_latex(summary: Summary, report: AuditReport) -> str:
-    """Sentences, then the table, to be input into a document with ``latex.PREAMBLE``."""
-    lines = itemized(summary, "The audit of plans", report.sentences)
-    return "\n".join([*lines, *grid_latex(report.grid), ""])
 
 
 def audit_csv(report: AuditReport) -> str:

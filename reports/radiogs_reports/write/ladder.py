@@ -1,25 +1,9 @@
-"""The oracle ladder as Markdown, LaTeX and CSV."""
+"""The oracle ladder as CSV."""
 
 import pandas as pd
 
 from ..analysis.ladder import LadderReport
-from ..summary import Summary
-from .caption import run_note
-from .document import itemized
-from .grid import grid_latex, grid_markdown
 from .records import estimate_fields
-
-
-def ladder_markdown(summary: Summary, report: LadderReport) -> str:
-    """Sentences, then the table."""
-    lines = [f"# {summary['title']}: the oracle ladder", "", *(f"- {each}" for each in report.sentences), ""]
-    return "\n".join([*lines, *grid_markdown(report.grid), "", run_note(summary), ""])
-
-
-def ladder_latex(summary: Summary, report: LadderReport) -> str:
-    """Sentences, then the table, to be input into a document with ``latex.PREAMBLE``."""
-    lines = itemized(summary, "The oracle ladder", report.sentences)
-    return "\n".join([*lines, *grid_latex(report.grid), ""])
 
 
 def ladder_csv(report: LadderReport) -> str:

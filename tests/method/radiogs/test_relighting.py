@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Literal
 
 import pytest
 import torch
@@ -25,6 +26,7 @@ from reference.shade import shade
 from scenes import look_at, surfels_over
 
 F64 = torch.float64
+MetLight = Literal["occluded", "unoccluded"]
 CLAY = Material((0.5, 0.35, 0.25), 0.5)
 PAINT = Material((0.3, 0.6, 0.7), 0.8)
 BALL = Sphere((0.0, 0.0, 0.0), 1.0, CLAY)
@@ -62,8 +64,14 @@ def model_of(*solids: Solid) -> Model:
     return Model(surfels, torch.zeros(8, 16, 3))
 
 
-def maps(model: Model, light: EnvironmentMap, scale: tuple[float, ...], mode: Relighting = "pbr") -> dict[str, Tensor]:
-    run = Run(SCENE, Variant(relighting=mode), BUDGET, 0, CPU)
+def maps(
+    model: Model,
+    light: EnvironmentMap,
+    scale: tuple[float, ...],
+    mode: Relighting = "pbr",
+    met_light: MetLight = "occluded",
+) -> dict[str, Tensor]:
+    run = Run(SCENE, Variant(relighting=mode, met_light=met_light), BUDGET, 0, CPU)
     return relight(model, light, torch.tensor(scale), run).render(CAMERA)
 
 
@@ -79,8 +87,13 @@ def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
     return inside, point, -rays[inside]
 
 
-def under(light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool) -> tuple[Tensor, Tensor]:
-    """Direct and indirect radiance of those pixels; light that the plate sends on is of one bounce, and constant."""
+def under(
+    light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool, met_light: MetLight = "occluded"
+) -> tuple[Tensor, Tensor]:
+    """Direct and indirect radiance of those pixels; light that the plate sends on is of one bounce, and constant.
+
+    Where the ball is not left out of what the plate sees, it hides cos / distance^2 of its light (its form factor).
+    """
     _, normal, outgoing = seen_of_the_ball()
     direction, weight = (each.expand(len(normal), *each.shape) for each in sphere_quadrature(48))
     arrives = torch.zeros_like(direction)
@@ -91,7 +104,9 @@ def under(light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool) -> 
         at = normal[:, None] + far[..., None] * direction
         hits = (far > 0) & (at[..., :2].abs() < HALF_SIDE).all(-1)
         seen = (~hits).to(F64)
-        arrives = torch.where(hits[..., None], sent_by_the_plate(light, scale, -direction[..., 2]), 0.0)
+        hidden = -TOP / at.norm(dim=-1) ** 3 if met_light == "occluded" else torch.zeros_like(far)
+        sent = (1 - hidden)[..., None] * sent_by_the_plate(light, scale, -direction[..., 2])
+        arrives = torch.where(hits[..., None], sent, 0.0)
     parts = shaded(CLAY, scale, normal, outgoing, direction, weight, seen, arrives, light)
     return parts[:, 0] + parts[:, 2], parts[:, 1] + parts[:, 3]
 
@@ -145,13 +160,14 @@ def test_a_ball_alone_is_lit_by_the_new_light(light: EnvironmentMap, scale: tupl
     assert float(found["indirect"].max()) < 1e-3
 
 
+@pytest.mark.parametrize("met_light", ["occluded", "unoccluded"])
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("light", [AMBER, TEAL], ids=["amber", "teal"])
 def test_a_plate_below_hides_the_light_and_sends_on_the_new_one(
-    light: EnvironmentMap, scale: tuple[float, ...]
+    light: EnvironmentMap, scale: tuple[float, ...], met_light: MetLight
 ) -> None:
-    found = maps(model_of(BALL, PLATE), light, scale)
-    direct, indirect = under(light, scale, over_plate=True)
+    found = maps(model_of(BALL, PLATE), light, scale, met_light=met_light)
+    direct, indirect = under(light, scale, over_plate=True, met_light=met_light)
     assert float(indirect.mean()) > 0.05 * float(direct.mean())
     mean, pixels = off(on_the_ball(found, "direct"), direct)
     assert mean < 0.03

@@ -8,8 +8,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.kernels.surfel.harmonics import harmonic_sum
+from radiogs_core.surfels.restoring import finite_tensor
 
-from .lattice import Lattice
+from .lattice import Lattice, broken_volume
 
 COEFFICIENTS = 9
 """Coefficients of degrees 0 to 2."""
@@ -43,5 +44,10 @@ class IrradianceVolume:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "IrradianceVolume":
-        """The inverse of ``tensors``."""
-        return cls(Lattice.of_tensors(tensors), tensors["coefficients"])
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        lattice, coefficients = Lattice.of_tensors(tensors), finite_tensor(tensors, "coefficients")
+        if coefficients.shape != (lattice.corners**3, COEFFICIENTS):
+            raise broken_volume(
+                f"has harmonics of the shape {tuple(coefficients.shape)}, {lattice.corners}^3 corners"
+            )
+        return cls(lattice, coefficients)

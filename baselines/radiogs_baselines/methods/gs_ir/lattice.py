@@ -8,6 +8,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from radiogs_core.errors import DataError
+from radiogs_core.surfels.restoring import finite_tensor
 from radiogs_core.surfels.surfels import Surfels
 
 STRAYS = 0.001
@@ -86,5 +88,19 @@ class Lattice:
 
     @classmethod
     def of_tensors(cls, tensors: Mapping[str, Any]) -> "Lattice":
-        """The inverse of ``tensors``."""
-        return cls(tensors["low"], tensors["edge"], tensors["corners"])
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        low, edge, corners = finite_tensor(tensors, "low"), tensors.get("edge"), tensors.get("corners")
+        if low.shape != (3,) or not isinstance(edge, float) or not edge > 0:
+            raise broken_volume("has no cube")
+        if not isinstance(corners, int) or corners < 2:
+            raise broken_volume(f"has {corners} corners along an edge")
+        return cls(low, edge, corners)
+
+
+def broken_volume(what: str) -> DataError:
+    """The error for a stored volume; ``what`` goes on from "A volume of the stored model"."""
+    return DataError(
+        f"a volume of the stored model {what}",
+        "It was written by another program, or is damaged.",
+        "Train the model again, or put its file back.",
+    )

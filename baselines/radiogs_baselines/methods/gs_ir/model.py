@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 
 from .irradiance import IrradianceVolume
@@ -47,11 +48,15 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        surfels, metallic = restored_surfels(tensors["surfels"]), None
+        if "metallic_logit" in tensors:
+            metallic = finite_tensor(tensors, "metallic_logit")
+            require_for_each(surfels, "metallic_logit", metallic, ())
         return cls(
-            Surfels.of(tensors["surfels"]),
-            tensors["log_environment"],
-            tensors.get("metallic_logit"),
+            surfels,
+            restored_map(tensors, "log_environment"),
+            metallic,
             OcclusionVolume.of(tensors["occlusion"]) if "occlusion" in tensors else None,
             IrradianceVolume.of(tensors["irradiance"]) if "irradiance" in tensors else None,
         )

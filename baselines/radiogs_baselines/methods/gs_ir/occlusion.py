@@ -14,10 +14,11 @@ from torch import Tensor
 
 from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.restoring import finite_tensor
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 from radiogs_core.transport.tracer import RAYS_AT_ONCE
 
-from .lattice import Lattice
+from .lattice import Lattice, broken_volume
 
 IN_PLANE = 1e-4
 """Corners so many spacings behind a tangent plane count as in it: at the cube's faces there may be no others."""
@@ -65,8 +66,16 @@ class OcclusionVolume:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "OcclusionVolume":
-        """The inverse of ``tensors``."""
-        return cls(Lattice.of_tensors(tensors), tensors["probe"], tensors["coefficients"])
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        lattice, coefficients = Lattice.of_tensors(tensors), finite_tensor(tensors, "coefficients")
+        if coefficients.ndim != 2 or coefficients.shape[1] != COEFFICIENTS:
+            raise broken_volume(f"has harmonics of the shape {tuple(coefficients.shape)}")
+        probe = tensors.get("probe")
+        if not isinstance(probe, Tensor) or probe.shape != (lattice.corners**3,) or probe.dtype != torch.int64:
+            raise broken_volume(f"does not say which of its probes {lattice.corners}^3 corners read")
+        if int(probe.min()) < 0 or int(probe.max()) >= len(coefficients):
+            raise broken_volume(f"has corners that read none of its {len(coefficients)} probes")
+        return cls(lattice, probe, coefficients)
 
 
 def mean_openness(

@@ -7,6 +7,7 @@ from typing import Any
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.surfels.restoring import restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 
 
@@ -29,5 +30,5 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
-        return cls(Surfels.of(tensors["surfels"]), tensors["log_environment"])
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        return cls(restored_surfels(tensors["surfels"]), restored_map(tensors, "log_environment"))

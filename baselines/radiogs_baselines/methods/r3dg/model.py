@@ -9,6 +9,8 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import softplus
 
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 
 
@@ -35,8 +37,10 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
-        return cls(Surfels.of(tensors["surfels"]), tensors["local"], tensors["raw_environment"])
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        surfels, local = restored_surfels(tensors["surfels"]), finite_tensor(tensors, "local")
+        require_for_each(surfels, "local", local, (COEFFICIENTS, 3))
+        return cls(surfels, local, restored_map(tensors, "raw_environment"))
 
 
 def before_softplus(radiance: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:

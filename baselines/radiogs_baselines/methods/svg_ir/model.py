@@ -9,6 +9,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 
 VERTEX = ("vertex_albedo_logit", "vertex_roughness_logit", "vertex_offset")
@@ -67,9 +68,13 @@ class Model:
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
-        learnt = {name: tensors[name] for name in LEARNT}
-        return cls(Surfels.of(tensors["surfels"]), Surfels.of(tensors["cached"]), **learnt)
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        surfels, learnt = restored_surfels(tensors["surfels"]), {name: finite_tensor(tensors, name) for name in LEARNT}
+        vertices = learnt["vertex_roughness_logit"].shape[-1:]
+        for name, rest in ((VERTEX[0], (*vertices, 3)), (VERTEX[1], vertices), (VERTEX[2], (*vertices, 3))):
+            require_for_each(surfels, name, learnt[name], rest)
+        restored_map(tensors, "log_environment")
+        return cls(surfels, restored_surfels(tensors["cached"]), **learnt)
 
     def averaged(self) -> Surfels:
         """Surfels with one material each, the mean of their vertices'."""

@@ -4,7 +4,7 @@ from ...summary import PaperColumn, PaperTable, Summary
 from ..latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape, note_mark, rank_colour
 from ..notes import note_index
 from .layout import as_printed
-from .reading import caption, change, groups, measured, paper_ranks
+from .reading import caption, change, groups, measured, measured_ranks, published_ranks
 
 Ranks = dict[str, dict[str, int]]
 """By column, then row."""
@@ -35,8 +35,7 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
         r"\midrule",
     ]
     ranks = [
-        {column["key"]: paper_ranks(table, column, of_published=of_published) for column in columns}
-        for of_published in (False, True)
+        {column["key"]: ranks_of(table, column) for column in columns} for ranks_of in (measured_ranks, published_ranks)
     ]
     for place, row in enumerate(table["rows"]):
         lines += [r"\addlinespace"] * (place > 0) + _row_lines(table, row, ranks, notes)
@@ -50,17 +49,17 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
 def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes: list[str]) -> list[str]:
     """Lines of measured values, of differences if there are any, and of published values."""
     upper, middle, lower = [], [], []
-    measured_ranks, published_ranks = ranks
+    of_measured, of_published = ranks
     for column in table["columns"]:
         value = table["cells"][row["key"]][column["key"]]
         text = measured(value, column)
-        colour = rank_colour(measured_ranks[column["key"]].get(row["key"]))
+        colour = rank_colour(of_measured[column["key"]].get(row["key"]))
         upper.append(f"{colour}{text}" if text else _missing(value["reason"] or "not measured", notes))
         difference = change(value, column, r" \pm ")
         middle.append(rf"\scriptsize ${difference}$" if difference else "")
         printed = (value["published"] or "").replace("-", "$-$")
         published = printed or _missing(value["absent"] or "not published", notes)
-        colour = rank_colour(published_ranks[column["key"]].get(row["key"]))
+        colour = rank_colour(of_published[column["key"]].get(row["key"]))
         lower.append(rf"{colour}\textcolor{{darkgray}}{{{published}}}")
     remark = _mark(row["remark"], notes) if row["remark"] else ""
     lines = [f"{as_formula(row['text'])} & measured & {' & '.join(upper)} \\\\"]

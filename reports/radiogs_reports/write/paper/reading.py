@@ -2,7 +2,7 @@
 
 from itertools import groupby
 
-from ...analysis.ranks import ranked
+from ...analysis.ranks import printed_ranks
 from ...summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
 from ...wording import ARROWS, count_of, plus_minus, signed
 
@@ -27,20 +27,22 @@ def change(value: PaperValue, column: PaperColumn, sign: str) -> str:
     return plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, sign)
 
 
-def paper_ranks(table: PaperTable, column: PaperColumn, *, of_published: bool) -> dict[str, int]:
-    """First to third by row, of the values as printed. Empty for a single row and for columns without a direction."""
+def measured_ranks(table: PaperTable, column: PaperColumn) -> dict[str, int]:
+    """First to third of the measured values by row, where paired intervals tell the rows apart."""
+    ranks = {row: cells[column["key"]].get("rank") for row, cells in table["cells"].items()}
+    return {row: rank for row, rank in ranks.items() if rank is not None and rank <= LAST_RANK}
+
+
+def published_ranks(table: PaperTable, column: PaperColumn) -> dict[str, int]:
+    """First to third of the published values by row. Empty for a single row and for columns without a direction."""
     direction = column["direction"]
     if direction == "none":
         return {}
-    printed = {}
-    for row, cells in table["cells"].items():
-        value = cells[column["key"]]
-        text = value["published"] if of_published else measured(value, column)
-        if text is not None:
-            printed[row] = float(text)
+    texts = {row: cells[column["key"]]["published"] for row, cells in table["cells"].items()}
+    printed = {row: float(text) for row, text in texts.items() if text is not None}
     if len(printed) < 2:
         return {}
-    return {row: rank for row, rank in ranked(printed, direction).items() if rank <= LAST_RANK}
+    return {row: rank for row, rank in printed_ranks(printed, direction).items() if rank <= LAST_RANK}
 
 
 def heading(column: PaperColumn) -> str:

@@ -81,7 +81,9 @@ def _caption(summary: Summary) -> str:
         if reference
         else ""
     )
-    ranked = " First to third in colour." if reference else ""
+    ranked = (
+        " First to third in colour; rows that paired intervals do not tell apart share a rank." if reference else ""
+    )
     seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
     published = (
         f" In grey: published ({escape(summary['published_data'])}), at another scale, on other data."

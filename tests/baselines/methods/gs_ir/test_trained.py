@@ -4,6 +4,7 @@ import tomllib
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -87,6 +88,28 @@ def test_the_model_comes_back_as_it_was() -> None:
     assert bare.model.occlusion is None
     assert bare.model.irradiance is None
     assert not bare.prepare().render(CAMERA)["indirect"].any()
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"metallic_logit": torch.zeros(3)}, "metallic_logit"),
+        ({"log_environment": torch.full((8, 16, 3), float("nan"))}, "log_environment"),
+        ({"occlusion": {"coefficients": torch.zeros(4, 9)}}, "harmonics of the shape"),
+        ({"occlusion": {"coefficients": torch.zeros(4, 16)}}, "none of its 4 probes"),
+        ({"occlusion": {"probe": torch.zeros(5, dtype=torch.int64)}}, "16\\^3 corners read"),
+        ({"irradiance": {"coefficients": torch.zeros(125, 16)}}, "harmonics of the shape"),
+        ({"irradiance": {"coefficients": torch.full((125, 9), float("inf"))}}, "NaN or infinite"),
+        ({"irradiance": {"corners": 1}}, "1 corners along an edge"),
+        ({"irradiance": {"edge": 0.0}}, "no cube"),
+    ],
+)
+def test_a_damaged_model_is_refused(change: dict[str, Any], says: str) -> None:
+    stored = model().tensors()
+    for name, value in change.items():
+        stored[name] = stored[name] | value if isinstance(value, dict) else value
+    with pytest.raises(DataError, match=says):
+        GS_IR_METHOD.restore(run_of(), stored)
 
 
 def test_under_its_own_light_it_is_occluded_and_has_indirect_light() -> None:

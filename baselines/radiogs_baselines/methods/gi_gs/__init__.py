@@ -1,0 +1,1 @@
+"""GI-GS: split-sum shading of every pixel, occlusion and one bounce found on the screen (docs/baselines.md)."""

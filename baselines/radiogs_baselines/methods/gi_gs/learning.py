@@ -1,0 +1,73 @@
+"""How GI-GS learns materials and light: every weight, rate and starting value as data.
+
+Defaults are those of its script, which are GS-IR's, where nothing else is said; shares are of the stage's iterations.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from radiogs_core.learning.light_start_settings import LightStart
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses; 0 leaves one out."""
+
+    shaded: float = 1.0
+    """L1 between the shaded image and the training image, display sRGB."""
+    variation: float = 1.0
+    """Squared differences of neighbouring pixels' albedo, roughness and metallic."""
+    plainness: float = 0.001
+    """Distance of roughness from 1 and of metallic from 0."""
+    light_smoothness: float = 0.01
+    """Squared differences of neighbouring texels' log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates."""
+
+    albedo: float = 0.05
+    """Rate of the albedo's logits at the start."""
+    albedo_end: float = 0.05 * 10**-0.5
+    """The same at the end, geometric in between: the script falls to a tenth in 10,000 steps and stops after 5,000."""
+    roughness: float = 0.05
+    """Rate of the roughness' logits."""
+    metallic: float = 0.05
+    """Rate of the metallic's logits."""
+    light: float = 0.05
+    """Rate of the light's log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialStart:
+    """What materials and light start as."""
+
+    light: Literal["least-variation", "constant"] = "least-variation"
+    """The light under which albedo varies least, with the albedo that follows from it, which RadioGS starts with here,
+    too; or a constant light and a constant albedo."""
+    search: LightStart = field(default_factory=LightStart)
+    """How the light of least variation is found."""
+    albedo: float = 0.73
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.73
+    """Perceptual roughness r."""
+    metallic: float = 0.73
+    """Share of metal, where it is learnt."""
+    white: float = 0.8
+    """Albedo of white paint. A constant light starts so that the brightest surfaces seen are that under it; the script
+    draws texels between 0.25 and 0.75, whatever the images' exposure."""
+    brightest: float = 0.98
+    """Quantile of the covered pixels that counts as the brightest."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials and light."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""

@@ -1,0 +1,182 @@
+"""Reading files that others wrote: regular files only, and no larger, deeper or longer than such a file ever is.
+
+A named pipe would be waited for without end, a device never ends, and a header of a few bytes can claim terabytes. So
+the kind and the size of a file are looked at before its bytes are read, and what the bytes claim before memory is
+taken. Limits can be raised by environment variables (``LIMITS``); every refusal names its own.
+"""
+
+import io
+import json
+import math
+import os
+import re
+import stat
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from radiogs_core.errors import DataError, UsageError
+
+FILE_LIMIT = "RADIOGS_BENCH_LARGEST_FILE"
+IMAGE_LIMIT = "RADIOGS_BENCH_LARGEST_IMAGE"
+TABLE_LIMIT = "RADIOGS_BENCH_LARGEST_TABLE"
+
+LIMITS = {FILE_LIMIT: 1 << 32, IMAGE_LIMIT: 1 << 26, TABLE_LIMIT: 1 << 28}
+"""Defaults by environment variable: bytes of a file (4 GiB), pixels of an image (8192 x 8192, which take about 3 GiB
+while they are read), and bytes of a JSON file (256 MiB: a million frames)."""
+
+DEEPEST_JSON = 64
+"""Objects and lists within one another; transforms files have four."""
+
+JSON_TEXT = re.compile(r'"(?:[^"\\]|\\.)*"')
+"""A text in JSON, with its quotation marks."""
+
+LONGEST_NUMBER = 4000
+"""Digits of a number in JSON, the most that Python makes a number of in reasonable time."""
+
+LONGEST_NAME = 200
+"""Bytes of a view's or scene's name as part of a file name: file systems end at 255, and endings are added."""
+
+
+def limit(variable: str) -> int:
+    """The limit of that name: the environment's, else the default. Raises UsageError for what is no whole number."""
+    text = os.environ.get(variable)
+    if text is None:
+        return LIMITS[variable]
+    if not text.isdecimal() or len(text) > 18 or int(text) == 0:
+        raise UsageError(f"{variable} is '{text:.40}'", "It is a limit.", "Give a whole number above zero.")
+    return int(text)
+
+
+def read_bytes(path: Path, bound: str = FILE_LIMIT) -> bytes:
+    """The whole of a regular file. Raises DataError if it is none, is larger than the limit, or cannot be read."""
+    try:
+        # Without O_NONBLOCK, opening a named pipe would wait for somebody to write into it.
+        handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            found = os.fstat(handle)
+            _require_regular(path, found, bound)
+            with open(handle, "rb", closefd=False) as file:
+                data = file.read(found.st_size + 1)
+        finally:
+            os.close(handle)
+    except OSError as error:
+        raise DataError(
+            f"cannot read {printable(path)}",
+            f"The system says: {error.strerror}.",
+            "Check the path, and that you may read the file.",
+        ) from error
+    except ValueError as error:  # a name with a NUL, or one that the file system's encoding does not have
+        raise DataError(
+            f"cannot read {printable(path)}", "No file can have this name.", "Correct the name where it is written."
+        ) from error
+    if len(data) > found.st_size:
+        raise DataError(f"{printable(path)} grows while it is read", "", "Read it when it is complete.")
+    return data
+
+
+def _require_regular(path: Path, found: os.stat_result, bound: str) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        kinds = {stat.S_IFIFO: "a named pipe", stat.S_IFCHR: "a device", stat.S_IFDIR: "a folder"}
+        kind = kinds.get(stat.S_IFMT(found.st_mode), "no regular file")
+        raise DataError(f"{printable(path)} is {kind}", "Only regular files are read.", "Put a file in its place.")
+    largest = limit(bound)
+    if found.st_size > largest:
+        raise DataError(
+            f"{printable(path)} has {found.st_size} bytes",
+            f"A file of its kind is read up to {largest} bytes.",
+            f"If it is what you mean, raise the limit:  {bound}={found.st_size}",
+        )
+
+
+def printable(path: Path | str) -> str:
+    """A path as it can be shown anywhere: what is not UTF-8 is escaped, and a very long one is cut in its middle."""
+    text = os.fspath(path).encode("utf-8", "backslashreplace").decode()
+    text = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)
+    return text if len(text) <= 2 * LONGEST_NAME else f"{text[:LONGEST_NAME]}...{text[-LONGEST_NAME:]}"
+
+
+def require_storable(name: str, what: str) -> None:
+    """Raise DataError for a name that figures and renders could not be stored under."""
+    encoded = name.encode("utf-8", "backslashreplace")
+    if len(encoded) > LONGEST_NAME or encoded.decode() != name or not name.isprintable():
+        raise DataError(
+            f"{what} is called '{printable(name)}'",
+            f"Renders and figures are stored under it: it must be at most {LONGEST_NAME} bytes of printable UTF-8.",
+            "Rename it.",
+        )
+
+
+def read_json(path: Path) -> Any:
+    """The value that a JSON file holds. Raises DataError for what is too large, too deep, or no JSON.
+
+    Text that no encoding can store (a half of a surrogate pair) is refused. NaN, Infinity and what is beyond float64
+    come as such: who reads a field says by its name that it is not finite.
+    """
+    try:
+        text = read_bytes(path, TABLE_LIMIT).decode("utf-8-sig")
+        _require_shallow(text)
+        value = json.loads(text, parse_int=_whole, parse_float=_real)
+        if "\\ud" in text or "\\uD" in text:
+            json.dumps(value, ensure_ascii=False).encode()
+    except (ValueError, RecursionError) as error:
+        raise DataError(
+            f"{printable(path)} is not valid JSON: {error!s:.200}", "", "Copy the file again, or correct it."
+        ) from error
+    return value
+
+
+def _require_shallow(text: str) -> None:
+    """Raises ValueError for brackets that are open within one another beyond DEEPEST_JSON."""
+    if text.count("[") + text.count("{") <= DEEPEST_JSON:
+        return
+    bare = np.frombuffer(JSON_TEXT.sub("", text).encode(), np.uint8)
+    opens, closes = np.isin(bare, (ord("["), ord("{"))), np.isin(bare, (ord("]"), ord("}")))
+    if int(np.cumsum(opens.astype(np.int64) - closes).max(initial=0)) > DEEPEST_JSON:
+        raise ValueError(f"it is nested deeper than {DEEPEST_JSON}")
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return int(digits)
+
+
+def _real(digits: str) -> float:
+    if len(digits) > LONGEST_NUMBER:
+        raise ValueError(f"a number of {len(digits)} digits")
+    return float(digits)
+
+
+def read_numpy(path: Path) -> NDArray:
+    """The array of a ``.npy`` file; its header must claim what the file holds. Raises DataError."""
+    data = read_bytes(path)
+    file = io.BytesIO(data)
+    try:
+        version = np.lib.format.read_magic(file)
+        read_header = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, _, dtype = read_header(file)
+        if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - file.tell():
+            raise ValueError(f"its header claims {dtype} of shape {shape}, {len(data) - file.tell()} bytes follow")
+        file.seek(0)
+        return np.asarray(np.load(file, allow_pickle=False))
+    except (OSError, EOFError, ValueError, MemoryError, SyntaxError, OverflowError) as error:
+        raise DataError(
+            f"cannot read {printable(path)}", f"NumPy says: {error!s:.300}.", "Write it anew with numpy.save."
+        ) from error
+
+
+def as_float32(path: Path, values: NDArray) -> NDArray[np.float32]:
+    """Real numbers in float32. Raises DataError where one is not finite, or no longer is in float32 (above 3.4e38)."""
+    with np.errstate(over="ignore"):
+        numbers = values.astype(np.float32) if np.isrealobj(values) else np.full(1, np.nan, np.float32)
+    bad = int((~np.isfinite(numbers)).sum())
+    if bad:
+        raise DataError(
+            f"{printable(path)} holds {bad} values that are NaN, infinite or beyond 3.4e38",
+            "Every metric and every gradient they meet would become NaN.",
+            "Render the file again, or mend the pixels with a tool of your choice.",
+        )
+    return numbers

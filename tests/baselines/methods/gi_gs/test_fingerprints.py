@@ -1,0 +1,306 @@
+"""What makes GI-GS itself, against closed forms: it sees what the frame shows, and adds up what is displayed."""
+
+import math
+
+import pytest
+import torch
+
+from baselines.methods.gi_gs.training import stage_of, variant
+from baselines.methods.gi_gs.world import (
+    DISTANCE,
+    EDGE,
+    FINE,
+    MIDDLE,
+    SIZE,
+    above,
+    beside_a_wall,
+    block,
+    buffer_of,
+    cropped,
+    frame,
+    light_of,
+    march,
+    of_middle,
+    only_beside_a_wall,
+    shader,
+    share_towards,
+    shown,
+)
+from baselines.methods.irgs.world import sheet, together
+from radiogs_baselines.methods.gi_gs.around import gathered, mean_radiance, openness
+from radiogs_baselines.methods.gi_gs.composition import median, summed
+from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
+from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
+from radiogs_baselines.methods.gi_gs.marching import NOTHING, March
+from radiogs_baselines.methods.gi_gs.reflection import bounce
+from radiogs_baselines.methods.gi_gs.variant import Variant
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.surfels.surfels import Surfels
+
+F64 = torch.float64
+SOLID = 1e3
+"""A thickness that leaves no march behind a surface unmet."""
+
+
+@pytest.mark.parametrize("azimuths", [8, 16, 32])
+def test_a_wall_inside_the_frame_hides_its_share_of_the_grid_and_outside_nothing(azimuths: int) -> None:
+    """Higher than the marches are long, it hides every direction that turns towards it."""
+    marches = march(azimuths=azimuths, thick=SOLID)
+    inside, outside = only_beside_a_wall(2.0), only_beside_a_wall(2.0, columns=FINE // 2 + 1)
+    hidden = share_towards(azimuths)
+    assert hidden == (azimuths / 2 - 1) / azimuths
+    found = of_middle(openness(marches.met(inside), marches.grid), inside)
+    torch.testing.assert_close(found, torch.tensor(1 - hidden, dtype=F64), rtol=1e-12, atol=0)
+    assert float(of_middle(openness(marches.met(outside), marches.grid), outside)) == 1.0
+
+
+def test_the_border_of_the_frame_does_not_go_on_beyond_it() -> None:
+    """Its last column is a wall 0.08 away; the place nearest to the point lies 0.11 to the right of it."""
+    buffer = only_beside_a_wall(0.0, columns=FINE // 2 + 9)
+    buffer.depth[:, -1] -= 2.0
+    marches = march(thick=SOLID)
+    assert not (marches.met(buffer) != NOTHING).any()
+    whole = only_beside_a_wall(0.0)
+    whole.depth[:, FINE // 2 + 8 :] -= 2.0
+    assert (marches.met(whole) != NOTHING).any()
+
+
+def test_surfels_outside_the_frame_neither_shadow_nor_bounce() -> None:
+    """The same surfels and pixels, in a frame that ends before the block and in one that does not."""
+    surfels = together(sheet(0.0), block(1.0, 0.1, 1.5))
+    how = shader(marches=march(thick=SOLID, places=(0.5, 0.75, 1.0)))
+    whole, cut = (shown(surfels, camera, light_of(1.0), how) for camera in (above(), cropped(above(), 16)))
+    alone = shown(sheet(0.0), above(), light_of(1.0), how)
+    place = 15, 15
+    torch.testing.assert_close(cut["direct"][place], alone["direct"][place], rtol=1e-5, atol=0)
+    assert float(cut["indirect"][place].max()) == 0.0
+    assert float(whole["direct"][place].max()) < 0.8 * float(alone["direct"][place].max())
+    assert float(whole["indirect"][place].min()) > 0.01
+
+
+def test_one_point_is_shaded_differently_from_two_cameras() -> None:
+    """From afar the frame has the block, from nearby it has not; the point and its light are the same.
+
+    The difference of two albedos leaves out the lobe, which follows the view: it is the difference times O.
+    """
+    marches = march(azimuths=8, thick=SOLID, places=(0.75,))
+    far, near = above(3.0), above(0.1)
+
+    def direct(height: float) -> torch.Tensor:
+        camera = far if height == 3.0 else near
+        light, how = light_of(1.0), shader(marches=marches)
+        low, high = (
+            shown(together(sheet(0.0, albedo=albedo), block(1.0, 0.1, 1.5)), camera, light, how)["direct"][15, 15]
+            for albedo in (0.2, 0.7)
+        )
+        return (high - low) / 0.5 / 0.99  # alpha is at most 0.99
+
+    torch.testing.assert_close(direct(3.0), torch.full((3,), 1 - share_towards(8)), rtol=1e-4, atol=0)
+    torch.testing.assert_close(direct(0.1), torch.ones(3), rtol=1e-4, atol=0)
+
+
+@pytest.mark.parametrize("height", [0.2, 0.23, 0.3, 0.43, 0.5, 0.65])
+def test_a_surface_counts_as_met_between_thick_before_and_bias_behind_the_place(height: float) -> None:
+    """A block of height h: a place s cos(theta) above the floor meets it from h - thick to h + bias."""
+    bias, thick, length = 0.02, 0.2, 0.6
+    marches = march((length / 0.8,), bias=bias, thick=thick)
+    buffer = only_beside_a_wall(height)
+    met = of_middle(marches.met(buffer), buffer) != NOTHING
+    cosine, aside = marches.grid.direction[:, 2], marches.grid.direction[:, 0] > 1e-9
+    over = length * cosine
+    expected = aside & (over >= height - thick) & (over <= height + bias)
+    assert expected.any() == (height > 0.2)
+    assert torch.equal(met, expected)
+
+
+def march_of(steps: int, start: int) -> March:
+    return March.of(Grid.of(8, 5), Variant(), steps, 1.0, start)
+
+
+def test_marches_begin_where_they_are_told_to() -> None:
+    """A low ledge beside the pixel: places a sixth of the radius away meet it, those beyond half of it do not."""
+    depth = torch.full((SIZE, SIZE), DISTANCE, dtype=F64)
+    depth[:, EDGE] -= 0.1
+    buffer = frame(depth)
+    for start, meets in ((0, True), (3, True), (8, False)):
+        marches = March.of(Grid.of(32, 17), Variant(thick=0.05, bias=0.01, radius=0.8), 16, 1.0, start)
+        assert bool((of_middle(marches.met(buffer), buffer) != NOTHING).any()) == meets
+    assert march_of(16, 8).places == tuple(step / 16 for step in range(8, 16))
+    assert march_of(8, 8).places == tuple(step / 8 for step in range(4, 8))
+    assert march_of(16, 64).places == ()
+
+
+def test_lengths_are_of_the_scene_s_extent() -> None:
+    marches = March.of(Grid.of(8, 5), Variant(), 16, 4.55, 8)
+    lengths = (marches.radius, marches.bias, marches.thick, marches.far)
+    assert lengths == pytest.approx((0.8, 0.01, 0.05, 100.0), rel=0.01), "TensoIR's"
+
+
+def test_the_radius_grows_with_depth() -> None:
+    """By (1 + z / far)^2: where far is five times z, it is 1.44 times as long, and meets a wall 0.85 away."""
+    depth = torch.full((SIZE, SIZE), DISTANCE, dtype=F64)
+    depth[:, MIDDLE + 9 :] = 1.0
+    buffer = frame(depth)
+    for far, meets in ((1e9, False), (5 * DISTANCE, True)):
+        marches = March(Grid.of(8, 5), (1.0,), 0.8, 0.01, SOLID, far)
+        assert bool((of_middle(marches.met(buffer), buffer) != NOTHING).any()) == meets
+
+
+@pytest.mark.parametrize(("azimuths", "heights"), [(32, 17), (8, 5)])
+def test_the_gather_of_a_known_wall(azimuths: int, heights: int) -> None:
+    """The published sum over 32 x 17 directions, those of no weight included, and a smaller grid weighted alike."""
+    marches = march(azimuths=azimuths, heights=heights, thick=SOLID)
+    buffer, colour = only_beside_a_wall(2.0), torch.tensor([0.9, 0.4, 0.1], dtype=F64)
+    radiance = torch.where(buffer.depth[..., None] < DISTANCE, colour, 0.3)
+    met = marches.met(buffer)
+    found = of_middle(gathered(met, radiance, marches.grid), buffer)
+    published = sum(
+        math.cos(theta) * math.sin(theta)
+        for phi in (place * math.pi / 16 for place in range(32))
+        for theta in (place * math.pi / 32 for place in range(17))
+        if math.cos(phi) > 1e-9
+    )
+    expected = math.pi * published / (32 * 17) * colour
+    if azimuths == 32:
+        torch.testing.assert_close(found, expected, rtol=1e-12, atol=0)
+    torch.testing.assert_close(found, GATHERED * share_towards(azimuths) * colour, rtol=1e-12, atol=0)
+    sent = of_middle(bounce(buffer, gathered(met, radiance, marches.grid)), buffer)
+    torch.testing.assert_close(sent, (1 - 0.04) * 0.5 * found, rtol=1e-12, atol=0)
+    mean = of_middle(mean_radiance(met, radiance, marches.grid), buffer)
+    torch.testing.assert_close(mean, share_towards(azimuths) * colour, rtol=1e-12, atol=0)
+
+
+def test_what_is_gathered_is_what_the_direct_image_shows_at_most_one() -> None:
+    buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
+    how = shader(marches=march(thick=SOLID), occlusion=False)
+    once, bright, brighter = (how.shade(buffer, alpha, light_of(level))["indirect"] for level in (1.0, 5.0, 50.0))
+    middle = once[MIDDLE, MIDDLE]
+    assert float(middle.min()) > 0
+    torch.testing.assert_close(bright[MIDDLE, MIDDLE], torch.full((3,), 0.96 * 0.5 * GATHERED * share_towards(8)))
+    assert torch.equal(bright, brighter)
+    assert bool((middle < bright[MIDDLE, MIDDLE]).all())
+
+
+def test_lights_are_summed_as_they_are_displayed() -> None:
+    """sRGB(a) + sRGB(b), which is brighter than sRGB(a + b)."""
+    buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
+    for where in ("display", "linear"):
+        maps = shader(where=where, marches=march(thick=SOLID)).shade(buffer, alpha, light_of(0.6))
+        direct, indirect = maps["direct"], maps["indirect"]
+        apart, together_ = srgb_encode(direct) + srgb_encode(indirect), srgb_encode(direct + indirect)
+        torch.testing.assert_close(maps["image"], apart if where == "display" else together_)
+        assert float((apart - together_)[MIDDLE, MIDDLE].min()) > 0.05
+
+
+def test_the_sum_is_of_the_covered_part_of_a_pixel() -> None:
+    alpha = torch.full((2, 2), 0.25)
+    direct, indirect = (level * alpha[..., None].expand(2, 2, 3) for level in (0.4, 0.1))
+    found = summed(direct, indirect, alpha, "display", True)
+    expected = 0.25 * (srgb_encode(torch.tensor(0.4)) + srgb_encode(torch.tensor(0.1)))
+    torch.testing.assert_close(found, expected.expand(2, 2, 3))
+
+
+def test_single_pixels_of_the_bounce_are_smoothed_away() -> None:
+    """The median of three by three; a corner of the image has five black neighbours."""
+    image = torch.zeros(5, 5, 1)
+    image[2, 2] = 1.0
+    assert not median(image).any()
+    torch.manual_seed(0)
+    noise = torch.rand(5, 5, 2)
+    by_hand = noise[1:4, 2:5].reshape(9, 2).sort(0).values[4]
+    assert torch.equal(median(noise)[2, 3], by_hand)
+    assert not median(torch.ones(5, 5, 1))[0, 0].any()
+    buffer, alpha = beside_a_wall(2.0), torch.ones(SIZE, SIZE)
+    marches = march(thick=SOLID)
+    maps = shader(marches=marches, occlusion=False).shade(buffer, alpha, light_of(0.5))
+    raw = bounce(buffer, gathered(marches.met(buffer), maps["direct"].clamp(0, 1), marches.grid.like(alpha)))
+    torch.testing.assert_close(maps["indirect"], median(buffer.image(raw)))
+
+
+def test_lobes_are_not_occluded() -> None:
+    """A black floor beside the wall shows the whole lobe, a white one O times the light beside it."""
+    alpha, light = torch.ones(SIZE, SIZE), light_of(1.0)
+    how = shader(marches=march(thick=SOLID), indirect=False)
+    black, white = (how.shade(beside_a_wall(2.0, albedo=albedo), alpha, light)["direct"] for albedo in (0.0, 1.0))
+    alone = shader(occlusion=False).shade(beside_a_wall(2.0, albedo=0.0), alpha, light)["direct"]
+    assert torch.equal(black, alone)
+    assert float(black.min()) > 0
+    torch.testing.assert_close(
+        (white - black)[MIDDLE, MIDDLE], torch.full((3,), 1 - share_towards(8)), rtol=1e-4, atol=0
+    )
+
+
+def test_the_readme_trains_without_what_its_images_show() -> None:
+    """Marches from step 64 of 16 find nothing: its training is that without occlusion and indirect light."""
+    bug, without, full = (
+        stage_of(variant(**turned)) for turned in ({"readme_bug": True}, {"occlusion": False, "indirect": False}, {})
+    )
+    for _ in range(3):
+        assert bug.step() == without.step() != full.step()
+    beyond = stage_of(variant(start=16))
+    assert beyond.step() == stage_of(variant(readme_bug=True)).step()
+
+
+def y_up_lookup(radiance: torch.Tensor, direction: torch.Tensor) -> torch.Tensor:
+    """The nearest texel by u = 1/2 + atan2(x, -z) / 2 pi, v = acos(y) / pi."""
+    height, width = radiance.shape[:2]
+    x, y, z = direction.tolist()
+    u, v = 0.5 + math.atan2(x, -z) / (2 * math.pi), math.acos(y) / math.pi
+    return radiance[min(int(v * height), height - 1), int(u * width) % width]
+
+
+def test_as_shipped_a_map_is_looked_up_with_y_up() -> None:
+    """Along directions to the middles of texels, where the sharp map is the texel itself."""
+    torch.manual_seed(1)
+    radiance = torch.rand(8, 16, 3)
+    light = SplitSumLight(radiance, "as_shipped")
+    rows, columns = torch.meshgrid(torch.arange(8), torch.arange(16), indexing="ij")
+    v, u = math.pi * (rows.flatten() + 0.5) / 8, 2 * math.pi * ((columns.flatten() + 0.5) / 16 - 0.5)
+    direction = torch.stack([v.sin() * u.sin(), v.cos(), -v.sin() * u.cos()], -1)
+    found = light.glossy(direction, torch.zeros(len(direction)))
+    torch.testing.assert_close(found, radiance.flatten(0, 1), rtol=0, atol=1e-4)
+    torch.testing.assert_close(found[37], y_up_lookup(radiance, direction[37]), rtol=0, atol=1e-4)
+    sky = torch.zeros(8, 16, 3)
+    sky[:4] = 1.0
+    up, along_y = torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[0.0, 1.0, 0.0]])
+    shipped, oriented = SplitSumLight(sky, "as_shipped"), SplitSumLight(sky)
+    assert torch.equal(shipped.irradiance(along_y), oriented.irradiance(up))
+    assert float(oriented.irradiance(up).min()) > 0.9
+    torch.testing.assert_close(shipped.irradiance(up), torch.full((1, 3), 0.5), rtol=0, atol=0.02)
+
+
+def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:
+    """F0 = 0.04 (1 - m) + m albedo, at the published place: diffuse light stays as it is."""
+    surfels = together(sheet(0.0, albedo=0.6, roughness=0.5))
+    maps = [buffer_of(above(), surfels, torch.full((1,), metal)) for metal in (0.0, 1.0)]
+    dielectric, metal = (shader(indirect=False).shade(*each, light_of(1.0))["direct"][15, 15] for each in maps)
+    low, high = (
+        shader(indirect=False).shade(*buffer_of(above(), sheet(0.0, albedo=albedo, roughness=0.5)), light_of(1.0))
+        for albedo in (0.3, 0.6)
+    )
+    diffuse = (high["direct"] - low["direct"])[15, 15] * 2
+    lobe = dielectric - diffuse
+    assert bool((metal - diffuse > 5 * lobe).all()), "a lobe of F0 0.6 in the place of 0.04"
+    assert bool((metal - diffuse < 0.6 / 0.04 * lobe).all())
+    light = torch.ones(len(maps[0][0]), 3)
+    assert not bounce(maps[1][0], light).any()
+    torch.testing.assert_close(bounce(maps[0][0], light)[15 * 31 + 15], torch.full((3,), 0.96 * 0.6), rtol=1e-4, atol=0)
+
+
+def moved_aside(surfels: Surfels, by: float) -> Surfels:
+    return Surfels.of(surfels.parameters() | {"centre": surfels.centre + torch.tensor([by, 0.0, 0.0])})
+
+
+def test_what_lies_behind_something_neither_shadows_nor_bounces() -> None:
+    """A block under a roof that hides it from the camera might as well not be there."""
+    roof, hidden = block(2.0, 0.1, 1.5, scale=0.05), block(1.0, 0.4, 1.0)
+    with_it, without = (
+        shown(surfels, above(4.0), light_of(1.0), shader(marches=march(thick=SOLID)))
+        for surfels in (together(sheet(0.0), roof, hidden), together(sheet(0.0), roof))
+    )
+    for name in ("direct", "indirect"):
+        torch.testing.assert_close(with_it[name][15, 15], without[name][15, 15], rtol=1e-5, atol=1e-7)
+    visible = shown(
+        together(sheet(0.0), moved_aside(hidden, -0.3)), above(4.0), light_of(1.0), shader(marches=march(thick=SOLID))
+    )
+    assert float(visible["indirect"][15, 15].max()) > 0

@@ -1,0 +1,133 @@
+"""Frames in closed form, and floors with a block of tiles, as GI-GS looks around in them."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from baselines.methods.irgs.world import UP, looking_down, sheet
+from radiogs_baselines.methods.gi_gs.budget import PRESETS
+from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_materials
+from radiogs_baselines.methods.gi_gs.grid import Grid
+from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
+from radiogs_baselines.methods.gi_gs.marching import March
+from radiogs_baselines.methods.gi_gs.model import Model
+from radiogs_baselines.methods.gi_gs.rendering import Renderer
+from radiogs_baselines.methods.gi_gs.shading import Shader
+from radiogs_baselines.methods.gi_gs.variant import Sum
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
+
+SMOKE = PRESETS["smoke"]
+SIZE = 21
+MIDDLE = SIZE // 2
+EDGE = MIDDLE + 1
+"""First column of a wall that stands right beside the middle pixel."""
+
+DISTANCE = 10.0
+"""Of the floor from the camera; a pixel of it is a tenth wide."""
+
+FINE = 141
+"""Side of a frame whose pixels are a hundredth wide: no direction of a grid stays within one of them."""
+
+
+def march(
+    places: tuple[float, ...] = (0.5, 0.75), azimuths: int = 8, heights: int = 5, bias: float = 0.01, thick: float = 0.5
+) -> March:
+    """Marches of radius 0.8, nearly as far for all depths."""
+    return March(Grid.of(azimuths, heights), places, 0.8, bias, thick, 1e9)
+
+
+def frame(depth: Tensor, albedo: float = 0.5, middle: int | None = None, focal: float = 100.0) -> GBuffer:
+    """A frame of that depth map whose camera's axes are the world's; every pixel faces the camera.
+
+    ``middle``: the row and column of the only point, if not all pixels are points.
+    """
+    height, width = depth.shape
+    camera = Camera(torch.eye(4, dtype=depth.dtype), focal, focal, height / 2, height / 2, width, height)
+    pixel = torch.arange(depth.numel()) if middle is None else torch.tensor([middle * width + middle])
+    rays = camera.ray_directions().flatten(0, 1)[pixel]
+    ones = torch.ones(len(pixel), dtype=depth.dtype)
+    return GBuffer(
+        camera=camera,
+        pixel=pixel,
+        place=rays * depth.flatten()[pixel, None],
+        normal=torch.tensor([0.0, 0.0, -1.0], dtype=depth.dtype).expand(len(pixel), 3),
+        outgoing=-rays / rays.norm(dim=-1, keepdim=True),
+        albedo=albedo * ones[:, None].expand(-1, 3),
+        roughness=0.9 * ones,
+        metallic=0 * ones,
+        depth=depth,
+    )
+
+
+def beside_a_wall(height: float, dtype: torch.dtype = torch.float32, albedo: float = 0.5) -> GBuffer:
+    """A floor that the camera looks down upon; from column ``EDGE`` on a block of that height stands on it."""
+    depth = torch.full((SIZE, SIZE), DISTANCE, dtype=dtype)
+    depth[:, EDGE:] -= height
+    return frame(depth, albedo)
+
+
+def only_beside_a_wall(height: float, columns: int = FINE) -> GBuffer:
+    """The same with fine pixels, in float64, and the one in the middle as its only point."""
+    depth = torch.full((FINE, columns), DISTANCE, dtype=torch.float64)
+    depth[:, FINE // 2 + 1 :] -= height
+    return frame(depth, middle=FINE // 2, focal=1000.0)
+
+
+def of_middle(values: Tensor, buffer: GBuffer) -> Tensor:
+    """The row of the middle pixel, or of the only one."""
+    return values[len(buffer) // 2]
+
+
+def shader(
+    occlusion: bool = True, indirect: bool = True, where: Sum = "display", marches: March | None = None
+) -> Shader:
+    """The full method unless something is left out."""
+    return Shader(marches or march(), occlusion, indirect, where, True)
+
+
+def light_of(radiance: float | Tensor, rows: int = 8, dtype: torch.dtype = torch.float32) -> SplitSumLight:
+    """The same light from everywhere."""
+    return SplitSumLight(torch.as_tensor(radiance, dtype=dtype).expand(rows, 2 * rows, 3))
+
+
+def shown(surfels: Surfels, camera: Camera, light: SplitSumLight, how: Shader | None = None) -> dict[str, Tensor]:
+    """All maps of a view."""
+    model = Model(surfels, torch.zeros(4, 8, 3, dtype=surfels.centre.dtype))
+    return Renderer(model, surfels.albedo, light, how or shader()).render(camera)
+
+
+def buffer_of(camera: Camera, surfels: Surfels, metallic: Tensor | None = None) -> tuple[GBuffer, Tensor]:
+    """The frame of a camera, and its coverage."""
+    metallic = torch.zeros_like(surfels.roughness_logit) if metallic is None else metallic
+    seen = seen_materials(camera, surfels, surfels.albedo, metallic)
+    return gbuffer(camera, seen), seen.alpha
+
+
+def block(height: float, left: float, right: float, spacing: float = 0.05, **given: Any) -> Surfels:
+    """Tiles at that height, over ``left`` to ``right`` along x and 1 to either side."""
+    x = torch.arange(left, right, spacing)
+    y = torch.arange(-1.0, 1.0, spacing)
+    x, y = (values.flatten() for values in torch.meshgrid(x, y, indexing="ij"))
+    tile = sheet(height, UP, **{"scale": spacing / 2, **given})
+    tiles = {name: value.expand(len(x), *value.shape[1:]).contiguous() for name, value in tile.parameters().items()}
+    return Surfels.of(tiles | {"centre": torch.stack([x, y, torch.full_like(x, height)], -1)})
+
+
+def cropped(camera: Camera, columns: int) -> Camera:
+    """The same camera with a frame that ends after so many columns."""
+    return replace(camera, width=columns)
+
+
+def above(height: float = 3.0, size: int = 31) -> Camera:
+    """A camera that looks straight down; its middle pixel sees the origin."""
+    return looking_down(height, size)
+
+
+def share_towards(azimuths: int) -> float:
+    """Share of a hemisphere's grid whose azimuths turn to the right: all but those straight up, down, and left."""
+    turning = [math.cos(2 * math.pi * place / azimuths) > 1e-9 for place in range(azimuths)]
+    return sum(turning) / azimuths

@@ -1,0 +1,193 @@
+"""Models and lights that cannot be what they are taken for end in an explanation, never in a black image or a crash."""
+
+import json
+import math
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+import torch
+
+from radiogs_bench.cli.main import main
+from radiogs_bench.training.trained_folder import product_of, read_about
+from radiogs_core.errors import DataError
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.restoring import restored_surfels
+from radiogs_datasets.image_files import read_exr, write_exr, write_hdr
+from radiogs_datasets.lights import read_light
+
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("outside") / "model"
+    assert main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(out)]) == 0
+    return out
+
+
+@pytest.fixture
+def model(trained: Path, tmp_path: Path) -> Path:
+    """A copy that a test may damage."""
+    return Path(shutil.copytree(trained, tmp_path / "model"))
+
+
+def changed(model: Path, change: Callable[[dict[str, Any]], None]) -> None:
+    """Write the stored product anew, as another program could."""
+    key = read_about(model)["training_key"]
+    path = model / "stages" / f"{key}.pt"
+    stored = torch.load(path, weights_only=True)
+    change(stored["product"])
+    torch.save(stored, path)
+
+
+def set_nan(name: str) -> Callable[[dict[str, Any]], None]:
+    def change(product: dict[str, Any]) -> None:
+        product["surfels"][name][3] = math.nan
+
+    return change
+
+
+def put(name: str, value: object) -> Callable[[dict[str, Any]], None]:
+    return lambda product: product.update({name: value})
+
+
+def put_surfels(name: str, value: object) -> Callable[[dict[str, Any]], None]:
+    return lambda product: product["surfels"].update({name: value})
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (set_nan("centre"), "'centre' of the stored model holds 3 values"),
+        (set_nan("opacity_logit"), "'opacity_logit' of the stored model holds 1 values"),
+        (put("log_environment", torch.zeros(0, 0, 3)), "'log_environment' of the stored model has the shape (0, 0, 3)"),
+        (put("log_environment", torch.zeros(8, 16)), "'log_environment' of the stored model has the shape (8, 16)"),
+        (put("log_environment", torch.full((8, 16, 3), math.inf)), "'log_environment' of the stored model holds 384"),
+        (put("log_environment", [1.0]), "'log_environment' of the stored model is missing, or no tensor"),
+        (put_surfels("rotation", torch.zeros(5, 4)), "'rotation' of the stored model has the shape (5, 4)"),
+        (put_surfels("sh", torch.zeros(5, 16, 3)), "'sh' of the stored model has the shape (5, 16, 3)"),
+        (put_surfels("albedo_logit", torch.tensor(1.0)), "'albedo_logit' of the stored model has the shape ()"),
+        (put_surfels("metallic", torch.zeros(5)), "'metallic' of the stored model is no parameter"),
+    ],
+)
+def test_a_model_that_is_misshapen_or_not_finite_is_not_rendered(
+    model: Path, capsys: pytest.CaptureFixture[str], change: Callable[[dict[str, Any]], None], what: str
+) -> None:
+    """Audit M13: NaN centres rendered black, exit 0. M19: a light of [0, 0, 3] crashed, [8, 16] was read beyond."""
+    changed(model, change)
+    assert main(["render", str(model)]) == 3
+    assert what in capsys.readouterr().err
+    assert not (model / "render").exists()
+
+
+def test_surfels_of_lower_degrees_are_restored(model: Path) -> None:
+    """Audit M19: the shapes that models have are let through."""
+    product = product_of(model, read_about(model)["training_key"], CPU)
+    stored: Mapping[str, Any] = product["surfels"]
+    for coefficients in (1, 4, 9, 16):
+        few = restored_surfels({**stored, "sh": stored["sh"][:, :coefficients]})
+        assert few.sh.shape[1] == coefficients
+    with pytest.raises(DataError, match="'sh'"):
+        restored_surfels({**stored, "sh": stored["sh"][:, :5]})
+    with pytest.raises(DataError, match="'surfels'"):
+        restored_surfels([1])
+
+
+@pytest.mark.parametrize("shading", ["ray-marching", 3, None])
+def test_a_variant_that_does_not_exist_is_not_rendered(model: Path, shading: object) -> None:
+    """Audit M13: an unknown shading in trained.json was rendered as if it were another."""
+    about = json.loads((model / "trained.json").read_text())
+    about["variant"]["shading"] = shading
+    (model / "trained.json").write_text(json.dumps(about))
+    assert main(["render", str(model)]) == 2
+
+
+@pytest.mark.parametrize("shape", [(0, 0, 3), (8, 16), (8, 16, 4), (8, 0, 3)])
+def test_a_map_of_light_has_texels_of_three_channels(shape: tuple[int, ...]) -> None:
+    """Audit M19: shapes of lights were never looked at."""
+    with pytest.raises((DataError, TypeError)):
+        EnvironmentMap(torch.zeros(shape))
+
+
+def exr(path: Path, channels: Mapping[str, np.ndarray]) -> Path:
+    with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, dict(channels)) as file:
+        file.write(str(path))
+    return path
+
+
+def test_a_light_without_light_or_without_colour_is_refused(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M15: a negative light gave black images, unsaid. M27: one or two channels ended in a traceback."""
+    plain = np.full((4, 8), -1, np.float32)
+    dark = exr(tmp_path / "dark.exr", dict.fromkeys("RGB", plain))
+    grey = exr(tmp_path / "grey.exr", {"Y": -plain})
+    two = exr(tmp_path / "two.exr", {"R": -plain, "G": -plain})
+    for light, what in ((dark, "none of its radiance is above zero"), (grey, "1 channels"), (two, "channels G, R")):
+        assert main(["relight", str(trained), "--envmap", str(light)]) == 3
+        assert what in capsys.readouterr().err
+
+
+def test_negative_values_of_a_light_are_set_to_zero_and_said(
+    trained: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M15: what cannot be radiance does not enter an image unsaid."""
+    ramp = np.linspace(-0.1, 1, 32, dtype=np.float32).reshape(4, 8)
+    light = exr(tmp_path / "ramp.exr", dict.fromkeys("RGB", ramp))
+    radiance, said = read_light(light)
+    assert float(radiance.radiance.min()) == 0
+    assert main(["relight", str(trained), "--envmap", str(light)]) == 0
+    assert said[0] in capsys.readouterr().out
+    assert "9 negative values" in said[0]
+
+
+def test_a_light_as_bright_as_the_sun_is_rendered_and_written(trained: Path, tmp_path: Path) -> None:
+    """Audit M34: PNG was written, then 'half floats end at 65504' ended the command."""
+    radiance = np.full((8, 16, 3), 0.1, np.float32)
+    radiance[1, 3:5] = 1e7
+    write_hdr(tmp_path / "sun.hdr", radiance)
+    assert main(["relight", str(trained), "--envmap", str(tmp_path / "sun.hdr")]) == 0
+    folder = trained / "relight/pbr"
+    bright = [read_exr(path) for path in sorted(folder.glob("*/sun/*.exr"))]
+    assert max(float(image.max()) for image in bright) > 65504
+
+
+@pytest.mark.parametrize("scale", ["nan,1,1", "1,inf,1", "0,1,1", "1,1", "1,1,x"])
+def test_factors_of_albedo_are_finite_and_above_zero(
+    trained: Path, capsys: pytest.CaptureFixture[str], scale: str
+) -> None:
+    """Audit M35: nan passed, and a file was blamed."""
+    assert main(["relight", str(trained), "--envmap", "x.hdr", "--albedo-scale", scale]) == 2
+    assert "albedo-scale" in capsys.readouterr().err
+
+
+def test_two_lights_of_one_name_do_not_share_a_folder(trained: Path, tmp_path: Path) -> None:
+    """Audit M39: x.hdr and x.exr wrote over one another."""
+    bright, dim = np.full((4, 8, 3), 1.0, np.float32), np.full((4, 8, 3), 0.1, np.float32)
+    write_hdr(tmp_path / "x.hdr", bright)
+    write_exr(tmp_path / "x.exr", dim)
+    for name in ("x.hdr", "x.exr"):
+        assert main(["relight", str(trained), "--envmap", str(tmp_path / name)]) == 0
+    relit = trained / "relight/pbr/relit"
+    assert (relit / "x/test_000.png").read_bytes() != (relit / "x_exr/test_000.png").read_bytes()
+
+
+@pytest.mark.parametrize("name", ["...hdr", "..exr", "a\nb.hdr", "y" * 240 + ".hdr"])
+def test_a_light_without_a_name_of_its_own_is_refused(trained: Path, tmp_path: Path, name: str) -> None:
+    """Audit M39: renders under the stem '..' lay outside the folder. M28: names too long failed after rendering."""
+    write = write_hdr if name.endswith(".hdr") else write_exr
+    write(tmp_path / name, np.ones((4, 8, 3), np.float32))
+    before = sorted(trained.parent.rglob("*"))
+    assert main(["relight", str(trained), "--envmap", str(tmp_path / name)]) in (2, 3)
+    assert sorted(trained.parent.rglob("*")) == before
+
+
+def test_probe_looks_for_its_folder_before_it_works(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit M27: a missing folder for the picture was found after all the work."""
+    assert main(["probe", "no-such-scene", "--picture", str(tmp_path / "none/a.png")]) == 2
+    assert "there is no folder" in capsys.readouterr().err

@@ -1,0 +1,120 @@
+"""No field of a transforms file that could change an image is dropped: it is applied, or refused by its name."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import torch
+
+from radiogs_core.errors import DataError
+from radiogs_datasets.transforms import read_transforms
+
+POSE = torch.eye(4).tolist()
+ANGLE = {"camera_angle_x": 0.8}
+PIXELS = {"fl_x": 50.0, "fl_y": 50.0, "cx": 32.0, "cy": 24.0, "w": 64, "h": 48}
+
+
+def table(path: Path, top: Mapping[str, Any], frame: Mapping[str, Any] | None = None) -> Path:
+    """Two views; ``frame`` goes into the second."""
+    frames = [{"file_path": name, "transform_matrix": POSE} for name in ("a", "b")]
+    frames[1] |= frame or {}
+    path.write_text(json.dumps({**top, "frames": frames}))
+    return path
+
+
+def lens(path: Path, place: int, height: int = 48, width: int = 64) -> Any:
+    return read_transforms(path).frames[place].lens(height, width)
+
+
+def test_the_lens_of_a_frame_takes_the_place_of_the_files(tmp_path: Path) -> None:
+    """Audit M10: per-frame fl_x, k1 and camera_angle_x were ignored."""
+    own = table(tmp_path / "a.json", PIXELS, {"fl_x": 60.0, "fl_y": 61.0, "k1": 0.1})
+    assert (lens(own, 0).fx, lens(own, 1).fx, lens(own, 1).fy, lens(own, 1).coefficients[0]) == (50, 60, 61, 0.1)
+    angle = table(tmp_path / "b.json", ANGLE, {"camera_angle_x": 0.4})
+    assert lens(angle, 1).fx == pytest.approx(32 / math.tan(0.2))
+    pixels = table(tmp_path / "c.json", ANGLE, PIXELS)
+    assert (lens(pixels, 0).fx, lens(pixels, 1).fx) == (pytest.approx(32 / math.tan(0.4)), 50)
+
+
+def test_fisheye_lenses_are_read_as_such(tmp_path: Path) -> None:
+    """Audit M10: is_fisheye and camera_model were ignored."""
+    for told in ({"is_fisheye": True}, {"camera_model": "OPENCV_FISHEYE"}):
+        assert lens(table(tmp_path / "a.json", PIXELS | told | {"k1": 0.1}), 0).projection == "fisheye"
+    with pytest.raises(DataError, match="'camera_model' is 'EQUIRECTANGULAR'"):
+        read_transforms(table(tmp_path / "a.json", PIXELS | {"camera_model": "EQUIRECTANGULAR"}))
+
+
+def test_a_second_angle_and_a_principal_point_are_applied(tmp_path: Path) -> None:
+    """Audit M10: camera_angle_y, and cx and cy beside an angle, were ignored."""
+    narrow = lens(table(tmp_path / "a.json", ANGLE | {"camera_angle_y": 0.3}), 0)
+    assert narrow.fy == pytest.approx(24 / math.tan(0.15))
+    square = 2 * math.atan(24 / 32 * math.tan(0.4))
+    assert lens(table(tmp_path / "b.json", ANGLE | {"camera_angle_y": round(square, 4)}), 0).fy == narrow.fx
+    moved = table(tmp_path / "c.json", ANGLE | {"cx": 30.0, "cy": 26.0, "w": 64, "h": 48})
+    assert (lens(moved, 0).cx, lens(moved, 0, 24, 32).cy) == (30, 13)
+    with pytest.raises(DataError, match="64 x 48"):
+        lens(moved, 0, 64, 64)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("k5", 0.1), ("k7", 0.1), ("b1", 0.1), ("fisheye_crop_radius", 100), ("skew", 0.01),
+        ("white_transparent", True),
+        ("shutter_time", 0.1), ("flip_y", True), ("CameraExposure", 2), ("mask_color", [255, 0, 0]),
+        ("undistorted_camera_matrix", [[1]]), ("time", 0.5), ("light_direction", [0, 0, 1]), ("colour_space", "P3"),
+        ("rolling_shutter", [0, 0, 0.1, 0]), ("fov_x", 0.3), ("pose_convention", "opencv"), ("downscale_factor", 2),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("in_frame", [False, True])
+def test_a_field_that_could_change_an_image_is_refused_by_name(
+    tmp_path: Path, field: str, value: object, in_frame: bool
+) -> None:
+    """Audit M10 (k5 and others): what is not applied is named, in the file or in one of its frames."""
+    given = {field: value}
+    path = table(tmp_path / "a.json", PIXELS | ({} if in_frame else given), given if in_frame else None)
+    with pytest.raises(DataError, match=field):
+        read_transforms(path)
+
+
+@pytest.mark.parametrize("nothing", [0, 0.0, None, False, [], [0, 0], ""])
+def test_a_field_that_says_nothing_is_no_reason(tmp_path: Path, nothing: object) -> None:
+    """Audit M10: writers put all coefficients of their models into every file."""
+    assert read_transforms(table(tmp_path / "a.json", PIXELS | {"skew": nothing, "k9": nothing})).said == ()
+
+
+def test_other_fields_are_listed_and_known_ones_are_not(tmp_path: Path) -> None:
+    """Issue 29, item 1: harmless fields are repairs; what everybody writes is passed over."""
+    usual = {
+        "aabb_scale": 16,
+        "scale": 0.3,
+        "offset": [0.5, 0.5, 0.5],
+        "applied_scale": 0.1,
+        "orientation_override": "up",
+    }
+    assert read_transforms(table(tmp_path / "a.json", PIXELS | usual, {"sharpness": 20.0, "rotation": 0.01})).said == ()
+    said = read_transforms(table(tmp_path / "b.json", PIXELS | {"photographer": "me"}, {"weather": "fair"})).said
+    assert said == ("fields that are not known, and not used: photographer, weather",)
+
+
+def test_focal_lengths_that_contradict_one_another_are_refused(tmp_path: Path) -> None:
+    """Issue 29, item 1: an angle beside focal lengths was dropped, whatever it said."""
+    agreeing = 2 * math.atan(32 / 50)
+    read_transforms(table(tmp_path / "a.json", PIXELS | {"camera_angle_x": agreeing}))
+    with pytest.raises(DataError, match="camera_angle_x"):
+        read_transforms(table(tmp_path / "b.json", PIXELS | {"camera_angle_x": 0.9 * agreeing}))
+    with pytest.raises(DataError, match="'fl_y' without 'fl_x'"):
+        read_transforms(table(tmp_path / "c.json", ANGLE | {"fl_y": 50.0}))
+
+
+@pytest.mark.parametrize("field", ["fl_x", "cx", "w", "k1"])
+@pytest.mark.parametrize("value", ["1" * 320, "Infinity", "NaN", "-Infinity", "1e999"])
+def test_numbers_that_are_none_are_named(tmp_path: Path, field: str, value: str) -> None:
+    """Audit M23: integers over 1e308 and w: Infinity ended in tracebacks."""
+    path = table(tmp_path / "a.json", PIXELS | {"k1": 0.5, field: 12345})
+    path.write_text(path.read_text().replace("12345", value))
+    with pytest.raises(DataError, match=field):
+        read_transforms(path)

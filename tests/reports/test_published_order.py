@@ -1,0 +1,111 @@
+"""Measured against published order: tau and its chance against all orders counted, its interval by hand."""
+
+import itertools
+from typing import Any
+
+import pytest
+
+from made_up_run import cell, run, summary
+from radiogs_reports.analysis.published_order import order_report
+from radiogs_reports.run_folder import texts
+from radiogs_reports.summary import Summary
+
+SCENES = ("ball", "box", "bowl")
+LEVEL = {"ball": 25.0, "box": 30.0, "bowl": 35.0}
+"""Scenes differ by more than methods, so that only pairs resolve these."""
+
+
+def made_up(
+    gains: dict[str, tuple[float, ...]], published: dict[str, float], scenes: tuple[str, ...] = SCENES
+) -> Summary:
+    """A row for each method, with its gain over the level of each scene."""
+    made = summary()
+    made["rows"] = [{"key": key, "latex": "", "text": f"{key} & co", "seconds": 1.0} for key in gains]
+    made["columns"], made["reference"], made["paper"], made["sheet"] = made["columns"][:2], None, [], []
+    made["scenes"], made["seeds"] = [*scenes], [0]
+    made["published"] = {key: {"nvs/psnr": value, "normal/mae": -value} for key, value in published.items()}
+    made["cells"] = {key: {column["key"]: cell(30.0) for column in made["columns"]} for key in gains}
+    made["runs"] = [
+        one(key, scene, LEVEL[scene] + gain)
+        for key, each in gains.items()
+        for scene, gain in zip(scenes, each, strict=True)
+    ]
+    return made
+
+
+def one(key: str, scene: str, psnr: float) -> Any:
+    made = run(key, scene, 0, f"{key}{scene}", {"nvs/psnr": psnr, "normal/mae": -psnr})
+    return {**made, "made_from": {**made["made_from"], "method": key}}
+
+
+GAINS = {"a": (0.0, 0.1, 0.0), "b": (1.0, 1.2, 1.1), "c": (2.0, 2.1, 2.2), "d": (0.5, 3.0, 0.7)}
+
+
+def orders(gains: dict[str, tuple[float, ...]], published: dict[str, float]) -> Any:
+    report = order_report(made_up(gains, published))
+    assert report is not None
+    return report
+
+
+def test_tau_counts_pairs_in_order_and_chance_counts_all_orders() -> None:
+    published = {"a": 10.0, "b": 30.0, "c": 20.0, "d": 40.0}
+    psnr, normals = orders(GAINS, published).orders
+    means = {key: sum(each) for key, each in GAINS.items()}
+
+    def tau(order: tuple[str, ...]) -> float:
+        told = dict(zip(order, sorted(published.values()), strict=True))
+        signs = [(means[x] > means[y]) == (told[x] > told[y]) for x, y in itertools.combinations(GAINS, 2)]
+        return (2 * sum(signs) - len(signs)) / len(signs)
+
+    whole = tau(tuple(sorted(published, key=lambda key: published[key])))
+    every = [tau(order) for order in itertools.permutations(GAINS)]
+    assert psnr.tau == pytest.approx(whole)
+    assert psnr.by_chance == pytest.approx(sum(each >= whole - 1e-9 for each in every) / len(every))
+    assert normals.tau == pytest.approx(whole), "lower is better in both"
+    assert -1 <= psnr.low <= whole <= psnr.high <= 1
+
+
+def test_the_interval_is_a_point_where_every_scene_says_the_same_and_wide_where_they_differ() -> None:
+    alike = {key: (float(place),) * 3 for place, key in enumerate(GAINS)}
+    published = {key: float(place) for place, key in enumerate(GAINS)}
+    assert [(o.tau, o.low, o.high) for o in orders(alike, published).orders] == [(1.0, 1.0, 1.0)] * 2
+    psnr = orders({**alike, "d": (-9.0, 9.0, 9.0)}, published).orders[0]
+    assert (psnr.low, psnr.high) == (0.0, 1.0), "the outlier's scene alone puts it last: three of six pairs reversed"
+
+
+def test_only_resolved_pairs_are_called_reversed() -> None:
+    report = orders(GAINS, {"a": 40.0, "b": 30.0, "c": 20.0, "d": 10.0})
+    psnr = report.orders[0]
+    assert {(each.better, each.worse) for each in psnr.reversals} == {("b", "a"), ("c", "a"), ("c", "b")}
+    gain = next(each for each in psnr.reversals if (each.better, each.worse) == ("c", "b"))
+    assert gain.gain.mean == pytest.approx(1.0)
+    assert gain.published == (20.0, 30.0)
+    (sentence,) = [each for each in report.sentences if each.startswith("NVS PSNR, dB: c & co is better than b & co")]
+    assert sentence.endswith("published the other way round, 20.00 and 30.00.")
+
+
+def test_rows_of_one_method_count_once_and_two_methods_have_no_report() -> None:
+    assert order_report(made_up({key: GAINS[key] for key in "ab"}, {"a": 1.0, "b": 2.0})) is None
+    made = made_up(GAINS, dict.fromkeys(GAINS, 1.0))
+    for each in made["runs"]:
+        each["made_from"]["method"] = "one"
+    assert order_report(made) is None
+
+
+def test_one_pair_of_scene_and_seed_has_no_interval() -> None:
+    report = order_report(
+        made_up({key: each[:1] for key, each in GAINS.items()}, {"a": 4, "b": 3, "c": 2, "d": 1}, ("ball",))
+    )
+    assert report is not None
+    assert report.orders[0].low is None
+    assert report.orders[0].reversals == []
+    assert report.grid.rows[0][3].text == "-0.33"
+
+
+def test_every_form_of_the_report_has_it() -> None:
+    made = made_up(GAINS, {"a": 40.0, "b": 30.0, "c": 20.0, "d": 10.0})
+    written = texts(made)
+    assert "- NVS PSNR, dB: c & co is better" in written["tables/published_order.md"]
+    assert r"\item NVS PSNR, dB: c \& co is better" in written["tables/published_order.tex"]
+    assert "b > a; c > a; c > b" in written["tables/published_order.csv"]
+    assert r"\input{tables/published_order.tex}" in written["report.tex"]
