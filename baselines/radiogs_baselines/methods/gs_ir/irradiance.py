@@ -47,7 +47,5 @@ class IrradianceVolume:
         """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
         lattice, coefficients = Lattice.of_tensors(tensors), finite_tensor(tensors, "coefficients")
         if coefficients.shape != (lattice.corners**3, COEFFICIENTS):
-            raise broken_volume(
-                f"has harmonics of the shape {tuple(coefficients.shape)}, {lattice.corners}^3 corners"
-            )
+            raise broken_volume(f"has harmonics of the shape {tuple(coefficients.shape)}, {lattice.corners}^3 corners")
         return cls(lattice, coefficients)
