@@ -9,12 +9,14 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
 from .data_root import below, below_root, data_root
+from .evidence import few_views_or_pixels
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import surfaces_of_folder
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
+from .placement import require_names, require_placed
 from .reduction import resized
 
 TINY = Path(__file__).parent / "tiny"
@@ -114,8 +116,8 @@ def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptio
     surfaces. Raises UsageError for an unknown layout and for options that the layout does not take, DataError for what
     is no scene, and for a scene that is incomplete or damaged.
     """
-    scene = _as_stored(name_or_path, layout or options.layout, options)
-    return replace(resized(scene, options), options=options.plain())
+    scene = resized(_as_stored(name_or_path, layout or options.layout, options), options)
+    return replace(scene, options=options.plain(), repairs=(*scene.repairs, *few_views_or_pixels(scene)))
 
 
 def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> Scene:
@@ -140,6 +142,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
     else:
         _require_none(options, name_or_path)
         scene = load(folder)
+    require_names(scene)
+    require_placed(scene)
     return replace(scene, folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
 
 
