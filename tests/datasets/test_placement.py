@@ -1,6 +1,7 @@
 """Scenes that float32 cannot hold, names that cannot be stored, and scenes that show too little are said."""
 
 import json
+import os
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -152,3 +153,33 @@ def test_complaints_of_the_same_words_are_grouped() -> None:
     assert [finding.place for finding in found] == ["10000 places", "other"]
     assert found[0].what == "looks away; the first 3: view 0, view 1, view 2"
     assert list(grouped(many[:8])) == many[:8]
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "./" + "y" * 300, "\udc80", "a\0b"])
+def test_paths_that_the_system_cannot_hold_are_no_scenes(name: str) -> None:
+    """Audit M23: paths over 255 characters and lone surrogates ended in tracebacks."""
+    with pytest.raises(DataError) as caught:
+        load_scene(name)
+    str(caught.value).encode()
+
+
+@pytest.mark.parametrize("written", ["v" * 300, "w/" * 3000])
+def test_paths_within_tables_that_the_system_cannot_hold_are_explained(corner: Path, written: str) -> None:
+    """Audit M23: the same within a transforms file."""
+    path = corner / "transforms_train.json"
+    table = json.loads(path.read_text())
+    table["frames"][2]["file_path"] = f"./train_002{written}/rgba"
+    path.write_text(json.dumps(table))
+    with pytest.raises(DataError):
+        load_scene(str(corner))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read every folder")
+def test_a_folder_that_may_not_be_read_is_explained(corner: Path) -> None:
+    """Audit M23: unreadable folders."""
+    (corner / "train_002").chmod(0)
+    try:
+        with pytest.raises(DataError):
+            load_scene(str(corner))
+    finally:
+        (corner / "train_002").chmod(0o755)
