@@ -14,9 +14,10 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
-from ..store.folder import Store, checkpoint_name, product_name, strict_json
+from ..store.folder import Store, checkpoint_name, product_name
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
+from ..store.seal import strict_json
 from ..suites.cell import Cell, StageKey
 from .interruption import Interruption
 from .progress import Progress
