@@ -1,46 +1,19 @@
 """IRGS as the harness knows it: its stages, what each depends on, and its trained model."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from radiogs_core.contract import Run, StageSpec, values_but
-from radiogs_core.learning.fit_geometry import fit_geometry
-
-from .budget import PRESETS, SHOWN_ONLY, Budget
+from ..surfel_method import SurfelMethod
+from .budget import PRESETS, SHOWN_ONLY
 from .model import Model
 from .stage import InverseRendering
 from .trained import TrainedIRGS
 from .variant import Variant
 
-
-class IRGS:
-    """IRGS on the primitives of ``radiogs_core``: see ``radiogs_core.contract.Method`` and docs/baselines.md."""
-
-    name = "irgs"
-    title = "IRGS"
-    variant = Variant
-    presets: Mapping[str, Budget] = PRESETS
-    sources = ("radiogs_baselines.methods.irgs.trained",)
-
-    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
-        """The shared stage of geometry, and inverse rendering."""
-        return (
-            fit_geometry(variant.geometry, budget, variant.view_share),
-            StageSpec(
-                name="invert",
-                title="stage 2, inverse rendering",
-                steps=budget.inverse_iterations,
-                owner=self.name,
-                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *SHOWN_ONLY)},
-                sources=("radiogs_baselines.methods.irgs.stage",),
-                begin=InverseRendering,
-                compiles=True,
-            ),
-        )
-
-    def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedIRGS:
-        """The model from the product of inverse rendering."""
-        return TrainedIRGS(Model.of(tensors), run)
-
-
-IRGS_METHOD = IRGS()
+IRGS_METHOD = SurfelMethod(
+    name="irgs",
+    title="IRGS",
+    package=__package__,
+    variant=Variant,
+    presets=PRESETS,
+    begin=InverseRendering,
+    trained=lambda tensors, run: TrainedIRGS(Model.of(tensors), run),
+    shown_only=SHOWN_ONLY,
+)

@@ -1,46 +1,19 @@
 """SVG-IR as the harness knows it: its stages, what each depends on, and its trained model."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from radiogs_core.contract import Run, StageSpec, values_but
-from radiogs_core.learning.fit_geometry import fit_geometry
-
-from .budget import PRESETS, SHOWN_ONLY, Budget
+from ..surfel_method import SurfelMethod
+from .budget import PRESETS, SHOWN_ONLY
 from .model import Model
 from .stage import InverseRendering
 from .trained import TrainedSVGIR
 from .variant import Variant
 
-
-class SVGIR:
-    """SVG-IR on the primitives of ``radiogs_core``: see ``radiogs_core.contract.Method`` and docs/baselines.md."""
-
-    name = "svg-ir"
-    title = "SVG-IR"
-    variant = Variant
-    presets: Mapping[str, Budget] = PRESETS
-    sources = ("radiogs_baselines.methods.svg_ir.trained",)
-
-    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
-        """The shared stage of geometry, and inverse rendering."""
-        return (
-            fit_geometry(variant.geometry, budget, variant.view_share),
-            StageSpec(
-                name="invert",
-                title="stage 2, inverse rendering",
-                steps=budget.inverse_iterations,
-                owner=self.name,
-                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *SHOWN_ONLY)},
-                sources=("radiogs_baselines.methods.svg_ir.stage",),
-                begin=InverseRendering,
-                compiles=True,
-            ),
-        )
-
-    def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedSVGIR:
-        """The model from the product of inverse rendering."""
-        return TrainedSVGIR(Model.of(tensors), run)
-
-
-SVG_IR_METHOD = SVGIR()
+SVG_IR_METHOD = SurfelMethod(
+    name="svg-ir",
+    title="SVG-IR",
+    package=__package__,
+    variant=Variant,
+    presets=PRESETS,
+    begin=InverseRendering,
+    trained=lambda tensors, run: TrainedSVGIR(Model.of(tensors), run),
+    shown_only=SHOWN_ONLY,
+)
