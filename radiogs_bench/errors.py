@@ -34,11 +34,16 @@ class Interrupted(ExplainedError):
 
 DONE = 0
 
+UNEXPECTED = 6
+"""Neither a cell that failed nor a regression: the folder cannot be read or written, a process was killed, or an error
+that nobody foresaw."""
+
 EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (Interrupted, 130),  # 128 + SIGINT, as shells report it
     (NumericalFailure, 4),
     (NotFetched, 5),
     (DataError, 3),
+    (StoreError, UNEXPECTED),
     (UsageError, 2),
     (ExplainedError, 1),
 )

@@ -14,6 +14,7 @@ from radiogs_reports.summary import (
     PaperValue,
     RunSummary,
     Summary,
+    seal_of,
 )
 
 EMPTY = ("metrics", "seconds", "work", "guards", "losses", "trail", "made_from", "sessions")
@@ -220,7 +221,7 @@ def summary() -> Summary:
 
 def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
     """The folder of the run as the harness leaves it; maps have ``size`` x ``size`` pixels."""
-    (folder / "summary.json").write_text(json.dumps(made))
+    (folder / "summary.json").write_text(json.dumps({**made, "seal": seal_of({**made})}))
     (folder / "cells").mkdir(exist_ok=True)
     for place, cell_of in enumerate(made["runs"]):
         if cell_of["arrays"] is not None:

@@ -2,7 +2,7 @@
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -13,6 +13,7 @@ from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
 from .bounded_reading import read_bytes
+from .evidence import little_evidence
 from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
@@ -30,6 +31,9 @@ CAMERAS_THAT_AGREE = 3
 
 BAD_SHARE = 0.01
 """Share of a view's pixels that may be bad before it counts: soft edges darken a stored normal."""
+
+MOST_ALIKE, FIRST = 8, 3
+"""Findings of the same words that are listed one by one, and how many of more are named."""
 
 Severity = Literal["error", "warning"]
 Advance = Callable[[int, int], None]
@@ -78,7 +82,20 @@ def check_scene(
         findings += [Finding(folder.name, repair, "warning") for repair in scene.repairs]
         findings += _lights_without_maps(scene)
         findings += _views(scene, advance)
-    return Report(scene, tuple(findings))
+    return Report(scene, tuple(grouped(findings)))
+
+
+def grouped(findings: Sequence[Finding]) -> Iterator[Finding]:
+    """Findings in their order, those of the same words in one where there are more than ``MOST_ALIKE``."""
+    alike: dict[tuple[str, Severity], list[str]] = defaultdict(list)
+    for finding in findings:
+        alike[finding.what, finding.severity].append(finding.place)
+    for (what, severity), places in alike.items():
+        if len(places) > MOST_ALIKE:
+            shown = ", ".join(places[:FIRST])
+            yield Finding(f"{len(places)} places", f"{what}; the first {FIRST}: {shown}", severity)
+        else:
+            yield from (Finding(place, what, severity) for place in places)
 
 
 def _damaged_files(folder: Path, advance: Advance) -> Iterator[Finding]:
@@ -138,12 +155,17 @@ def _lights_without_maps(scene: Scene) -> Iterator[Finding]:
 def _views(scene: Scene, advance: Advance) -> Iterator[Finding]:
     views = [*scene.train, *scene.test]
     centre = scene.centre if len(scene.train) >= CAMERAS_THAT_AGREE else None
+    good = []
     for done, view in enumerate(views, start=1):
         try:
             yield from _view(view, centre)
+            good.append(view)
         except ExplainedError as error:
             yield Finding(view.name, _sentence(error))
         advance(done, len(views))
+    pictured = ((view, view.read("image"), view.read("alpha") if view.has("alpha") else None) for view in good)
+    for name, said in little_evidence(pictured):
+        yield Finding(name, said, "warning")
 
 
 def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
@@ -153,9 +175,6 @@ def _view(view: View, centre: torch.Tensor | None) -> Iterator[Finding]:
         alpha = view.read("alpha")
         if not bool((alpha > 0).any()):
             yield Finding(view.name, "its mask is empty: no pixel shows the object")
-    image = view.read("image")
-    if float(image.max()) == float(image.min()):
-        yield Finding(view.name, "its image is one colour throughout", "warning")
 
 
 def _looks_past(view: View, centre: torch.Tensor) -> Iterator[Finding]:

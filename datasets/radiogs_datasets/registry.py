@@ -8,13 +8,16 @@ from pathlib import Path
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
+from .bounded_reading import printable
 from .data_root import below, below_root, data_root
+from .evidence import few_views_or_pixels
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import surfaces_of_folder
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
+from .placement import require_names, require_placed
 from .reduction import resized
 
 TINY = Path(__file__).parent / "tiny"
@@ -72,7 +75,7 @@ def scene_folder(name_or_path: str) -> Path:
         known = known_names()
         near = get_close_matches(name_or_path, known, 1)
         raise DataError(
-            f"there is no scene '{name_or_path}'",
+            f"there is no scene '{printable(name_or_path)}'",
             f"It is neither a folder{below_root()} nor one of the scenes that come with the package"
             f" ({', '.join(known)}).",
             f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
@@ -114,8 +117,16 @@ def load_scene(name_or_path: str, layout: str | None = None, options: SceneOptio
     surfaces. Raises UsageError for an unknown layout and for options that the layout does not take, DataError for what
     is no scene, and for a scene that is incomplete or damaged.
     """
-    scene = _as_stored(name_or_path, layout or options.layout, options)
-    return replace(resized(scene, options), options=options.plain())
+    try:
+        scene = resized(_as_stored(name_or_path, layout or options.layout, options), options)
+    except (OSError, UnicodeEncodeError) as error:
+        # Asking whether a file is there fails where its name is too long, or its folder may not be read.
+        raise DataError(
+            f"the files of '{printable(name_or_path)}' cannot be looked up",
+            f"The system says: {getattr(error, 'strerror', None) or 'the name cannot be encoded'}.",
+            "Shorten or correct the name where it is written, or make the folder readable.",
+        ) from error
+    return replace(scene, options=options.plain(), repairs=(*scene.repairs, *few_views_or_pixels(scene)))
 
 
 def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> Scene:
@@ -140,6 +151,8 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
     else:
         _require_none(options, name_or_path)
         scene = load(folder)
+    require_names(scene)
+    require_placed(scene)
     return replace(scene, folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
 
 

@@ -9,6 +9,7 @@ of one camera.
 Nothing here knows of surfels: a radiance field, or a program that is run as a command, fits as well.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -226,6 +227,9 @@ def whole_numbers(budget: Any) -> tuple[str, ...]:
     return tuple(field.name for field in fields(budget) if type(getattr(budget, field.name)) is int)
 
 
+LARGEST_COUNT = 2**31 - 1
+
+
 def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     """The budget with some of its whole numbers multiplied; its name says which.
 
@@ -239,9 +243,15 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
             raise UsageError(
                 f"preset '{budget.name}' has no whole number '{name}'", f"What can be multiplied: {', '.join(whole)}."
             )
+    if not all(math.isfinite(factor) for factor in factors.values()):
+        raise UsageError(f"preset '{budget.name}' is multiplied by what is not finite", f"{dict(factors)}")
     changes = {name: round(getattr(budget, name) * factor) for name, factor in factors.items()}
     for name, value in changes.items():
         if value < 1:
             raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
+        if value > LARGEST_COUNT:
+            raise UsageError(
+                f"preset '{budget.name}' is too large: {name} would be {value:g}", "Kernels count to 2^31."
+            )
     marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
     return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)

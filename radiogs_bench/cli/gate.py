@@ -24,20 +24,24 @@ def add_to(commands: "Commands") -> None:
 
 def gate(options: argparse.Namespace) -> int:
     """Print every change from the baseline; the exit code is 1 if any is a regression."""
-    from ..results.gate import baseline_of, compare, read_baseline
+    from ..results.baseline import baseline_of, read_baseline
+    from ..results.gate import compare
     from ..store.atomic import write_atomically
-    from ..store.folder import Store, strict_json
+    from ..store.folder import Store
+    from ..store.seal import sealed, strict_json
     from ..suites.sweep import read_sweep
+    from .aside import say_aside
     from .reporter import say
 
     store, sweep = Store(options.out), read_sweep(options.out)
     if options.update:
-        write_atomically(options.baseline, strict_json(baseline_of(store, sweep)))
+        write_atomically(options.baseline, strict_json(sealed(baseline_of(store, sweep))))
         say(f"{options.baseline}: {len(sweep['cells'])} cells")
         return 0
     changes = compare(store, sweep, read_baseline(options.baseline))
     for each in changes:
         say(f"{each.severity}: {each.cell}: {each.what}")
+    say_aside(store)
     regressions = sum(each.severity == "regression" for each in changes)
     cells = len(sweep["cells"])
     say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as in the baseline"))

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from radiogs_core.errors import ExplainedError
 
-from ..errors import Interrupted, exit_code, explain
+from ..errors import UNEXPECTED, Interrupted, exit_code, explain
 from .parser import build_parser
 from .reporter import complain
 
@@ -47,5 +47,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         error = raised
         if verbose:
             traceback.print_exc()
+    except Exception as unexpected:  # noqa: BLE001  an exit code of its own; the traceback is printed
+        traceback.print_exc()
+        complain(
+            f"error: unexpected: {type(unexpected).__name__}\nWhat was finished before is on disk.\n"
+            f"Please report it with the lines above.\n(exit code {UNEXPECTED})"
+        )
+        return UNEXPECTED
     complain(explain(error))
     return exit_code(error)

@@ -119,6 +119,7 @@ def _score(
     from ..evaluation.record import record_of_model
     from ..metrics import protocol
     from ..training.progress import progress_for_stderr
+    from ..training.scene_files import require_unchanged
     from .score import say_without_weights, show_record, write_record
 
     rules = [protocol("default")]
@@ -128,6 +129,7 @@ def _score(
             str(options.out), name, model, scene, device, rules,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
+    require_unchanged(scene)
     write_record(record, path)
     show_record(record)
 

@@ -13,6 +13,14 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction["ExplainingParser"]
 
 
+MOST_SEEDS = 10_000
+SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
+"""Pixels a side: the buffers that VTK draws into end near 16384, where it aborts the process."""
+
+LONGEST_COUNT = 18
+"""Digits of a whole number: those of 64 bits."""
+
+
 class ExplainingParser(argparse.ArgumentParser):
     """Reports wrong usage like every other error."""
 
@@ -45,9 +53,23 @@ def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") ->
 
 def positive(text: str) -> int:
     """A whole number above zero."""
-    if not text.isdecimal() or int(text) < 1:
+    if not text.isdecimal() or len(text) > LONGEST_COUNT or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number above zero")
     return int(text)
+
+
+def seeds(text: str) -> int:
+    """A number of seeds: every cell of every one is listed before anything is run."""
+    if positive(text) > MOST_SEEDS:
+        raise argparse.ArgumentTypeError(f"'{text}' seeds: up to {MOST_SEEDS} are taken in one run")
+    return positive(text)
+
+
+def pixels(text: str) -> int:
+    """Pixels a side of a picture that is drawn."""
+    if not SMALLEST_PICTURE <= positive(text) <= LARGEST_PICTURE:
+        raise argparse.ArgumentTypeError(f"'{text}' is not between {SMALLEST_PICTURE} and {LARGEST_PICTURE} pixels")
+    return positive(text)
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:

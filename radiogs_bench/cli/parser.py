@@ -9,8 +9,8 @@ from . import bench, datasets, gate, methods, model, probe, rehearse, run, score
 from .options import ExplainingParser
 
 EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
-3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 130 stopped by
-Ctrl-C"""
+3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 6 something else
+ended it: a folder that cannot be read or written, killed processes, an unexpected error; 130 stopped by Ctrl-C"""
 
 COMMANDS = (run, rehearse, stored, gate, methods, model, probe, view, score, datasets, bench)
 

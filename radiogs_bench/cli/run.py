@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..engines.choice import ENGINES, choose
-from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive
+from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive, seeds
 
 if TYPE_CHECKING:
     from ..suites.suite import Suite
@@ -21,7 +21,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("suite", nargs="?", metavar="SUITE", help="a name (see --list), or a TOML file")
     parser.add_argument("--list", action="store_true", help="list the suites, or the one that is named, and leave")
     parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
-    parser.add_argument("--seeds", type=positive, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
+    parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
     parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
     parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")

@@ -11,14 +11,16 @@ from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
 from ..results.summary import summarise
 from ..store.atomic import write_atomically
-from ..store.folder import Store, strict_json
-from ..suites.sweep import read_sweep
+from ..store.folder import Store
+from ..store.seal import sealed, strict_json
+from ..suites.sweep import Sweep
+from .aside import say_aside
 from .reporter import say, show
 
 
-def write_and_show(store: Store) -> None:
-    """Rebuild the summary and the reports of the folder's last run, print the table, and say where they are."""
-    summary, written = write(store)
+def write_and_show(store: Store, sweep: Sweep) -> None:
+    """Rebuild the summary and the reports of a run, print the table, and say where they are."""
+    summary, written = write(store, sweep)
     show(table_of(summary))
     say(explanation(summary))
     for sentence in (*reasons(summary), *footnotes(summary)):
@@ -26,15 +28,15 @@ def write_and_show(store: Store) -> None:
     say(f"Metric protocol: {summary['protocol']}. Published values: {summary['published_data']}.")
     for path in written:
         say(f"wrote {path}")
+    say_aside(store)
 
 
-def write(store: Store) -> tuple[Summary, list[Path]]:
-    """Rebuild the summary and the reports of the folder's last run; returns the summary and all files."""
-    sweep = read_sweep(store.folder)
+def write(store: Store, sweep: Sweep) -> tuple[Summary, list[Path]]:
+    """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files."""
     table = published(sweep["published"]) if sweep["published"] else None
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"):
-        write_atomically(store.folder / "summary.json", strict_json({**summary}))
+        write_atomically(store.folder / "summary.json", strict_json(sealed(summary)))
         written = write_reports(store.folder)
     return summary, [store.folder / "summary.json", *written]
 

@@ -43,6 +43,7 @@ def status(options: argparse.Namespace) -> int:
 
     from ..store.folder import Store
     from ..suites.sweep import label, read_sweep, state_of
+    from .aside import say_aside
     from .reporter import say, show
 
     store, sweep = Store(options.out), read_sweep(options.out)
@@ -56,15 +57,17 @@ def status(options: argparse.Namespace) -> int:
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
         say(f"{others} finished cells of other runs or versions of the code are kept beside them")
+    say_aside(store)
     return 0
 
 
 def report(options: argparse.Namespace) -> int:
     """Rebuild tables and figures from the stored results."""
     from ..store.folder import Store
+    from ..suites.sweep import read_sweep
     from .showing import write_and_show
 
-    write_and_show(Store(options.out))
+    write_and_show(Store(options.out), read_sweep(options.out))
     return 0
 
 
@@ -77,9 +80,11 @@ def export(options: argparse.Namespace) -> int:
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep
+    from .aside import say_aside
     from .reporter import say
 
     read_sweep(options.out)  # says what to do where there is no run
-    path = options.file or options.out / f"export.{options.to}"
-    say(f"{path}: {write(Store(options.out), path, options.to)} values")
+    store, path = Store(options.out), options.file or options.out / f"export.{options.to}"
+    say(f"{path}: {write(store, path, options.to)} values")
+    say_aside(store)
     return 0

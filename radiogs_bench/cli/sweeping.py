@@ -6,7 +6,7 @@ from functools import cache
 
 import torch
 
-from radiogs_core.errors import ExplainedError
+from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.kernels.runtime import workers
 from radiogs_core.scene.scene import Scene
 
@@ -16,9 +16,10 @@ from ..errors import explain, worst_exit_code
 from ..methods import method
 from ..metrics import protocol
 from ..store.folder import Store
+from ..store.seal import sealed
 from ..suites.scenes import load_scenes, own_scenes, place_of
 from ..suites.suite import Suite
-from ..suites.sweep import Request, steps_to_take, write_sweep
+from ..suites.sweep import Request, Sweep, read_sweep, steps_to_take, write_sweep
 from ..training.interruption import Interruption
 from ..training.progress import SweepProgress, progress_for_stderr
 from ..training.stages import Bench
@@ -78,7 +79,8 @@ def run_request(
     request: Request, store: Store, device: torch.device, engine: Engine, options: argparse.Namespace
 ) -> int:
     """Run the missing cells; write and print the reports. Returns the exit code."""
-    write_sweep(store, request.manifest([place for place, _ in request.cells()]))
+    manifest = request.manifest([place for place, _ in request.cells()])
+    write_sweep(store, manifest)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
     shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
@@ -92,11 +94,26 @@ def run_request(
     from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
     if options.json:
-        for path in write(store)[1]:
+        for path in write(store, manifest)[1]:
             emit("written", path=str(path))
     else:
-        write_and_show(store)
+        write_and_show(store, manifest)
+        say_other_run(store, manifest)
     return code
+
+
+def say_other_run(store: Store, manifest: Sweep) -> None:
+    """Say so where another run was started in the folder meanwhile: what `report` rebuilds is that one's."""
+    try:
+        last = read_sweep(store.folder)
+    except DataError as error:
+        complain(f"{error.what} {error.remedy}")
+        return
+    if last != sealed(manifest):
+        say(
+            f"Meanwhile suite '{last['suite']}' was started in {store.folder}: the reports above are of this run,"
+            " `report` and `status` show that one."
+        )
 
 
 def work_along_with(request: Request, store: Store, device: torch.device, number: int, count: int) -> int:

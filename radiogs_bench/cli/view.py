@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import DataError, UsageError
 
-from .options import add_verbose, positive
+from .options import add_verbose, pixels, positive
 
 if TYPE_CHECKING:
     from radiogs_core.surfels.surfels import Surfels
@@ -25,17 +25,22 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--colour", choices=COLOURS, default="radiance", help="(default: radiance)")
     parser.add_argument("--row", metavar="ROW", help="of a run: the row whose model is shown (default: the first)")
     parser.add_argument("--frames", type=positive, default=36, metavar="N", help="of the turntable (default: 36)")
-    parser.add_argument("--size", type=positive, default=640, metavar="PIXELS", help="(default: 640)")
+    parser.add_argument("--size", type=pixels, default=640, metavar="PIXELS", help="(default: 640)")
     add_verbose(parser)
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write figures/surfels.png and figures/surfels.gif into the folder. Raises UsageError where VTK cannot draw."""
+    """Write figures/surfels.png and figures/surfels.gif into the folder.
+
+    Raises UsageError where VTK cannot draw, DataError where there are no surfels.
+    """
     from radiogs_reports.figures.surfel_view import draw, why_not
 
     from .reporter import say
 
     surfels = surfels_in(options.folder, options.row)
+    if not len(surfels):
+        raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
     reason = why_not()
     if reason is not None:
         raise UsageError(
@@ -55,7 +60,7 @@ def surfels_in(folder: Path, row: str | None) -> "Surfels":
     """The surfels that ``train`` left in a folder, or those of a run's row. Raises DataError where there are none."""
     import torch
 
-    from radiogs_core.surfels.surfels import Surfels
+    from radiogs_core.surfels.restoring import restored_surfels
 
     from ..store.folder import Store, product_name
     from ..suites.sweep import read_sweep
@@ -80,7 +85,7 @@ def surfels_in(folder: Path, row: str | None) -> "Surfels":
         )
     if "surfels" not in products[0]:
         raise DataError(f"the model in '{folder}' has no surfels", "Its method keeps something else.")
-    return Surfels.of(products[0]["surfels"])
+    return restored_surfels(products[0]["surfels"])
 
 
 def disks_of(surfels: "Surfels", colour: str) -> "Disks":

@@ -19,6 +19,11 @@ class MetricsByView:
         self.views = (*views, *elsewhere)
         self._by_view: dict[str, dict[str, list[Value]]] = defaultdict(lambda: defaultdict(list))
         self._whole: dict[str, Value] = {}
+        self._withheld: dict[tuple[str, str], str] = {}
+
+    def withhold(self, task: str, view: str, reason: str) -> None:
+        """Say why a view has no values of a task, where it is not for want of ground truth."""
+        self._withheld[task, view] = reason
 
     def add(self, task: str, view: str, scores: Mapping[str, Value]) -> None:
         """Add a view's values of a task, by measure."""
@@ -39,10 +44,13 @@ class MetricsByView:
 
     def _metric(self, name: str, by_view: Mapping[str, list[Value]]) -> MetricValue:
         expected = [view for group in self.groups if by_view.keys() & set(group) for view in group]
-        values = {view: self._value(by_view.get(view, [])) for view in expected}
+        task = name.rpartition("/")[0]
+        values = {view: self._value(by_view.get(view, []), self._withheld.get((task, view))) for view in expected}
         mean = self.rules.mean(list(values.values()), name)
         of_views = [values[view].value if view in values else None for view in self.views]
         return MetricValue(value=mean.value, reason=mean.reason or None, views=of_views)
 
-    def _value(self, values: Sequence[Value]) -> Value:
-        return self.rules.mean(values) if values else Value(None, "not every test view has this ground truth")
+    def _value(self, values: Sequence[Value], withheld: str | None) -> Value:
+        if values:
+            return self.rules.mean(values)
+        return Value(None, withheld or "not every test view has this ground truth")

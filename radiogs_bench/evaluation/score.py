@@ -10,7 +10,17 @@ from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
-from .scoring import Maps, coverage, lit_views, score_albedo, score_depth, score_light, score_view, truth
+from .scoring import (
+    Maps,
+    compared_indirect,
+    coverage,
+    lit_views,
+    score_albedo,
+    score_depth,
+    score_light,
+    score_view,
+    truth,
+)
 
 Advance = Callable[[int, int], None]
 
@@ -41,6 +51,7 @@ def score_predictions(
         maps = predictions.read(view, coverage(view))
         for each in by_protocol:
             score_view(each, view, maps, scene.extent)
+            _withhold_missing(each, view, maps)
         kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
         advance(done, total)
     measures: dict[str, tuple[str, ...]] = {}
@@ -61,6 +72,15 @@ def score_predictions(
         withhold_light(each, scene)
         scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))
     return scores
+
+
+def _withhold_missing(scores: MetricsByView, view: View, maps: Maps) -> None:
+    """Record the maps of a view that have a truth and no prediction; relit images have a record of their own."""
+    looked_for = {"nvs": "image", "indirect": compared_indirect(scores.rules)}
+    for task in ("nvs", "normal", "depth", "roughness", "indirect", "albedo"):
+        name = looked_for.get(task, task)
+        if name not in maps and view.has("image" if task == "nvs" else task):
+            scores.withhold(task, view.name, f"there is no prediction of '{name}' for view '{view.name}'")
 
 
 def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:

@@ -43,6 +43,7 @@ from ..metrics import Value, protocol
 from ..metrics.values import PSNR_CAP
 from ..store.provenance import reset_peaks, session
 from ..suites.cell import Cell
+from ..training.scene_files import require_unchanged
 from ..training.stages import Bench
 from ..training.trail import Trail
 from .result import EVALUATE, add_stage, empty_result
@@ -95,6 +96,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     here = [session(bench.device)]
     add_stage(result, SOLVE, solving, ended - started, here)
     add_stage(result, EVALUATE, evaluating, time.perf_counter() - ended, here)
+    require_unchanged(scene)
     bench.store.put_result(result, arrays)
 
 

@@ -14,6 +14,7 @@ from ..metrics import protocol
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
 from ..suites.cell import Cell
+from ..training.scene_files import require_unchanged
 from ..training.stages import Bench, Ledger, Score, facts_of, trained
 from .result import EVALUATE, add_stage, empty_result
 
@@ -60,6 +61,7 @@ def train_and_score(
     result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
     result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
     add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])
+    require_unchanged(scene)
     bench.store.put_result(result, evaluation.arrays)
 
 

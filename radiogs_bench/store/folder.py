@@ -14,11 +14,9 @@ Tables and figures are rebuilt from the results alone. Stores of several machine
 
 import hashlib
 import io
-import json
 import logging
-import pickle
-import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import os
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, cast
@@ -27,17 +25,19 @@ import numpy as np
 import torch
 
 from ..errors import MethodFailed, StoreError
+from .aside import set_aside
 from .atomic import write_atomically
 from .claim import claim, patient_claim
+from .keys import content_key
+from .names import plain_name
 from .schema import RESULT_SCHEMA, Failure, Result
+from .seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
 
-REQUIRED_KEYS = frozenset(Result.__required_keys__)
-
-
-class OtherSchema(StoreError):
-    """A result that another version of the code wrote."""
+RESULT_KEYS = frozenset(Result.__required_keys__) | {"arrays"}
+FAILURE_KEYS = frozenset(Failure.__required_keys__)
 
 
 class Store:
@@ -45,6 +45,8 @@ class Store:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._agreed: dict[str, tuple[int, ...]] = {}
+        """Size and times of the array files whose digest agreed, by digest: none is read twice."""
 
     def claim(self, name: str) -> AbstractContextManager[None]:
         """Exclusive right to work on a key, until the block ends or the process dies. Raises Claimed."""
@@ -55,55 +57,88 @@ class Store:
         return patient_claim(self.folder / "locks" / name)
 
     def result(self, key: str) -> Result | None:
-        """The finished result of a cell, or None; a damaged file is reported, moved aside and counts as absent."""
-        path = self._cell_path(key)
+        """The finished result of a cell, or None. What does not agree with its seal is moved aside, and said.
+
+        A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
+        result of another version, StoreError where the folder cannot be read.
+        """
         try:
-            content = path.read_bytes()
+            stored = self.sealed_result(key)
         except FileNotFoundError:
             return None
+        except Broken as broken:
+            set_aside(self.folder, self._cell_path(key), broken.reason)
+            return None
         try:
-            stored = json.loads(content)
-        except ValueError:
-            self._set_aside(path, "it is not JSON")
+            self.check_arrays(stored)
+        except FileNotFoundError:
+            logger.warning("%s is gone: cell %s counts as not finished", self.arrays_path(key), key)
             return None
-        if not isinstance(stored, dict) or stored.get("key") != key:
-            self._set_aside(path, "it is not a result of this cell")
+        except Broken as broken:
+            set_aside(self.folder, self.arrays_path(key), broken.reason)
             return None
-        if stored.get("schema") != RESULT_SCHEMA:
-            raise OtherSchema(
-                f"{path} was written under another schema: {stored.get('schema')}",
-                f"This version reads {RESULT_SCHEMA}.",
-                "Use the version that wrote it, or another folder:  --out FOLDER",
-            )
-        if not stored.keys() >= REQUIRED_KEYS:
-            self._set_aside(path, f"it lacks {', '.join(sorted(REQUIRED_KEYS - stored.keys()))}")
-            return None
+        return stored
+
+    def sealed_result(self, key: str) -> Result:
+        """The result of a cell, whose seal and key agree; nothing is moved.
+
+        Raises FileNotFoundError, Broken, OtherSchema, StoreError.
+        """
+        stored = read_sealed(self._cell_path(key), RESULT_SCHEMA, RESULT_KEYS)
+        if stored["key"] != key or content_key(stored["cell"]) != key:
+            raise Broken(f"it is not the result of cell {key}")
         return cast(Result, stored)
 
+    def check_arrays(self, result: Result) -> None:
+        """Compare the array file of a result with the digest in it. Raises FileNotFoundError, Broken, StoreError."""
+        path, named = self.arrays_path(result["key"]), result["arrays"]
+        try:
+            with path.open("rb") as file:
+                stat = os.fstat(file.fileno())
+                mark = (stat.st_ino, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns)
+                if self._agreed.get(named) == mark:
+                    return
+                found = hashlib.file_digest(file, "sha256").hexdigest()
+        except FileNotFoundError:
+            raise
+        except OSError as error:
+            raise StoreError(
+                f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
+            ) from error
+        if found != named:
+            raise Broken("its digest is not the one that its cell names")
+        self._agreed[named] = mark
+
     def has_result(self, key: str) -> bool:
-        """Whether a file for the cell's result exists; it is not read."""
-        return self._cell_path(key).exists()
+        """Whether the files of the cell's result exist; they are not read."""
+        return self._cell_path(key).exists() and self.arrays_path(key).exists()
 
     def results(self) -> Iterator[Result]:
         """All finished results of this schema, in the order of their keys."""
-        for path in sorted((self.folder / "cells").glob("*.json")):
-            if path.name.endswith(".failed.json"):
-                continue
+        for key in self.keys():
             try:
-                stored = self.result(path.stem)
+                stored = self.result(key)
             except OtherSchema as other:
                 logger.warning("%s; it is left alone", other.what)
                 continue
             if stored is not None:
                 yield stored
 
+    def keys(self) -> list[str]:
+        """Keys of all cells that have a result file, in order."""
+        names = (path.name for path in (self.folder / "cells").glob("*.json"))
+        return sorted(name.removesuffix(".json") for name in names if not name.endswith(".failed.json"))
+
     def put_result(self, result: Result, arrays: Mapping[str, np.ndarray]) -> None:
-        """Store a finished cell: first its arrays, then the JSON, which marks it complete."""
-        packed = io.BytesIO()
-        np.savez_compressed(packed, allow_pickle=False, **arrays)
-        write_atomically(self.arrays_path(result["key"]), packed.getvalue())
-        write_atomically(self._cell_path(result["key"]), strict_json(result))
-        self.drop_failure(result["key"])
+        """Store a finished cell: first its arrays, then the JSON, which names their digest and marks it complete."""
+        file = io.BytesIO()
+        np.savez_compressed(file, allow_pickle=False, **arrays)
+        key, content = result["key"], file.getvalue()
+        self._cell_path(key).unlink(missing_ok=True)  # of arrays that are gone: it must not stand beside new ones
+        write_atomically(self.arrays_path(key), content)
+        whole = {**result, "arrays": hashlib.sha256(content).hexdigest()}
+        write_atomically(self._cell_path(key), strict_json(sealed(whole)))
+        self.drop_failure(key)
 
     def arrays_path(self, key: str) -> Path:
         """Where the arrays of a finished cell are."""
@@ -111,17 +146,21 @@ class Store:
 
     def failure(self, key: str) -> Failure | None:
         """Why the cell failed when it was last tried, or None."""
+        path = self._failure_path(key)
         try:
-            return cast(Failure, json.loads(self._failure_path(key).read_bytes()))
+            stored = read_sealed(path, RESULT_SCHEMA, FAILURE_KEYS)
+            if stored["key"] != key:
+                raise Broken(f"it is not the failure of cell {key}")
         except FileNotFoundError:
             return None
-        except ValueError:
-            self._set_aside(self._failure_path(key), "it is not JSON")
+        except Broken as broken:
+            set_aside(self.folder, path, broken.reason)
             return None
+        return cast(Failure, stored)
 
     def put_failure(self, failure: Failure) -> None:
         """Store why a cell failed."""
-        write_atomically(self._failure_path(failure["key"]), strict_json(failure))
+        write_atomically(self._failure_path(failure["key"]), strict_json(sealed(failure)))
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
@@ -148,33 +187,26 @@ class Store:
 
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """
-        path = self.folder / f"{name}.pt"
+        path = self._tensors_path(name)
         try:
-            with zipfile.ZipFile(path) as archive:  # torch itself does not compare the checksums
-                damaged = archive.testzip()
-            if damaged is None:
-                return cast(dict[str, Any], torch.load(path, _placed_on(device), weights_only=True))
-            reason = f"the checksum of its part {damaged} is wrong"
+            return read_tensors(path, name, device)
         except FileNotFoundError:
             return None
-        except (zipfile.BadZipFile, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-            reason = str(error)
-        self._set_aside(path, reason)
-        return None
+        except Broken as broken:
+            set_aside(self.folder, path, broken.reason)
+            return None
 
     def put_tensors(self, name: str, content: Mapping[str, Any]) -> None:
         """Store tensors and plain values under a name such as ``stages/<key>``."""
-        packed = io.BytesIO()
-        torch.save(dict(content), packed)
-        write_atomically(self.folder / f"{name}.pt", packed.getbuffer())
+        write_atomically(self._tensors_path(name), packed(name, content))
 
     def has_tensors(self, name: str) -> bool:
         """Whether a file exists under the name; it is not read."""
-        return (self.folder / f"{name}.pt").exists()
+        return self._tensors_path(name).exists()
 
     def drop_tensors(self, name: str) -> None:
         """Remove what is stored under a name, if anything is (a checkpoint whose stage has ended)."""
-        (self.folder / f"{name}.pt").unlink(missing_ok=True)
+        self._tensors_path(name).unlink(missing_ok=True)
 
     def files(self, names: Iterable[str]) -> dict[str, bytes]:
         """Contents of the named files (paths within the store) that exist."""
@@ -183,6 +215,8 @@ class Store:
 
     def take_over(self, files: Mapping[str, bytes]) -> None:
         """Write files of another store, in their order: a result must come after its arrays."""
+        for name in files:
+            (self.folder / name).unlink(missing_ok=True)  # as in ``put_result``
         for name, content in files.items():
             write_atomically(self.folder / name, content)
 
@@ -191,18 +225,14 @@ class Store:
         self._failure_path(key).unlink(missing_ok=True)
 
     def _cell_path(self, key: str) -> Path:
-        return self.folder / "cells" / f"{key}.json"
+        return self.folder / "cells" / f"{plain_name(key, 'the key of a cell')}.json"
 
     def _failure_path(self, key: str) -> Path:
-        return self.folder / "cells" / f"{key}.failed.json"
+        return self._cell_path(key).with_suffix(".failed.json")
 
-    def _set_aside(self, path: Path, reason: str) -> None:
-        """Move a damaged file out of the way, never over another one."""
-        aside = self.folder / "aside"
-        aside.mkdir(exist_ok=True)
-        taken = sum(1 for other in aside.iterdir() if other.name.startswith(path.name))
-        path.rename(aside / f"{path.name}.{taken}")
-        logger.warning("%s is damaged (%s); it was moved to %s and will be made again", path, reason, aside)
+    def _tensors_path(self, name: str) -> Path:
+        parts = [plain_name(part, "the name of stored tensors") for part in name.split("/")]
+        return self.folder.joinpath(*parts[:-1], f"{parts[-1]}.pt")
 
 
 def product_name(key: str) -> str:
@@ -213,15 +243,3 @@ def product_name(key: str) -> str:
 def checkpoint_name(key: str) -> str:
     """Name of an unfinished stage's checkpoint in a store."""
     return f"{product_name(key)}.checkpoint"
-
-
-def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:
-    def place(storage: Any, location: str) -> Any:
-        return storage if location == "cpu" else storage.to(device)
-
-    return place
-
-
-def strict_json(content: Mapping[str, Any]) -> bytes:
-    """JSON without NaN and infinity, one value per line, with the same bytes for the same content."""
-    return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()

@@ -5,9 +5,9 @@ describes every key, and what each version changed.
 """
 
 import math
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
-RESULT_SCHEMA = "radiogs-bench/result/5"
+RESULT_SCHEMA = "radiogs-bench/result/6"
 
 
 class MetricValue(TypedDict):
@@ -132,6 +132,10 @@ class Result(TypedDict):
     """How often each guard of ``radiogs_core.guards`` acted, by stage."""
     sessions: dict[str, list[Session]]
     """Contributing processes by stage, oldest first."""
+    arrays: NotRequired[str]
+    """SHA-256 of the array file's bytes. The store adds it, and the seal; every stored result has both."""
+    seal: NotRequired[str]
+    """See ``seal``."""
 
 
 class Failure(TypedDict):
@@ -146,6 +150,8 @@ class Failure(TypedDict):
     remedy: str
     exit_code: int
     date: str
+    seal: NotRequired[str]
+    """The store adds it (see ``seal``)."""
 
 
 def training_seconds(result: Result) -> float:

@@ -1,6 +1,5 @@
 """Cells: the unit of running, storing and resuming, with keys over everything that decides a result."""
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,16 +12,8 @@ from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling
 from ..sources import code_digest
+from ..store.keys import content_key
 from .experiment import EXPERIMENTS, TRAINING
-
-KEY_LENGTH = 20
-"""Hexadecimal digits of a key: 80 bits, so that a million cells collide with probability 4e-13."""
-
-
-def content_key(content: Mapping[str, Any]) -> str:
-    """SHA-256 prefix of the canonical JSON (sorted keys, no spaces, strict) of plain ``content``."""
-    canonical = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
-    return hashlib.sha256(canonical.encode()).hexdigest()[:KEY_LENGTH]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,12 +14,17 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..methods import budget_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
+from ..store.aside import kept_aside
 from ..store.atomic import write_atomically
-from ..store.folder import Store, checkpoint_name, product_name, strict_json
+from ..store.folder import Store, checkpoint_name, product_name
+from ..store.names import plain_name
+from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
 from .cell import Cell, Work, cell_of
 from .suite import Row, Suite, with_numbers
 
-SWEEP_SCHEMA = "radiogs-bench/sweep/2"
+SWEEP_SCHEMA = "radiogs-bench/sweep/3"
+
+FINISHED = "finished"
 
 
 class Place(TypedDict):
@@ -66,6 +70,8 @@ class Sweep(TypedDict):
     seeds: list[int]
     scenes: list[str]
     cells: list[Place]
+    seal: NotRequired[str]
+    """Added when it is written (``store.seal``)."""
 
 
 @dataclass(frozen=True)
@@ -170,9 +176,16 @@ def label(place: Place) -> str:
 
 
 def state_of(store: Store, place: Place) -> str:
-    """State of a cell: finished, failed, trained but not scored, begun, or to do."""
+    """State of a cell: finished, failed, trained but not scored, begun, or to do; last, what of it was damaged."""
+    state = _progress(store, place)
+    key = place["key"]
+    damaged = [name for name in kept_aside(store.folder) if name.startswith((f"{key}.json", f"{key}.npz"))]
+    return f"{state} (its results were damaged and are in aside/)" if damaged and state != FINISHED else state
+
+
+def _progress(store: Store, place: Place) -> str:
     if store.result(place["key"]) is not None:
-        return "finished"
+        return FINISHED
     failure = store.failure(place["key"])
     if failure is not None:
         return f"failed: {failure['what']}"
@@ -194,32 +207,34 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
 def write_sweep(store: Store, sweep: Sweep) -> None:
     """Write the manifest beside the results."""
     with store.patient_claim("sweep"):
-        write_atomically(_path(store.folder), strict_json({**sweep}))
+        write_atomically(_path(store.folder), strict_json(sealed(sweep)))
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """The manifest of a folder's last run. Raises DataError if there is none."""
+    """The manifest of a folder's last run.
+
+    Raises DataError if there is none, if it does not agree with its seal, or if it names what is no plain file name.
+    """
+    path = _path(folder)
     try:
-        content = json.loads(_path(folder).read_bytes())
+        stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__))
     except FileNotFoundError:
         raise DataError(
             f"no run in '{folder}'",
-            f"It has no {_path(folder).name}.",
+            f"It has no {path.name}.",
             f"Name the folder of a run, or start one:  radiogs-bench run ablations --out {folder}",
         ) from None
-    except ValueError as error:
+    except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{_path(folder)} is damaged: {error}",
+            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
             "It says which results belong to the table.",
             "Run the same command again: it repeats no finished cell and writes the file anew.",
         ) from error
-    if content.get("schema") != SWEEP_SCHEMA:
-        raise DataError(
-            f"{_path(folder)} was written under another schema: {content.get('schema')}",
-            f"This version reads {SWEEP_SCHEMA}.",
-            "Run the same command again: it writes the file anew.",
-        )
-    return cast(Sweep, content)
+    plain_name(stored["suite"], f"the suite of {path}")
+    for place in stored["cells"]:
+        for key in (place["key"], *place["stages"]):
+            plain_name(key, f"a key of {path}")
+    return stored
 
 
 def _path(folder: Path) -> Path:

@@ -25,6 +25,10 @@ from .suite import MEASURES, TASKS, Metric, Row, Suite, with_numbers
 NAME = re.compile(r"[\w.-]+")
 
 
+LARGEST_FACTOR = 1e4
+"""Of a number of the budget: the largest preset times it is more than any machine finishes."""
+
+
 def read_suite(path: Path) -> Suite:
     """The suite of a file. Raises DataError for a missing file, UsageError for an error in it.
 
@@ -88,7 +92,9 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
         with_numbers(label, to_plain(next(iter(used.presets.values()))))
     for name, factor in row.budget.items():
         reader.known(f"{where}.budget", "field", name, scaled)
-        reader.expect(factor > 0, f"{where}.budget.{name}", factor, "above zero")
+        reader.expect(
+            0 < factor <= LARGEST_FACTOR, f"{where}.budget.{name}", factor, f"above zero and up to {LARGEST_FACTOR:g}"
+        )
 
 
 def _with_places(suite: Suite, folder: Path) -> Suite:

@@ -14,12 +14,14 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
-from ..store.folder import Store, checkpoint_name, product_name, strict_json
+from ..store.folder import Store, checkpoint_name, product_name
 from ..store.provenance import reset_peaks, session
 from ..store.schema import Session, TrailPoint
+from ..store.seal import strict_json
 from ..suites.cell import Cell, StageKey
 from .interruption import Interruption
 from .progress import Progress
+from .scene_files import require_unchanged, require_unchanged_if_touched
 from .trail import Sums, Trail
 
 CHECKPOINT_SECONDS = 20.0
@@ -130,7 +132,7 @@ def stage_outcome(
     with calling(cell.method, "stages()"):
         spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
     run = run_of(bench, cell, scene)
-    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), score)
+    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), scene, score)
 
 
 def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:
@@ -148,11 +150,17 @@ def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
 
 
 def completed(
-    bench: Bench, method: str, key: StageKey, begin: Callable[[], Stage], score: StageScore | None = None
+    bench: Bench,
+    method: str,
+    key: StageKey,
+    begin: Callable[[], Stage],
+    scene: Scene,
+    score: StageScore | None = None,
 ) -> Outcome:
     """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
 
-    ``score`` is as in ``trained``, but takes the stage.
+    ``score`` is as in ``trained``, but takes the stage. Raises DataError where the files of ``scene`` changed
+    meanwhile; then nothing that may have been made from others is kept.
     """
     stored = _stored_outcome(bench, key.key)
     if stored is not None:
@@ -167,13 +175,14 @@ def completed(
             started = time.perf_counter()
             stage = begin()
             try:
-                ledger = _StageLoop(bench, method, key, stage, instruments, started, score).to_the_end()
+                ledger = _StageLoop(bench, method, key, stage, scene, instruments, started, score).to_the_end()
                 with calling(method, f"product() of stage '{key.name}'"):
                     product = dict(stage.product())
             finally:
                 close_stage(method, stage)
             require_storable(method, product, "product()", key.name)
             outcome = Outcome(product=product, ledger=ledger)
+        require_unchanged(scene)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(checkpoint_name(key.key))
     bench.interruption.check()
@@ -203,6 +212,7 @@ class _StageLoop:
     method: str
     key: StageKey
     stage: Stage
+    scene: Scene
     instruments: Instruments
     started: float
     score: StageScore | None
@@ -221,6 +231,7 @@ class _StageLoop:
             over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
             if not over and (bench.interruption.requested or time.perf_counter() >= due):
                 begun = time.perf_counter()
+                require_unchanged_if_touched(self.scene)
                 self._keep(checkpoint_name(self.key.key))
                 bench.interruption.check()
                 ended = time.perf_counter()

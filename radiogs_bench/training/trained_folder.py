@@ -5,7 +5,6 @@ are for other programs: what the method exports (RadioGS: ``surfels.ply``, see `
 and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
@@ -23,11 +22,13 @@ from radiogs_datasets.options import options_of
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
 from ..store.atomic import write_atomically
-from ..store.folder import Store, product_name, strict_json
+from ..store.folder import Store, product_name
+from ..store.names import plain_name
+from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
 from ..suites.cell import Cell
 from .stages import facts_of, restored
 
-TRAINED_SCHEMA = "radiogs-bench/trained/2"
+TRAINED_SCHEMA = "radiogs-bench/trained/3"
 
 
 class About(TypedDict):
@@ -48,6 +49,8 @@ class About(TypedDict):
     training_key: str
     facts: dict[str, Any]
     """The method's facts about its model."""
+    seal: NotRequired[str]
+    """Added when it is written (``store.seal``)."""
 
 
 def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
@@ -74,29 +77,28 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
     if light is not None:
         written.append(folder / "environment.exr")
         write_exr(written[-1], light.radiance.numpy())
-    write_atomically(folder / "trained.json", strict_json({**about}))
+    write_atomically(folder / "trained.json", strict_json(sealed(about)))
     return [*written, folder / "trained.json"]
 
 
 def read_about(folder: Path) -> About:
-    """Read ``trained.json``. Raises DataError if it is missing or damaged."""
+    """Read ``trained.json``. Raises DataError if it is missing, damaged, or of another version."""
     path = folder / "trained.json"
     try:
-        about = cast(About, json.loads(path.read_bytes()))
+        about = cast(About, read_sealed(path, TRAINED_SCHEMA, About.__required_keys__))
     except FileNotFoundError:
         raise DataError(
             f"nothing was trained in '{folder}'",
             f"It has no {path.name}.",
             f"Train a model there:  radiogs-bench train SCENE --out {folder}",
         ) from None
-    except ValueError as error:
+    except (Broken, OtherSchema) as error:
         raise DataError(
-            f"{path} is damaged: {error}", "", "Run the same `train` again: it writes the file anew."
+            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            "It says which model is here, and of what.",
+            "Run the same `train` again: it writes the file anew and repeats no finished stage.",
         ) from error
-    if about.get("schema") != TRAINED_SCHEMA:
-        raise DataError(
-            f"{path} has schema {about.get('schema')}", f"This version reads {TRAINED_SCHEMA}.", "Train anew."
-        )
+    plain_name(about["training_key"], f"the key of the model in {path}")
     return about
 
 

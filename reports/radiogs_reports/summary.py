@@ -3,14 +3,19 @@
 The harness writes it from the store, the reports read it. ``SCHEMA`` rises when a key changes its meaning.
 """
 
+import hashlib
 import json
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
 
-SCHEMA = "radiogs-bench/summary/4"
+SCHEMA = "radiogs-bench/summary/5"
 
-BEFORE_STAGES = "radiogs-bench/summary/3"
-"""The schema whose cells have ``figures`` for ``metrics`` and no ``stages``; ``read_summary`` brings it up to date."""
+PLAIN = re.compile(r"(?!\.)[\w.-]{1,120}")
+"""Names of suites and tables, which become names of files."""
+
+ARRAYS = re.compile(r"cells/(?!\.)[\w.-]{1,120}\.npz")
 
 EVALUATION = "evaluate"
 """The stage that scores a trained model; all other stages train it."""
@@ -240,28 +245,37 @@ class Summary(TypedDict):
     """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
+    seal: NotRequired[str]
+    """``seal_of`` the rest; added when it is written."""
 
 
 def read_summary(out: Path) -> Summary:
-    """Read OUT/summary.json. Raises ValueError for schemas other than ``SCHEMA`` and ``BEFORE_STAGES``."""
-    stored = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    if stored["schema"] == BEFORE_STAGES:
-        stored = {**stored, "schema": SCHEMA, "runs": [_with_stages(run) for run in stored["runs"]]}
+    """Read OUT/summary.json, and what it names: array files of the folder, and plain names that files are named after.
+
+    Raises ValueError for another schema, for content that does not agree with its seal, and for a name that leads out
+    of the folder.
+    """
+    path = out / "summary.json"
+    stored = json.loads(path.read_text(encoding="utf-8"))
     if stored["schema"] != SCHEMA:
-        raise ValueError(f"{out / 'summary.json'} has schema {stored['schema']}; this version reads {SCHEMA}")
+        raise ValueError(f"{path} has schema {stored['schema']}; this version reads {SCHEMA}")
+    if stored.get("seal") != seal_of(stored):
+        raise ValueError(f"{path} does not agree with its seal; radiogs-bench report {out} makes it anew")
     summary: Summary = stored
+    for name in (summary["suite"], *(table["key"] for table in summary["paper"])):
+        if PLAIN.fullmatch(name) is None:
+            raise ValueError(f"{path}: {name!r} is no plain file name")
+    for each in (*summary["sheet"], *summary["runs"]):
+        if each["arrays"] is not None and ARRAYS.fullmatch(each["arrays"]) is None:
+            raise ValueError(f"{path}: {each['arrays']!r} is no array file of the folder")
     return summary
 
 
-def _with_stages(run: dict[str, Any]) -> dict[str, Any]:
-    """A cell of schema 3 in the current schema.
-
-    Its training stages are those in ``seconds``: sorted by name, which for the two stages that there were is the order
-    of training.
-    """
-    names = [name for name in run["seconds"] if name != EVALUATION]
-    stages = [{"name": name, "title": f"stage {place}"} for place, name in enumerate(names, start=1)]
-    return {**{key: each for key, each in run.items() if key != "figures"}, "metrics": run["figures"], "stages": stages}
+def seal_of(stored: Mapping[str, Any]) -> str:
+    """The seal of stored content, as the harness makes it: SHA-256 of its canonical JSON without the key ``seal``."""
+    content = {name: value for name, value in stored.items() if name != "seal"}
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def reference_of(summary: Summary) -> str:

@@ -19,6 +19,7 @@ from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.schema import Result
+from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_bench.suites import scenes
 from radiogs_bench.suites.cell import Cell, Work, cell_of
 from radiogs_bench.suites.experiment import TRAINING
@@ -170,7 +171,7 @@ def test_a_run_by_a_stranger_ends_with_table_status_and_gate(
     kept = content["cells"]["sphere chain seed 0"]["work"]
     last = next(name for name in kept if name != "evaluate")
     kept[last]["steps"] += 1
-    baseline.write_text(json.dumps(content))
+    baseline.write_bytes(strict_json(sealed(content)))
     capsys.readouterr()
     assert main(["gate", str(tmp_path), "--baseline", str(baseline)]) == 1
     assert f"regression: sphere chain seed 0: {last} steps: 4 -> 3" in capsys.readouterr().out

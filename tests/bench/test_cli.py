@@ -292,3 +292,9 @@ def test_scenes_are_listed_and_checked(capsys: pytest.CaptureFixture[str]) -> No
     assert main(["datasets", "check", "corner"]) == 0
     assert "48 training and 8 test views" in capsys.readouterr().out
     assert main(["datasets", "check", "nowhere"]) == 3
+
+
+def test_seeds_beyond_bounds_are_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit M33: --seeds 99999999 --dry-run listed cells until memory was full."""
+    assert main(["run", "ablations", "--seeds", "99999999", "--dry-run"]) == 2
+    assert "up to 10000" in capsys.readouterr().err

@@ -8,7 +8,7 @@ from radiogs_core.errors import DataError, ExplainedError, NumericalFailure, Usa
 
 @pytest.mark.parametrize(
     ("kind", "code"),
-    [(CellFailed, 1), (StoreError, 1), (UsageError, 2), (DataError, 3), (NumericalFailure, 4), (Interrupted, 130)],
+    [(CellFailed, 1), (StoreError, 6), (UsageError, 2), (DataError, 3), (NumericalFailure, 4), (Interrupted, 130)],
 )
 def test_each_kind_of_error_has_its_exit_code(kind: type[ExplainedError], code: int) -> None:
     assert exit_code(kind("what")) == code

@@ -11,7 +11,8 @@ from radiogs.budget import PRESETS
 from radiogs.variant import Variant
 from radiogs_bench.cli.planning import duration, show_plan, whole_memory, whole_time
 from radiogs_bench.engines.forecast import Expected, forecast, total
-from radiogs_bench.store.folder import Store, product_name, strict_json
+from radiogs_bench.store.folder import Store, product_name
+from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.kernels.runtime import workers
 
 CELLS = [cell for _, cell in asked(2).cells()]
@@ -19,13 +20,13 @@ SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
 
 
 def measured(store: Store, key: str, seconds: dict[str, float], held: dict[str, int]) -> None:
-    """Write other figures of cost into a stored result."""
+    """Write other figures of cost into a stored result, whose arrays stay."""
     result: Any = store.result(key)
     result["seconds"] = seconds
     for sessions in result["sessions"].values():
         for session in sessions:
             session["peak_memory_bytes"] = held
-    store.take_over({f"cells/{key}.json": strict_json(result)})
+    store.take_over({f"cells/{key}.json": strict_json(sealed(result))})
 
 
 @pytest.fixture

@@ -9,8 +9,10 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
-from radiogs_bench.results.gate import BAND, baseline_of, compare
+from radiogs_bench.results.baseline import BAND, baseline_of
+from radiogs_bench.results.gate import compare
 from radiogs_bench.store.folder import Store
+from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_bench.suites.sweep import Request, read_sweep, write_sweep
 from radiogs_core.errors import DataError
 
@@ -40,7 +42,7 @@ def baseline(finished: Path, tmp_path: Path) -> Path:
 def altered(baseline: Path, change: Callable[[dict[str, Any]], None]) -> str:
     content = json.loads(baseline.read_text())
     change(content["cells"]["fake ours seed 1"])
-    baseline.write_text(json.dumps(content))
+    baseline.write_bytes(strict_json(sealed(content)))
     return str(baseline)
 
 
@@ -74,11 +76,11 @@ def test_on_another_machine_counters_warn_and_figures_still_stop(
     content = json.loads(baseline.read_text())
     content["machine"]["cpu"] = "another"
     content["cells"]["fake ours seed 1"]["work"]["invert"]["steps"] += 1
-    baseline.write_text(json.dumps(content))
+    baseline.write_bytes(strict_json(sealed(content)))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
     assert "warning: fake ours seed 1: invert steps" in capsys.readouterr().out
     content["cells"]["fake ours seed 1"]["metrics"]["nvs/psnr"] += 1000
-    baseline.write_text(json.dumps(content))
+    baseline.write_bytes(strict_json(sealed(content)))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
 
 
@@ -99,7 +101,7 @@ def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
     content["cells"]["fake ours seed 0"]["metrics"]["albedo/psnr"] = 30.0
     content["bands"]["fake ours"]["albedo/psnr"] = 1.0
     content["cells"]["fake ours seed 9"] = content["cells"]["fake ours seed 0"]
-    baseline.write_text(json.dumps(content))
+    baseline.write_bytes(strict_json(sealed(content)))
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
     said = capsys.readouterr().out
     assert "albedo/psnr: 30 -> n/a" in said

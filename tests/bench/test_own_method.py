@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from radiogs_bench.store.seal import sealed, strict_json
+
 ROOT = Path(__file__).parents[2]
 EXAMPLE = ROOT / "docs" / "examples" / "own_method"
 
@@ -124,7 +126,7 @@ def test_status_report_and_gate_know_it(run: Run, out: Path, tmp_path: Path) -> 
     stored = json.loads(Path(baseline).read_text())
     for cell in stored["cells"].values():
         cell["metrics"]["nvs/psnr"] += 1.0
-    Path(baseline).write_text(json.dumps(stored))
+    Path(baseline).write_bytes(strict_json(sealed(stored)))
     assert run("gate", f"{out}", "--baseline", baseline).returncode == 1
 
 

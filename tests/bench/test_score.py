@@ -2,6 +2,7 @@
 
 import json
 import pickle
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -204,3 +205,18 @@ def test_wrong_calls_say_what_to_do(
     monkeypatch.chdir(tmp_path)
     assert main(["score", *arguments]) == code
     assert said in capsys.readouterr().err
+
+
+def test_a_missing_prediction_is_not_called_a_missing_truth(
+    folders: dict[str, Path], scene: Scene, tmp_path: Path
+) -> None:
+    """Audit M38: where a view's prediction was missing, the ground truth was said to be."""
+    folder = Path(shutil.copytree(folders["plain"], tmp_path / "plain"))
+    view = scene.test[1].name
+    for name in ("image", "normal", "albedo"):
+        next((folder / name).glob(f"{view}.*")).unlink()
+    (score,) = score_predictions(read_predictions(folder, scene, "plain"), scene, [protocol("default")])
+    for task, name in (("nvs/psnr", "image"), ("normal/mae", "normal")):
+        assert score.metrics[task]["reason"] == f"there is no prediction of '{name}' for view '{view}'"
+    assert score.metrics["roughness/mse"]["value"] is not None
+    assert "ground truth" not in (score.metrics["albedo/psnr"]["reason"] or "")

@@ -16,15 +16,22 @@ from bench.fake_method import CPU
 from radiogs_bench.errors import StoreError
 from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import Claimed, claim
-from radiogs_bench.store.folder import Store, strict_json
+from radiogs_bench.store.folder import Store
+from radiogs_bench.store.keys import content_key
 from radiogs_bench.store.schema import RESULT_SCHEMA, Result
+from radiogs_bench.store.seal import sealed, strict_json
 
 ARRAYS = {"image": np.zeros((2, 3, 3), np.float32)}
 
 
+CELLS: dict[str, dict[str, object]] = {content_key({"name": name}): {"name": name} for name in "ab"}
+A, B = CELLS
+
+
 def result(key: str, value: float = 1.0) -> Result:
     return Result(
-        schema=RESULT_SCHEMA, key=key, scene="s", cell={}, protocol={}, views=["v"], shown_view="v", shown_light=None,
+        schema=RESULT_SCHEMA, key=key, scene="s", cell=CELLS[key], protocol={}, views=["v"], shown_view="v",
+        shown_light=None,
         metrics={"nvs/psnr": {"value": value, "reason": None, "views": [value]}}, timings={}, guards={}, trail={},
         albedo_scale=None,
         facts={"surfels": 1}, maps=[], stages=[], losses={}, seconds={"fit": 0.0, "evaluate": 0.0}, parts={}, work={},
@@ -34,41 +41,43 @@ def result(key: str, value: float = 1.0) -> Result:
 
 def test_a_result_comes_back_as_it_was_put(tmp_path: Path) -> None:
     store = Store(tmp_path / "new" / "folder")
-    assert store.result("a") is None
-    store.put_result(result("a", 0.1 + 0.2), ARRAYS)
-    assert store.result("a") == result("a", 0.1 + 0.2)
-    assert [each["key"] for each in store.results()] == ["a"]
-    with np.load(store.arrays_path("a")) as arrays:
+    assert store.result(A) is None
+    store.put_result(result(A, 0.1 + 0.2), ARRAYS)
+    back = store.result(A)
+    assert back is not None
+    assert {**back, "arrays": "", "seal": ""} == {**result(A, 0.1 + 0.2), "arrays": "", "seal": ""}
+    assert [each["key"] for each in store.results()] == [A]
+    with np.load(store.arrays_path(A)) as arrays:
         assert np.array_equal(arrays["image"], ARRAYS["image"])
 
 
 @pytest.mark.parametrize(
-    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/5", "key": "b"}']
+    "content", [b"", b"{", b"[1]", b"\xff\xfe", b'{"schema": "radiogs-bench/result/6", "key": "b"}']
 )
 def test_a_damaged_result_counts_as_absent_and_is_kept_aside(
     content: bytes, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     store = Store(tmp_path)
-    store.put_result(result("a"), ARRAYS)
-    (tmp_path / "cells" / "a.json").write_bytes(content)
+    store.put_result(result(A), ARRAYS)
+    (tmp_path / "cells" / f"{A}.json").write_bytes(content)
     with caplog.at_level(logging.WARNING):
-        assert store.result("a") is None
+        assert store.result(A) is None
     assert "damaged" in caplog.text
-    assert (tmp_path / "aside" / "a.json.0").read_bytes() == content
-    store.put_result(result("a"), ARRAYS)
-    (tmp_path / "cells" / "a.json").write_bytes(content)
-    assert store.result("a") is None
+    assert (tmp_path / "aside" / f"{A}.json.0").read_bytes() == content
+    store.put_result(result(A), ARRAYS)
+    (tmp_path / "cells" / f"{A}.json").write_bytes(content)
+    assert store.result(A) is None
     assert len(list((tmp_path / "aside").iterdir())) == 2  # the second does not overwrite the first
 
 
 def test_a_result_of_another_schema_is_not_touched(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    store.put_result(result("a") | {"schema": "radiogs-bench/result/999"}, ARRAYS)  # type: ignore[arg-type]
+    store.put_result(result(A) | {"schema": "radiogs-bench/result/999"}, ARRAYS)  # type: ignore[arg-type]
     with pytest.raises(StoreError, match="another schema"):
-        store.result("a")
-    store.put_result(result("b"), ARRAYS)
-    assert [each["key"] for each in store.results()] == ["b"]
-    assert (tmp_path / "cells" / "a.json").exists()
+        store.result(A)
+    store.put_result(result(B), ARRAYS)
+    assert [each["key"] for each in store.results()] == [B]
+    assert (tmp_path / "cells" / f"{A}.json").exists()
 
 
 def test_json_is_strict() -> None:
@@ -159,8 +168,8 @@ def test_the_arrays_are_complete_before_the_result_says_so(tmp_path: Path, monke
         return replace(source, target)
 
     monkeypatch.setattr(Path, "replace", recording)
-    store.put_result(result("a"), ARRAYS)
-    assert written == ["a.npz", "a.json"]
+    store.put_result(result(A), ARRAYS)
+    assert written == [f"{A}.npz", f"{A}.json"]
 
 
 def test_a_claim_excludes_others_and_ends_with_its_holder(tmp_path: Path) -> None:
@@ -190,12 +199,12 @@ def test_a_claim_of_a_killed_process_is_free(tmp_path: Path) -> None:
 def test_a_failure_is_remembered_until_the_cell_succeeds(tmp_path: Path) -> None:
     store = Store(tmp_path)
     failure = {
-        "schema": RESULT_SCHEMA, "key": "a", "scene": "s", "cell": {}, "what": "w", "why": "", "remedy": "",
+        "schema": RESULT_SCHEMA, "key": A, "scene": "s", "cell": {}, "what": "w", "why": "", "remedy": "",
         "exit_code": 1, "date": "2026-01-01T00:00:00+00:00",
     }  # fmt: skip
     store.put_failure(failure)  # type: ignore[arg-type]
-    assert store.failure("a") == failure
+    assert store.failure(A) == sealed(failure)
     assert list(store.results()) == []
-    store.put_result(result("a"), ARRAYS)
-    assert store.failure("a") is None
-    assert json.loads((tmp_path / "cells" / "a.json").read_bytes())["key"] == "a"
+    store.put_result(result(A), ARRAYS)
+    assert store.failure(A) is None
+    assert json.loads((tmp_path / "cells" / f"{A}.json").read_bytes())["key"] == A

@@ -1,6 +1,7 @@
 """A suite of one's own reads as those in the package do, and what is wrong in it is answered with its place."""
 
 import dataclasses
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from bench.chain_method import Chain, Turned
 from bench.fake_method import asked
 from radiogs.budget import PRESETS
+from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.effects import EFFECTS_SUITE
@@ -87,6 +89,8 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ("view_share = 0.5", "view_share = 1.5", "view_share: 1.5 is not above 0 and at most 1"),
         ("incident_samples", "incident_sample", "budget: there is no field .*Did you mean 'incident_samples'"),
         ("incident_samples = 0.5", "incident_samples = 0", "incident_samples: 0.0 is not above zero"),
+        ("incident_samples = 0.5", "incident_samples = 1e30", "incident_samples: 1e[+]30 is not above zero and up to"),
+        ("incident_samples = 0.5", "incident_samples = inf", "incident_samples"),
         ("incident_samples", "geometry_rate", "there is no field 'geometry_rate'"),
         ('"nvs/psnr"', '"nvs/snr"', r"suite.columns\[0\]: there is no measure 'snr'\nDid you mean 'psnr'"),
         ('"nvs/psnr"', '"nsv/psnr"', "there is no task 'nsv'\nDid you mean 'nvs'"),
@@ -191,3 +195,22 @@ def test_a_label_that_names_no_number_is_refused_before_anything_is_run(tmp_path
     (tmp_path / "wrong.toml").write_text(text)
     with pytest.raises(UsageError, match="names 'consistency_surfel'"):
         read_suite(tmp_path / "wrong.toml")
+
+
+def test_a_file_that_is_nested_without_end_or_is_none_is_explained(tmp_path: Path) -> None:
+    """Audit M23: nested TOML ended in a traceback. M33: a named pipe was waited for."""
+    (tmp_path / "deep.toml").write_text("a = " + "[" * 100_000 + "]" * 100_000)
+    with pytest.raises(UsageError, match="is no TOML"):
+        read_suite(tmp_path / "deep.toml")
+    os.mkfifo(tmp_path / "pipe.toml")
+    with pytest.raises(DataError, match="cannot read the suite"):
+        read_suite(tmp_path / "pipe.toml")
+
+
+def test_a_budget_beyond_all_bounds_is_refused_by_name() -> None:
+    """Audit M30: a budget of 1e30 ended the run with an error of a conversion."""
+    smallest = RADIOGS.presets["smoke"]
+    for factor in (1e30, float("inf"), float("nan")):
+        with pytest.raises(UsageError, match="smoke"):
+            scaled(smallest, {"incident_samples": factor})
+    assert scaled(smallest, {"incident_samples": 4.0}).incident_samples == 4 * smallest.incident_samples

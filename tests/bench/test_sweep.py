@@ -9,6 +9,7 @@ import pytest
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of
 from radiogs.budget import PRESETS
 from radiogs_bench.store.folder import Store, product_name
+from radiogs_bench.store.seal import sealed
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.sweep import Request, read_sweep, state_of, steps_to_take, write_sweep
 from radiogs_core.errors import DataError
@@ -29,7 +30,7 @@ def test_cells_are_every_row_of_every_scene_and_seed() -> None:
 def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
     manifest = request().manifest([place for place, _ in request().cells()])
     write_sweep(Store(tmp_path), manifest)
-    assert read_sweep(tmp_path) == manifest
+    assert read_sweep(tmp_path) == sealed(manifest)
 
 
 @pytest.mark.parametrize("content", ["{", '{"schema": "other/1"}'])

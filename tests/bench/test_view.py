@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
@@ -57,3 +58,16 @@ def test_disks_are_the_surfels_as_plain_arrays(run: Path, colour: str) -> None:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     assert normals == pytest.approx(surfels.frame[..., 2].numpy(), abs=1e-6)
     assert ((disks.colours >= 0) & (disks.colours <= 1)).all()
+
+
+def test_a_model_without_surfels_and_a_picture_beyond_bounds_are_refused(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M27: VTK aborted the process at 100000 pixels, and drew nothing of no surfels."""
+    for size in ("100000", "0", "9" * 30):
+        assert main(["view", str(run), "--size", size]) == 2
+        assert "size" in capsys.readouterr().err
+    none = surfels_in(run, None).take(torch.zeros(0, dtype=torch.long))
+    monkeypatch.setattr("radiogs_bench.cli.view.surfels_in", lambda folder, row: none)
+    assert main(["view", str(run)]) == 3
+    assert "no surfels left" in capsys.readouterr().err

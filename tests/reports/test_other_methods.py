@@ -1,6 +1,5 @@
 """Reports of methods that are not RadioGS: other stages, other budgets, no surfels, no rays, no plan, no L_rad."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.figures.convergence import convergence_figures
 from radiogs_reports.figures.knobs import knob_figures
 from radiogs_reports.page.tables import cells_table
-from radiogs_reports.summary import BEFORE_STAGES, Summary, last_stage_title, read_summary
+from radiogs_reports.summary import Summary
 
 ONE = {"fit": "fitting"}
 THREE = {"zeta": "geometry", "light": "light & materials", "alpha": "joint_refinement"}
@@ -113,17 +112,6 @@ def test_rows_of_two_methods_stand_in_one_run(tmp_path: Path) -> None:
     assert "Metrics during the last stage," in metrics.caption
     assert len(metrics.figure.axes[0].get_lines()) == 1, "both rows were scored alike, so they are one line"
     assert (tmp_path / "report.html") in write_reports(write_run(tmp_path, made, size=8))
-
-
-def test_a_summary_from_before_stages_were_listed_is_brought_up_to_date(tmp_path: Path) -> None:
-    made = summary()
-    old: dict[str, Any] = {**made, "schema": BEFORE_STAGES, "runs": []}
-    for each in made["runs"]:
-        old["runs"].append({key: value for key, value in each.items() if key not in ("metrics", "stages")})
-        old["runs"][-1]["figures"] = each["metrics"]
-    (tmp_path / "summary.json").write_text(json.dumps(old, sort_keys=True))
-    assert read_summary(tmp_path) == made
-    assert last_stage_title(made) == "stage 2"
 
 
 @pytest.mark.parametrize("broken", [{"steps": 4.5}, {"steps": None}, {"steps": True}, {"steps": 0}, {"more": 1}])

@@ -14,6 +14,7 @@ from ...evaluation.metrics_by_view import MetricsByView
 from ...metrics import Value, protocol
 from ...store.provenance import reset_peaks, session
 from ...suites.cell import Cell
+from ...training.scene_files import require_unchanged
 from ...training.stages import Bench
 from ..result import EVALUATE, add_stage, empty_result
 from .axes import axis_and_points
@@ -46,6 +47,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
     result = empty_result(cell, values.rules.describe())
     result["metrics"] = values.metrics()
     add_stage(result, EVALUATE, instruments, time.perf_counter() - started, [session(bench.device)])
+    require_unchanged(scene)
     bench.store.put_result(result, arrays_of(axis, conditions, curves))
 
 

@@ -1,0 +1,88 @@
+"""Where a scene lies and how large it is, held against what float32 can tell apart.
+
+Cameras and surfels are float32 and gradients go with the inverse square of a length, so a scene far from the origin for
+its size has cameras on a coarse grid, and a very small one has gradients beyond 3e38. Both are refused here by name:
+otherwise they end in a worse image, or in a failure that speaks of a gradient.
+"""
+
+import math
+
+import torch
+
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
+
+from .bounded_reading import require_storable
+
+SMALLEST_EXTENT = 5e-2
+LARGEST_EXTENT = 1e10
+"""Of ``Scene.extent``, in world units: between them the miniatures train as at home (measured at powers of two and
+ten, preset smoke); at .015 gradients of positions overflow after 16 steps, at .004 at once."""
+
+OUTLIER = 1e4
+"""Times the median distance of cameras from their middle at which a camera is taken for damage."""
+
+FLOAT32_STEP = 2.0**-23
+PIXEL_SHARE = 0.25
+"""Share of a pixel, where cameras look, by which rounding a camera's place to float32 may move what it sees."""
+
+SHOWN = 3
+
+
+def require_placed(scene: Scene) -> None:
+    """Raise DataError for cameras out of all proportion, and for a scene too small, too large or too far away."""
+    views = [*scene.train, *scene.test]
+    if not scene.train:
+        return
+    origins = torch.stack([view.camera.centre for view in views]).double()
+    away = (origins - origins.median(0).values).norm(dim=-1)
+    middle = float(away.median())
+    lost = [place for place, distance in enumerate(away.tolist()) if distance > OUTLIER * middle > 0]
+    if lost:
+        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:SHOWN])
+        raise DataError(
+            f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
+            f"The others are about {middle:.3g} world units from their middle.",
+            "Correct their poses, or take these views out of the scene.",
+        )
+    extent = scene.extent
+    if extent > 0 and not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
+        raise DataError(
+            f"scene '{scene.name}' is {extent:.3g} world units large",
+            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g}, float32 holds the squares of its lengths and their"
+            " inverses.",
+            f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
+        )
+    _require_near(scene, views)
+
+
+def _require_near(scene: Scene, views: list[View]) -> None:
+    if scene.extent <= 0:
+        return
+    centre = scene.centre
+    worst = max(views, key=lambda view: _rounding(view, centre))
+    share = _rounding(worst, centre)
+    if share > PIXEL_SHARE:
+        raise DataError(
+            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
+            f" {scene.extent:.3g} large",
+            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels.",
+            "Subtract the mean of the cameras' places from all of them (and from points).",
+        )
+
+
+def _rounding(view: View, centre: torch.Tensor) -> float:
+    """Pixels by which half a float32 step of the camera's place moves what it looks at; 0 where it looks at itself."""
+    camera = view.camera
+    step = 0.5 * FLOAT32_STEP * float(camera.centre.abs().max())
+    distance = float((camera.centre.double() - centre).norm())
+    return max(camera.fx, camera.fy) * step / distance if distance > 0 and math.isfinite(distance) else 0.0
+
+
+def require_names(scene: Scene) -> None:
+    """Raise DataError for names of the scene, its views and lights that nothing can be stored under."""
+    require_storable(scene.name, "the scene's folder")
+    for view in (*scene.train, *scene.test, *scene.relight):
+        require_storable(view.name.replace("/", "_"), "a view")
+    for light in scene.lights:
+        require_storable(light.replace("/", "_"), "a light")

@@ -1,0 +1,96 @@
+"""Seals: every stored JSON file carries a digest of its own content, so that a changed digit is seen.
+
+The seal is the SHA-256 of the file's content without the key ``seal``, as canonical JSON (``keys.canonical``). It
+guards against damage and careless edits. It is no signature: who changes a file on purpose can seal it again.
+"""
+
+import hashlib
+import json
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..errors import StoreError
+from .keys import canonical
+
+SEAL = "seal"
+
+
+class Broken(Exception):
+    """A stored file does not hold what was written there; ``reason`` says how that shows."""
+
+    def __init__(self, reason: str) -> None:
+        self.reason = reason
+        super().__init__(reason)
+
+
+class OtherSchema(StoreError):
+    """A file that another version of the code wrote."""
+
+
+def seal_of(content: Mapping[str, Any]) -> str:
+    """The seal that belongs to plain content. Raises ValueError for NaN, which JSON does not know."""
+    return hashlib.sha256(canonical({name: value for name, value in content.items() if name != SEAL})).hexdigest()
+
+
+def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
+    """The content with its seal."""
+    return {**content, SEAL: seal_of(content)}
+
+
+def strict_json(content: Mapping[str, Any]) -> bytes:
+    """JSON without NaN and infinity, one value per line, with the same bytes for the same content."""
+    return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+
+
+def read_sealed(path: Path, schema: str, required: Collection[str]) -> dict[str, Any]:
+    """The content of a sealed file, whose seal agrees.
+
+    Raises FileNotFoundError; StoreError where the file cannot be read; OtherSchema for a file of another version; and
+    Broken for everything else: no JSON, no object, no seal or another one than its content has, a missing key.
+    """
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StoreError(
+            f"cannot read {path}: {error.strerror}",
+            "Results there can be neither used nor checked.",
+            "Make the folder readable, or name another one.",
+        ) from error
+    stored = parsed(content)
+    complaint = complaint_of(stored)
+    if stored.get("schema") != schema and (complaint is None or SEAL not in stored):
+        raise OtherSchema(
+            f"{path} was written under another schema: {stored.get('schema')!r:.80}",
+            f"This version reads {schema}.",
+            "Use the version that wrote it, or another folder:  --out FOLDER",
+        )
+    if complaint is not None:
+        raise Broken(complaint)
+    if missing := sorted(set(required) - stored.keys()):
+        raise Broken(f"it lacks {', '.join(missing)}")
+    return stored
+
+
+def parsed(content: bytes) -> dict[str, Any]:
+    """A JSON object. Raises Broken."""
+    try:
+        stored = json.loads(content)
+    except (ValueError, RecursionError):
+        raise Broken("it is not JSON") from None
+    if not isinstance(stored, dict):
+        raise Broken("it is not a JSON object")
+    return stored
+
+
+def complaint_of(stored: Mapping[str, Any]) -> str | None:
+    """Why parsed content is not what was sealed; None if it is."""
+    if SEAL not in stored:
+        return "it carries no seal"
+    try:
+        agrees = seal_of(stored) == stored[SEAL]
+    except (ValueError, RecursionError):
+        agrees = False
+    return None if agrees else "its content does not agree with its seal"

@@ -1,0 +1,56 @@
+"""Files of tensors: torch's zip archives, with the name that they were stored under inside."""
+
+import io
+import pickle
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from ..errors import StoreError
+from .seal import Broken
+
+STORED_AS = "stored_as"
+
+
+def packed(name: str, content: Mapping[str, Any]) -> memoryview:
+    """The bytes of a file of tensors and plain values that is stored under ``name``."""
+    file = io.BytesIO()
+    torch.save({STORED_AS: name, "content": dict(content)}, file)
+    return file.getbuffer()
+
+
+def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
+    """What was stored under ``name``. Pickles are not executed; every part's checksum is compared.
+
+    Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there. Raises
+    FileNotFoundError, StoreError where the file cannot be read, and Broken where it is damaged or another's.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:  # torch itself does not compare the checksums
+            damaged = archive.testzip()
+        if damaged is not None:
+            raise Broken(f"the checksum of its part {damaged} is wrong")
+        stored = torch.load(path, _placed_on(device), weights_only=True)
+    except FileNotFoundError:
+        raise
+    except OSError as error:
+        raise StoreError(
+            f"cannot read {path}: {error.strerror}", "", "Make the folder readable, or name another one."
+        ) from error
+    except (zipfile.BadZipFile, pickle.UnpicklingError, RuntimeError, EOFError, ValueError, KeyError) as error:
+        raise Broken(f"{error}".strip().partition("\n")[0] or type(error).__name__) from error
+    if not isinstance(stored, dict) or not isinstance(stored.get("content"), dict):
+        raise Broken("it does not say what it was stored as")
+    if stored.get(STORED_AS) != name:
+        raise Broken(f"it was stored as {stored.get(STORED_AS)!r:.80}, not as '{name}'")
+    return dict(stored["content"])
+
+
+def _placed_on(device: torch.device) -> Callable[[Any, str], Any]:
+    def place(storage: Any, location: str) -> Any:
+        return storage if location == "cpu" else storage.to(device)
+
+    return place

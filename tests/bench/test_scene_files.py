@@ -1,0 +1,116 @@
+"""What is stored was made from the files whose checksum is in its key."""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from bench.fake_method import CPU, FakeStage, FakeSweep, FakeTrained, evaluate, fake_cell
+from radiogs_bench.evaluation.evaluate import Evaluation
+from radiogs_bench.experiments.train import train_and_score
+from radiogs_bench.suites.cell import Cell
+from radiogs_bench.training.scene_files import require_unchanged, require_unchanged_if_touched
+from radiogs_bench.training.stages import Bench
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets import load_scene
+from radiogs_datasets.enlargement import enlarged
+from radiogs_datasets.options import SceneOptions
+
+CORNER = load_scene("corner").folder
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    assert CORNER is not None
+    return load_scene(str(shutil.copytree(CORNER, tmp_path / "corner")))
+
+
+def image_of(scene: Scene) -> Path:
+    assert scene.folder is not None
+    return sorted(scene.folder.rglob("rgba.png"))[-1]
+
+
+def repaint(scene: Scene) -> None:
+    """Replace an image by a black one of its size."""
+    with Image.open(image_of(scene)) as image:
+        size = image.size
+    Image.fromarray(np.zeros((size[1], size[0], 4), np.uint8)).save(image_of(scene))
+
+
+def train(scene: Scene, folder: Path, score: Callable[..., Evaluation] = evaluate) -> Cell:
+    cell = fake_cell(scene=scene)
+    train_and_score(FakeSweep(folder).bench, cell, scene, score=score)
+    return cell
+
+
+@pytest.mark.parametrize("options", [SceneOptions(), SceneOptions(reduce=2)], ids=["as stored", "reduced"])
+def test_unchanged_files_agree_with_the_checksum(scene: Scene, options: SceneOptions) -> None:
+    for each in (scene, load_scene(str(scene.folder), options=options), load_scene("corner"), load_scene("hard-cases")):
+        require_unchanged(each)
+        require_unchanged_if_touched(each)
+    require_unchanged(enlarged(scene, 3, 2, 48, 40, masks=True))
+
+
+@pytest.mark.parametrize("change", [repaint, lambda scene: image_of(scene).unlink()], ids=["painted", "deleted"])
+def test_changed_files_are_named(scene: Scene, change: Callable[[Scene], None]) -> None:
+    require_unchanged_if_touched(scene)
+    change(scene)
+    for check in (require_unchanged, require_unchanged_if_touched):
+        with pytest.raises(DataError, match="'corner' were changed while they were in use"):
+            check(scene)
+
+
+def test_files_that_were_only_touched_are_the_same(scene: Scene) -> None:
+    require_unchanged_if_touched(scene)
+    image_of(scene).write_bytes(image_of(scene).read_bytes())
+    require_unchanged_if_touched(scene)
+
+
+def test_images_that_are_replaced_while_they_are_scored_leave_no_result(scene: Scene, tmp_path: Path) -> None:
+    """Audit M1: 8.26 dB were kept under the key of the true scene, also after its images were put back."""
+    whole = image_of(scene).read_bytes()
+
+    def replacing(bench: Bench, cell: Cell, given: Scene, model: FakeTrained) -> Evaluation:
+        repaint(given)
+        return evaluate(bench, cell, given, model)
+
+    with pytest.raises(DataError, match="were changed while they were in use"):
+        train(scene, tmp_path / "out", replacing)
+    assert not list((tmp_path / "out").glob("cells/*"))
+    image_of(scene).write_bytes(whole)
+    cell = train(scene, tmp_path / "out")
+    assert FakeSweep(tmp_path / "out").store.result(cell.key) is not None
+
+
+@pytest.mark.parametrize("step", [1, 2, 3])
+def test_images_that_are_replaced_while_a_stage_learns_leave_neither_product_nor_checkpoint(
+    step: int, scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Audit M1: a checkpoint of the step before is of the true images, and stays."""
+    stepped = FakeStage.step
+
+    def replacing(stage: FakeStage) -> object:
+        if stage.iteration == step - 1:
+            repaint(scene)
+        return stepped(stage)
+
+    monkeypatch.setattr(FakeStage, "step", replacing)
+    with pytest.raises(DataError, match="were changed while they were in use"):
+        train(scene, tmp_path / "out")
+    kept = [path.name.partition(".")[2] for path in (tmp_path / "out").glob("stages/*")]
+    assert kept == ([] if step == 1 else ["checkpoint.pt"])
+    (checkpoint,) = [*(tmp_path / "out").glob("stages/*")] or [None]
+    if checkpoint is not None:
+        state = FakeSweep(tmp_path / "out").store.tensors(f"stages/{checkpoint.name.removesuffix('.pt')}", CPU)
+        assert state is not None
+        assert state["state"]["iteration"] == step - 1
+
+
+def test_a_scene_whose_checksum_was_of_other_files_is_refused(scene: Scene, tmp_path: Path) -> None:
+    with pytest.raises(DataError, match="were changed"):
+        train(replace(scene, checksum="1" * 64), tmp_path / "out")

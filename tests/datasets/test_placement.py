@@ -1,0 +1,185 @@
+"""Scenes that float32 cannot hold, names that cannot be stored, and scenes that show too little are said."""
+
+import json
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radiogs_bench.cli.main import main
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
+from radiogs_datasets import load_scene
+from radiogs_datasets.check import Finding, check_scene, grouped
+from radiogs_datasets.evidence import few_views_or_pixels
+from radiogs_datasets.image_files import read_png, write_png
+from radiogs_datasets.options import SceneOptions
+from radiogs_datasets.placement import LARGEST_EXTENT, SMALLEST_EXTENT, require_names, require_placed
+from radiogs_datasets.registry import TINY
+
+Move = Callable[[np.ndarray], np.ndarray]
+
+
+@pytest.fixture
+def corner(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(TINY / "corner", tmp_path / "corner"))
+
+
+def moved(view: View, scale: float, offset: float) -> View:
+    pose = view.camera.camera_to_world.double()
+    pose[:3, 3] = pose[:3, 3] * scale + offset
+    return replace(view, camera=replace(view.camera, camera_to_world=pose.float()))
+
+
+def placed(scene: Scene, scale: float, offset: float = 0.0) -> Scene:
+    return replace(
+        scene,
+        train=tuple(moved(view, scale, offset) for view in scene.train),
+        test=tuple(moved(view, scale, offset) for view in scene.test),
+    )
+
+
+def rewrite(folder: Path, place: int, move: Move) -> None:
+    """Move the camera of one training view in the file."""
+    path = folder / "transforms_train.json"
+    table = json.loads(path.read_text())
+    pose = np.array(table["frames"][place]["transform_matrix"])
+    pose[:3, 3] = move(pose[:3, 3])
+    table["frames"][place]["transform_matrix"] = pose.tolist()
+    path.write_text(json.dumps(table))
+
+
+@pytest.mark.parametrize("factor", [2.0**-14, 2.0**-18, 1e-9, 1e12])
+def test_a_scene_of_a_size_that_float32_cannot_square_is_refused(factor: float) -> None:
+    """Audit M21: translations times 2^-18 ended with a gradient that was not finite, exit 4."""
+    scene = load_scene("corner")
+    with pytest.raises(DataError, match="world units large"):
+        require_placed(placed(scene, factor))
+    for size in (1.01 * SMALLEST_EXTENT, 0.99 * LARGEST_EXTENT, 1.0):
+        require_placed(placed(scene, size / scene.extent))
+
+
+def test_a_scene_far_from_the_origin_for_its_size_is_refused() -> None:
+    """Issue 29, item 3: moved by a million of its sizes, its cameras stand on a grid of float32."""
+    scene = load_scene("corner")
+    require_placed(placed(scene, 1, 100 * scene.extent))
+    with pytest.raises(DataError, match="from the origin") as caught:
+        require_placed(placed(scene, 1, 1e6 * scene.extent))
+    assert "pixels" in caught.value.why
+
+
+@pytest.mark.parametrize("far", [1e6, 1e19])
+def test_one_camera_out_of_proportion_is_named(corner: Path, capsys: pytest.CaptureFixture[str], far: float) -> None:
+    """Audit M21: one camera at 1e19 was 'sound', and scored 6.7 dB."""
+    rewrite(corner, 4, lambda origin: origin * far)
+    assert main(["datasets", "check", str(corner)]) == 3
+    said = capsys.readouterr().out
+    assert "1 of" in said
+    assert "train_004" in said
+
+
+def test_the_miniatures_lie_well() -> None:
+    """Issue 29, item 3: none of the scenes that come with the package is touched by the bounds."""
+    for name in ("corner", "bowl", "niche"):
+        scene = load_scene(name)
+        require_placed(placed(scene, 0.05))
+        require_placed(placed(scene, 1e6))
+
+
+@pytest.mark.parametrize("name", ["x" * 201, "a\nb", "a\u202eb", "\udc80"])
+def test_names_that_nothing_can_be_stored_under_are_refused(name: str) -> None:
+    """Audit M28: names too long or not UTF-8 failed after training."""
+    scene = load_scene("corner")
+    renamed, light = replace(scene.test[0], name=name), next(iter(scene.lights.values()))
+    for wrong in (replace(scene, name=name), replace(scene, test=(renamed,)), replace(scene, lights={name: light})):
+        with pytest.raises(DataError, match="is called") as caught:
+            require_names(wrong)
+        caught.value.what.encode()
+    require_names(replace(scene, name="eine Szene \u00fc \u30b7\u30fc\u30f3"))
+
+
+def test_a_scene_with_a_name_beyond_bounds_is_refused_when_it_is_opened(corner: Path) -> None:
+    """Audit M28: before anything is trained."""
+    folder = corner.with_name("n" * 220)
+    corner.rename(folder)
+    with pytest.raises(DataError, match="is called"):
+        load_scene(str(folder))
+
+
+def painted(corner: Path, name: str, level: float) -> None:
+    path = corner / name / "rgba.png"
+    image = read_png(path)
+    image[..., :3] = level
+    write_png(path, image)
+
+
+def test_little_evidence_is_said_by_check(corner: Path) -> None:
+    """Issue 29, item 4: images all black or white, few covered pixels, views twice."""
+    painted(corner, "train_001", 0)
+    painted(corner, "test_001", 1)
+    image = read_png(corner / "test_002/rgba.png")
+    image[..., 3] *= np.arange(image[..., 3].size).reshape(image.shape[:2]) == int(image[..., 3].argmax())
+    write_png(corner / "test_002/rgba.png", image)
+    (corner / "train_003/rgba.png").write_bytes((corner / "train_002/rgba.png").read_bytes())
+    report = check_scene(str(corner))
+    words = {finding.place: finding.what for finding in report.findings if finding.severity == "warning"}
+    assert "black throughout" in words["train_001"]
+    assert "white throughout" in words["test_001"]
+    assert "1 of its pixels" in words["test_002"]
+    assert "is that of train_002" in words["train_003"]
+    assert len(words) == 4
+
+
+def test_few_views_and_small_images_are_said_on_loading() -> None:
+    """Issue 29, item 4: what cameras alone tell is among the repairs, which train and run print."""
+    scene = load_scene("corner")
+    assert few_views_or_pixels(scene) == ()
+    one = replace(scene, train=scene.train[:1], test=scene.test[:1])
+    assert [said[:6] for said in few_views_or_pixels(one)] == ["1 view", "1 view"]
+    still = replace(scene, train=tuple(moved(view, 0, 0) for view in scene.train))
+    assert few_views_or_pixels(still) == ("all training cameras stand in one place: depth is not determined",)
+    reduced = load_scene("corner", options=SceneOptions(long_side=8))
+    assert any("SSIM has no value" in said for said in reduced.repairs)
+
+
+def test_complaints_of_the_same_words_are_grouped() -> None:
+    """Issue 29, item 1: 10,000 cameras that look away are one finding."""
+    many = [Finding(f"view {place}", "looks away") for place in range(10_000)]
+    found = list(grouped([*many, Finding("other", "is empty")]))
+    assert [finding.place for finding in found] == ["10000 places", "other"]
+    assert found[0].what == "looks away; the first 3: view 0, view 1, view 2"
+    assert list(grouped(many[:8])) == many[:8]
+
+
+@pytest.mark.parametrize("name", ["x" * 5000, "./" + "y" * 300, "\udc80", "a\0b"])
+def test_paths_that_the_system_cannot_hold_are_no_scenes(name: str) -> None:
+    """Audit M23: paths over 255 characters and lone surrogates ended in tracebacks."""
+    with pytest.raises(DataError) as caught:
+        load_scene(name)
+    str(caught.value).encode()
+
+
+@pytest.mark.parametrize("written", ["v" * 300, "w/" * 3000])
+def test_paths_within_tables_that_the_system_cannot_hold_are_explained(corner: Path, written: str) -> None:
+    """Audit M23: the same within a transforms file."""
+    path = corner / "transforms_train.json"
+    table = json.loads(path.read_text())
+    table["frames"][2]["file_path"] = f"./train_002{written}/rgba"
+    path.write_text(json.dumps(table))
+    with pytest.raises(DataError):
+        load_scene(str(corner))
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may read every folder")
+def test_a_folder_that_may_not_be_read_is_explained(corner: Path) -> None:
+    """Audit M23: unreadable folders."""
+    (corner / "train_002").chmod(0)
+    try:
+        with pytest.raises(DataError):
+            load_scene(str(corner))
+    finally:
+        (corner / "train_002").chmod(0o755)
