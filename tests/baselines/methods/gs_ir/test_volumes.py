@@ -93,6 +93,12 @@ def test_inheriting_goes_step_by_step() -> None:
     assert probe.tolist()[4:] == [1, 1, 1]
 
 
+def test_two_steps_along_an_axis_are_nearer_than_three_around_the_corner() -> None:
+    """The corner (3, 3, 3) reads (5, 3, 3) and not (2, 2, 2), whose straight distance is less."""
+    near = torch.tensor([(2 * 7 + 2) * 7 + 2, (5 * 7 + 3) * 7 + 3])
+    assert int(inherited(near, 7)[(3 * 7 + 3) * 7 + 3]) == 1
+
+
 def test_the_projection_is_onto_orthonormal_harmonics() -> None:
     """Sums of products over the sphere are the identity; M = 1 is the constant alone."""
     direction = sphere_directions(4096, dtype=F64)
