@@ -21,7 +21,7 @@ def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
     """Levels [height, width, 3] as (B, G, R), as stored; EXIF's orientation is ignored.
 
     OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
-    decodes; what others print meanwhile is passed on. Raises DataError for a damaged file.
+    decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.
     """
     with _stderr:
         if sys.stderr is not None:
