@@ -36,6 +36,7 @@ from .methods import budget_of, method_names, variant_of
 from .methods import method as installed_method
 from .metrics import PROTOCOLS
 from .metrics import protocol as protocol_of
+from .store.claim import saying_who_holds
 from .store.export import rows
 from .store.folder import Store
 from .suites.cell import Work, cell_of
@@ -161,7 +162,7 @@ def train(
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
     with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as kept_nowhere:
         store = Store(Path(kept_nowhere if out is None else out))
-        with progress_for_stderr() as progress, Interruption() as interruption:
+        with saying_who_holds(str(out)), progress_for_stderr() as progress, Interruption() as interruption:
             read_everything(read, lambda done, total: progress.advance(f"reading {read.name}", done, total))
             bench = Bench(store, torch.device(device), progress, interruption, lambda name: used)
             model, _ = trained(bench, cell, read)

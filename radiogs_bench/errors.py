@@ -24,6 +24,10 @@ class StoreError(ExplainedError):
     """The store cannot be read or written; what was finished before is untouched."""
 
 
+class Killed(ExplainedError):
+    """Processes that ran cells were killed, and cells are left that nobody runs."""
+
+
 class NotFetched(ExplainedError):
     """Files of a data set could not be fetched; the message says what to fetch by hand, and where to put it."""
 
@@ -44,6 +48,7 @@ EXIT_CODES: tuple[tuple[type[ExplainedError], int], ...] = (
     (NotFetched, 5),
     (DataError, 3),
     (StoreError, UNEXPECTED),
+    (Killed, UNEXPECTED),
     (UsageError, 2),
     (ExplainedError, 1),
 )

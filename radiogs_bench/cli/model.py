@@ -79,6 +79,7 @@ def train(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..methods import budget_of, method
+    from ..store.claim import saying_who_holds
     from ..store.folder import Store
     from ..suites.cell import Work, cell_of
     from ..training.interruption import Interruption
@@ -95,7 +96,8 @@ def train(options: argparse.Namespace) -> int:
         say(f"{scene.name}: {repair}")
     work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
     cell = cell_of(used, scene, work, options.method)
-    with store.keeping_tracebacks(), progress_for_stderr() as progress, Interruption() as interruption:
+    held = saying_who_holds(str(options.out))
+    with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
         model, ledgers = trained(Bench(store, device, progress, interruption, method), cell, scene)
         facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)

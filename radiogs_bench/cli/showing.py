@@ -10,7 +10,7 @@ from radiogs_reports.doubts import footnotes, marks
 from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
 from ..results.summary import summarise
-from ..store.atomic import write_atomically
+from ..store.atomic import explained, write_atomically
 from ..store.folder import Store
 from ..store.seal import sealed, strict_json
 from ..suites.sweep import Sweep
@@ -37,7 +37,8 @@ def write(store: Store, sweep: Sweep) -> tuple[Summary, list[Path]]:
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"):
         write_atomically(store.folder / "summary.json", strict_json(sealed(summary)))
-        written = write_reports(store.folder)
+        with explained(store.folder):
+            written = write_reports(store.folder)
     return summary, [store.folder / "summary.json", *written]
 
 

@@ -1,10 +1,13 @@
-"""``radiogs-bench status``, ``report`` and ``export``: a folder's state, its reports, its metrics, mesh or images."""
+"""``radiogs-bench status``, ``verify``, ``report``, ``export``: a folder's state, damage, reports, metrics or model."""
 
 import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from radiogs_core.errors import DataError
+
+from ..errors import exit_code
 from . import layout, mesh
 from .options import add_verbose
 
@@ -15,6 +18,7 @@ if TYPE_CHECKING:
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "status", "what a folder of results holds", status)
+    _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
     exporting = _declare(
         commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
@@ -59,6 +63,31 @@ def status(options: argparse.Namespace) -> int:
         say(f"{others} finished cells of other runs or versions of the code are kept beside them")
     say_aside(store)
     return 0
+
+
+def verify(options: argparse.Namespace) -> int:
+    """Print every file that is not as it was stored, and what a rerun would take; 3 if there is any."""
+    from ..results.verify import verify as look
+    from ..store.folder import Store
+    from .aside import say_aside
+    from .reporter import say
+
+    found = look(options.out)
+    for each in found.findings:
+        say(f"{each.path}: {each.what}")
+    say(f"{found.whole} files are as they were stored, {len(found.findings)} are not")
+    if found.others:
+        say(f"{found.others} files of other versions were left alone")
+    say_aside(Store(options.out))
+    rerun = found.rerun
+    if rerun is not None and rerun.cells:
+        time = (
+            "as nothing like it has finished, its time is not known"
+            if rerun.seconds is None
+            else (f"about {rerun.seconds:.0f} s, as those that are there took")
+        )
+        say(f"The same `run` would finish {rerun.cells} cells and train {rerun.stages} stages for them: {time}.")
+    return exit_code(DataError("")) if found.findings else 0
 
 
 def report(options: argparse.Namespace) -> int:

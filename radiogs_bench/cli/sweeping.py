@@ -90,7 +90,8 @@ def run_request(
         ended = bring_to_end(
             request, Bench(store, device, progress, interruption, request.method), engine, options.arguments
         )
-        code = ended.code or report_failures(ended.failures)
+        reported = report_failures(ended.failures)
+        code = ended.code or reported
     from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
     if options.json:

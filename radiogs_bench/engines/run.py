@@ -1,5 +1,6 @@
 """Runs the missing cells of a request with the chosen engine."""
 
+import signal
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,7 +11,7 @@ from radiogs_core.errors import ExplainedError, UsageError
 from radiogs_core.kernels.runtime import workers
 from radiogs_datasets import load_scene
 
-from ..errors import DONE, EXIT_CODES
+from ..errors import DONE, EXIT_CODES, UNEXPECTED, Killed
 from ..experiments.registry import EXPERIMENTS
 from ..metrics import protocol
 from ..metrics.weights import complaint
@@ -107,8 +108,10 @@ def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, 
     codes = run_pool(commands, bench.progress.say, look, bench.interruption)
     bench.interruption.check()
     # A worker that was killed costs time only, if the others have taken up its cells.
-    whole = all(bench.store.has_result(cell.key) for _, cell in cells)
-    return Ended(code=DONE if whole else worst_of(codes))
+    left = sum(not bench.store.has_result(cell.key) for _, cell in cells)
+    if not left:
+        return Ended()
+    return Ended(killed(codes, left), worst_of(codes))
 
 
 def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
@@ -126,7 +129,28 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
         return Ended(run_on_cluster(tasks, cluster, bench.store, bench.progress, bench.interruption))
 
 
+def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
+    """What to say of workers that ended without a word: by a signal, or well with cells left; ``left`` counts those."""
+    signals = sorted({-code for code in codes if code < 0})
+    if not signals and any(codes):
+        return []  # they have explained their failures themselves
+    names = ", ".join(f"signal {number}, {signal.strsignal(number)}" for number in signals)
+    how = (
+        f"{sum(code < 0 for code in codes)} of {len(codes)} workers were killed ({names})"
+        if signals
+        else ("the workers ended")
+    )
+    return [
+        Killed(
+            f"{how}, and {left} cells are not finished",
+            "Signal 9 mostly comes from a machine that is out of memory." if signal.SIGKILL in signals else "",
+            "Run the same command again: it continues from the last checkpoints. With fewer --workers each has more"
+            " memory.",
+        )
+    ]
+
+
 def worst_of(codes: Sequence[int]) -> int:
-    """The exit code of a run with unfinished cells, from those of its workers."""
+    """The exit code of a run with unfinished cells: the worst that its workers gave a reason for."""
     known = [code for _, code in EXIT_CODES]
-    return min((code for code in codes if code in known), key=known.index, default=1)
+    return min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from ..errors import StoreError
 from .atomic import explained
 
 POLL_SECONDS = 0.05
@@ -40,6 +41,19 @@ def claim(path: Path) -> Iterator[None]:
         # Unlinked while still held: whoever opened the old file in the meantime sees that it lost its name.
         path.unlink(missing_ok=True)
         os.close(descriptor)
+
+
+@contextmanager
+def saying_who_holds(what: str) -> Iterator[None]:
+    """Turn Claimed into a StoreError, for commands that have nothing else to do meanwhile; ``what`` is claimed."""
+    try:
+        yield
+    except Claimed as claimed:
+        raise StoreError(
+            f"{what} is in use by {claimed.holder}",
+            "Two processes would train the same model twice.",
+            "Let it end, then run the same command again: it reads what that one made. Or use another folder.",
+        ) from claimed
 
 
 @contextmanager

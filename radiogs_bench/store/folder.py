@@ -115,7 +115,7 @@ class Store:
 
     def results(self) -> Iterator[Result]:
         """All finished results of this schema, in the order of their keys."""
-        for key in self.keys():
+        for key in self.result_keys():
             try:
                 stored = self.result(key)
             except OtherSchema as other:
@@ -124,10 +124,16 @@ class Store:
             if stored is not None:
                 yield stored
 
-    def keys(self) -> list[str]:
+    def result_keys(self) -> list[str]:
         """Keys of all cells that have a result file, in order."""
-        names = (path.name for path in (self.folder / "cells").glob("*.json"))
-        return sorted(name.removesuffix(".json") for name in names if not name.endswith(".failed.json"))
+        return sorted({path.stem for path in self._json_files()} - {f"{key}.failed" for key in self.failed_keys()})
+
+    def failed_keys(self) -> list[str]:
+        """Keys of all cells that have a failure, in order."""
+        return sorted(path.stem.removesuffix(".failed") for path in self._json_files() if path.stem.endswith(".failed"))
+
+    def _json_files(self) -> Iterator[Path]:
+        return (path for path in (self.folder / "cells").glob("*.json") if not path.name.startswith("."))
 
     def put_result(self, result: Result, arrays: Mapping[str, np.ndarray]) -> None:
         """Store a finished cell: first its arrays, then the JSON, which names their digest and marks it complete."""
@@ -146,16 +152,19 @@ class Store:
 
     def failure(self, key: str) -> Failure | None:
         """Why the cell failed when it was last tried, or None."""
-        path = self._failure_path(key)
         try:
-            stored = read_sealed(path, RESULT_SCHEMA, FAILURE_KEYS)
-            if stored["key"] != key:
-                raise Broken(f"it is not the failure of cell {key}")
+            return self.sealed_failure(key)
         except FileNotFoundError:
             return None
         except Broken as broken:
-            set_aside(self.folder, path, broken.reason)
+            set_aside(self.folder, self._failure_path(key), broken.reason)
             return None
+
+    def sealed_failure(self, key: str) -> Failure:
+        """The failure of a cell, whose seal agrees; nothing is moved. Raises as ``sealed_result`` does."""
+        stored = read_sealed(self._failure_path(key), RESULT_SCHEMA, FAILURE_KEYS)
+        if stored["key"] != key:
+            raise Broken(f"it is not the failure of cell {key}")
         return cast(Failure, stored)
 
     def put_failure(self, failure: Failure) -> None:

@@ -3,7 +3,6 @@
 The dataclasses are the schema: a new field can be used in files at once.
 """
 
-import re
 import tomllib
 from dataclasses import replace
 from functools import partial
@@ -18,12 +17,10 @@ from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
 from ..methods import SUFFIX, method
+from ..store.names import PLAIN
 from .experiment import EXPERIMENTS
 from .registry import SUITES
 from .suite import MEASURES, TASKS, Metric, Row, Suite, with_numbers
-
-NAME = re.compile(r"[\w.-]+")
-
 
 LARGEST_FACTOR = 1e4
 """Of a number of the budget: the largest preset times it is more than any machine finishes."""
@@ -68,7 +65,12 @@ def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
 
 def _check(suite: Suite, reader: PlainReader) -> None:
     """Check what types do not express."""
-    reader.expect(NAME.fullmatch(suite.name) is not None, "suite.name", suite.name, "a name of letters, digits and .-_")
+    reader.expect(
+        PLAIN.fullmatch(suite.name) is not None,
+        "suite.name",
+        suite.name,
+        "a name of at most 120 letters, digits and .-_, no dot first",
+    )
     if suite.name in SUITES:
         reader.fail("suite.name", f"'{suite.name}' is a suite that comes with the package", "", "Choose another name.")
     reader.expect(len(suite.columns) > 0, "suite.columns", [], "a list of at least one metric")

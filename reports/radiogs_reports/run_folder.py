@@ -10,6 +10,7 @@ from .analysis.published_order import order_report
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
+from .files import fresh, require_own_folders
 from .page import write_page
 from .stale import drop_stale
 from .summary import Summary, read_summary
@@ -18,6 +19,7 @@ from .write.cost import cost_csv, cost_latex, cost_markdown
 from .write.document import report_document
 from .write.findings import Findings, findings_latex, findings_markdown
 from .write.ladder import ladder_csv
+from .write.markdown import without_markup
 from .write.order import order_csv
 from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
@@ -26,16 +28,16 @@ from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 def write_reports(out: Path) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
-    The same stored results give the same bytes. Tables and figures that only an earlier run had are deleted.
+    The same stored results give the same bytes. Tables and figures that only an earlier run had are deleted. Raises
+    ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a link.
     """
     summary = read_summary(out)
+    require_own_folders(out, "tables", FOLDER)
     figures = write_figures(summary, out)
     written = []
     for name, text in texts(summary, figures).items():
-        path = out / name
-        path.parent.mkdir(exist_ok=True)
-        path.write_text(text, encoding="utf-8")
-        written.append(path)
+        written.append(fresh(out / name))
+        written[-1].write_text(text, encoding="utf-8")
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
     written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
@@ -56,7 +58,8 @@ def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:
     tables = _tables(summary)
     inputs = [f"{suite}_table.tex", *(name for name in tables if name.endswith(".tex"))]
     included = [(f"{FOLDER}/{drawn.pdf.name}", drawn.caption) for drawn in figures]
-    return own | tables | {"report.tex": report_document(summary, inputs, included)}
+    made = own | tables | {"report.tex": report_document(summary, inputs, included)}
+    return {name: without_markup(text) if name.endswith(".md") else text for name, text in made.items()}
 
 
 def _tables(summary: Summary) -> dict[str, str]:

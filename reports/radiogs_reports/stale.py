@@ -7,6 +7,8 @@ measured with them. Files named after their suite stay, because they say which r
 from collections.abc import Sequence
 from pathlib import Path
 
+from .files import fresh
+
 RECORD = "reports.txt"
 """Lists the reports, one path per line, relative to the folder. Files that it does not list are never deleted."""
 
@@ -22,4 +24,4 @@ def drop_stale(out: Path, written: Sequence[Path]) -> None:
         for path in sorted(out.glob(pattern)):
             if path.relative_to(out).as_posix() in earlier - current:
                 path.unlink()
-    record.write_text("".join(f"{name}\n" for name in sorted(current)), encoding="utf-8")
+    fresh(record).write_text("".join(f"{name}\n" for name in sorted(current)), encoding="utf-8")

@@ -236,8 +236,11 @@ def test_dollars_in_names_are_dollars(tmp_path: Path) -> None:
 
 
 def test_names_of_files_suit_every_system_and_latex() -> None:
-    assert file_name("my scene/ä_%", "image") == "my_scene-image"
-    assert file_name("../", "image") == "_-image"
+    assert file_name("my_scene", "image") == "my_scene-image"
+    awkward = ["s-1", "s_1", "s.1", "s 1", "s__1", "_s_1", "シーン", "場面", "", "..", "../", "x" * 300, "x" * 301]
+    names = [file_name(scene, "image") for scene in awkward]
+    assert len(set(names)) == len(names), "Audit M5: the report showed one scene under the other's caption"
+    assert all(re.fullmatch(r"[A-Za-z0-9_]{1,70}-image", name) for name in names)
 
 
 def test_numbers_of_ticks_are_short() -> None:

@@ -1,5 +1,6 @@
 """What all figures share: style, sizes, tiles of pictures, and files whose bytes depend on their content alone."""
 
+import hashlib
 import re
 import textwrap
 from dataclasses import dataclass
@@ -14,9 +15,13 @@ from numpy import object_
 from numpy.typing import NDArray
 
 from .. import maps
+from ..files import fresh
 
 FOLDER = "figures"
 DOTS_PER_INCH = 150
+
+LONGEST_PART = 60
+"""Characters of a scene's or method's name in the name of a file."""
 
 STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, and has the Greek letters of the rows' names
@@ -74,9 +79,7 @@ def blank(width: float, height: float) -> Figure:
 
 def save(sketch: Sketch, out: Path) -> Drawn:
     """Write a figure as PNG and PDF, without the date and version that matplotlib would add."""
-    folder = out / FOLDER
-    folder.mkdir(exist_ok=True)
-    png, pdf = folder / f"{sketch.name}.png", folder / f"{sketch.name}.pdf"
+    png, pdf = (fresh(out / FOLDER / f"{sketch.name}.{ending}") for ending in ("png", "pdf"))
     with rc_context(STYLE):
         sketch.figure.savefig(png, metadata={"Software": None})
         sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
@@ -84,8 +87,14 @@ def save(sketch: Sketch, out: Path) -> Drawn:
 
 
 def file_name(*parts: str) -> str:
-    """Join parts into a file name that every system and LaTeX accept."""
-    return "-".join(re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_") or "_" for part in parts)
+    """Join parts into a file name that every system and LaTeX accept; other parts give another name."""
+    return "-".join(map(_plain_part, parts))
+
+
+def _plain_part(part: str) -> str:
+    """Letters, digits and single underscores; where that is not the part itself, with a digest of what it was."""
+    kept = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")[:LONGEST_PART]
+    return kept if kept == part else f"{kept}_{hashlib.sha256(part.encode('utf-8', 'replace')).hexdigest()[:8]}"
 
 
 def plain(text: str) -> str:

@@ -8,6 +8,7 @@ from matplotlib import get_data_path
 from PIL import Image, ImageDraw, ImageFont
 
 from .. import maps
+from ..files import fresh
 from ..maps import ERROR_RANGE, KINDS, difference, false_colour
 from ..summary import SheetSummary, Summary
 
@@ -34,7 +35,7 @@ def write_contact_sheet(summary: Summary, out: Path) -> Path:
     for band in bands:
         sheet.paste(band, (0, top))
         top += band.height
-    path = out / "contact_sheet.png"
+    path = fresh(out / "contact_sheet.png")
     sheet.save(path, optimize=True)
     return path
 

@@ -17,6 +17,7 @@ from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
 from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
+from ..files import fresh
 from ..summary import Summary
 from ..write.caption import run_note
 from .embedding import content_security_policy, json_for_script
@@ -34,7 +35,7 @@ def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] 
 
     ``figures``: PNG files to show, with their captions.
     """
-    path = out / "report.html"
+    path = fresh(out / "report.html")
     embedded = [(data_address(png), caption) for png, caption in figures]
     path.write_text(page(summary, album(summary["runs"], out), embedded), encoding="utf-8")
     return path

@@ -1,0 +1,134 @@
+"""Looks at every stored file of a folder, changes nothing, and says what a rerun would cost."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+
+import torch
+
+from radiogs_core.errors import DataError
+from radiogs_reports.summary import read_summary
+
+from ..errors import StoreError
+from ..store.folder import Store, product_name
+from ..store.schema import Result
+from ..store.seal import Broken, OtherSchema
+from ..store.tensor_file import read_tensors
+from ..suites.sweep import Sweep, read_sweep
+from ..training.trained_folder import read_about
+
+CPU = torch.device("cpu")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A file that is not as it was stored, by its path within the folder, and how that shows."""
+
+    path: str
+    what: str
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """What the folder's last run still has to do: cells to finish, stages among it, and seconds, if they are known."""
+
+    cells: int
+    stages: int
+    seconds: float | None
+
+
+@dataclass
+class Verified:
+    """What was found. ``whole`` counts files that agree; ``others`` were written by another version."""
+
+    findings: list[Finding] = field(default_factory=list)
+    whole: int = 0
+    others: int = 0
+    results: dict[str, Result] = field(default_factory=dict)
+    """Whole results with whole arrays, by key."""
+    products: set[str] = field(default_factory=set)
+    """Keys of the stages whose products are whole."""
+    rerun: Rerun | None = None
+    """None for a folder of `train`, and where the manifest cannot be used."""
+
+    def look(self, path: str, check: Callable[[], object]) -> bool:
+        """Whether a file passes a check that raises where it does not agree."""
+        try:
+            check()
+        except OtherSchema:
+            self.others += 1
+            return False
+        except Broken as broken:
+            self.findings.append(Finding(path, broken.reason))
+            return False
+        except FileNotFoundError:
+            self.findings.append(Finding(path, "it is gone"))
+            return False
+        except (DataError, StoreError) as error:
+            self.findings.append(Finding(path, error.what))
+            return False
+        except (ValueError, KeyError, TypeError) as error:
+            self.findings.append(Finding(path, f"{type(error).__name__}: {error}"))
+            return False
+        self.whole += 1
+        return True
+
+
+def verify(folder: Path) -> Verified:
+    """Check all files that carry a seal, a digest or a name. Raises DataError where the folder is no run."""
+    store, found = Store(folder), Verified()
+    readers: Mapping[str, Callable[[Path], object]] = {
+        "sweep.json": read_sweep, "trained.json": read_about, "summary.json": read_summary,
+    }  # fmt: skip
+    there = [name for name in readers if (folder / name).exists()]
+    if not set(there) - {"summary.json"} and not store.result_keys():
+        read_sweep(folder)  # says what to do where there is no run
+    sound = {name for name in there if found.look(name, partial(readers[name], folder))}
+    for key in store.result_keys():
+        _look_at_cell(store, found, key)
+    for key in store.failed_keys():
+        found.look(f"cells/{key}.failed.json", partial(store.sealed_failure, key))
+    for path in sorted((folder / "stages").glob("*.pt")):
+        name = product_name(path.stem)
+        if found.look(f"{name}.pt", partial(read_tensors, path, name, CPU)):
+            found.products.add(path.stem)
+    if "sweep.json" in sound:
+        found.rerun = rerun_of(read_sweep(folder), found.results, found.products)
+    return found
+
+
+def _look_at_cell(store: Store, found: Verified, key: str) -> None:
+    if found.look(f"cells/{key}.json", partial(store.sealed_result, key)):
+        result = store.sealed_result(key)
+        if found.look(f"cells/{key}.npz", partial(store.check_arrays, result)):
+            found.results[key] = result
+
+
+def rerun_of(sweep: Sweep, results: Mapping[str, Result], products: set[str]) -> Rerun:
+    """What is left of a run: a stage that several cells share counts once.
+
+    Seconds are those that whole results of the same row took, else of any row; None if one of them was never measured.
+    """
+    left = [place for place in sweep["cells"] if place["key"] not in results]
+    stages: set[str] = set()
+    seconds: list[float | None] = []
+    for place in left:
+        like = [
+            results[each["key"]] for each in sweep["cells"] if each["key"] in results and each["row"] == place["row"]
+        ]
+        like = like or list(results.values())
+        names = next((list(each["cell"]["stages"]) for each in like), [])
+        for number, key in enumerate(place["stages"]):
+            if key not in products | stages:
+                stages.add(key)
+                seconds.append(_mean(like, names[number]) if number < len(names) else None)
+        seconds.append(_mean(like, "evaluate"))
+    known = [each for each in seconds if each is not None]
+    return Rerun(len(left), len(stages), math.fsum(known) if len(known) == len(seconds) else None)
+
+
+def _mean(results: list[Result], stage: str) -> float | None:
+    taken = [result["seconds"][stage] for result in results if stage in result["seconds"]]
+    return math.fsum(taken) / len(taken) if taken else None

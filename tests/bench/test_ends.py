@@ -1,0 +1,192 @@
+"""How commands end where neither a cell failed nor a figure moved: they say what it was, with a code of its own."""
+
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from unittest.mock import patch
+
+import pytest
+
+from bench.fake_method import FAKE, FakeSweep, asked
+from radiogs_bench.cli import main
+from radiogs_bench.cli.showing import write
+from radiogs_bench.cli.sweeping import say_other_run
+from radiogs_bench.engines import run as engines
+from radiogs_bench.engines.choice import Engine
+from radiogs_bench.errors import UNEXPECTED, Killed, StoreError, exit_code, explain
+from radiogs_bench.methods import budget_of, substitutes, variant_of
+from radiogs_bench.store.folder import Store, product_name
+from radiogs_bench.suites.cell import Work, cell_of
+from radiogs_bench.suites.paper import ABLATIONS
+from radiogs_bench.suites.suite import Suite
+from radiogs_bench.suites.sweep import Sweep, write_sweep
+from radiogs_datasets import load_scene
+
+
+def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
+    sweep, request = FakeSweep(folder), asked(1, suite)
+    cells = request.cells()
+    manifest = request.manifest([place for place, _ in cells])
+    write_sweep(sweep.store, manifest)
+    sweep.run([cell for _, cell in cells])
+    return manifest
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    finished(folder)
+    return folder
+
+
+@pytest.fixture
+def run(made: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(made, tmp_path / "run")
+
+
+def test_a_run_reports_itself_where_another_was_started_in_its_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M9: the first printed the second's table and wrote no report of its own."""
+    from dataclasses import replace
+
+    first = finished(tmp_path)
+    store, second = Store(tmp_path), replace(ABLATIONS, name="second", title="Another")
+    write_sweep(store, asked(1, second).manifest([place for place, _ in asked(1, second).cells()]))
+    summary, written = write(store, first)
+    assert summary["suite"] == "ablations"
+    assert tmp_path / "ablations.md" in written
+    say_other_run(store, first)
+    assert "Meanwhile suite 'second' was started" in capsys.readouterr().out
+    write_sweep(store, first)
+    say_other_run(store, first)
+    assert capsys.readouterr().out == ""
+
+
+def test_reports_do_not_overwrite_what_links_lead_to(run: Path, tmp_path: Path) -> None:
+    """Audit M18."""
+    mine = tmp_path / "mine"
+    mine.write_text("mine")
+    for name in ("report.html", "ablations.md", "contact_sheet.png", "reports.txt", "summary.json"):
+        (run / name).unlink(missing_ok=True)
+        (run / name).symlink_to(mine)
+    assert main(["report", str(run)]) == 0
+    assert mine.read_text() == "mine"
+    assert not (run / "report.html").is_symlink()
+
+
+def test_a_folder_of_reports_that_is_a_link_is_refused(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M18."""
+    (tmp_path / "elsewhere").mkdir()
+    (run / "figures").symlink_to(tmp_path / "elsewhere")
+    assert main(["report", str(run)]) == UNEXPECTED
+    assert "figures is a link to" in capsys.readouterr().err
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+@pytest.mark.parametrize("name", ["..", ".", ".hidden", "a/b", "a" * 200])
+def test_a_suite_is_not_named_like_a_place(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit M18."""
+    file = tmp_path / "suite.toml"
+    file.write_text(f'name = "{name}"\ntitle = "t"\nreference = "a"\ncolumns = ["nvs/psnr"]\nscenes = ["corner"]\n'
+                    '[[rows]]\nkey = "a"\ntext = "a"\n')  # fmt: skip
+    assert main(["run", str(file), "--dry-run", "--out", str(tmp_path / "out")]) == 2
+    assert "suite.name" in capsys.readouterr().err
+
+
+def test_an_unexpected_error_is_neither_a_failed_cell_nor_a_regression(
+    run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M25: an uncaught traceback was exit code 1."""
+
+    def fault(store: Store) -> None:
+        raise AssertionError("never seen before")
+
+    monkeypatch.setattr(Store, "results", fault)
+    assert main(["status", str(run)]) == UNEXPECTED
+    said = capsys.readouterr().err
+    assert "never seen before" in said
+    assert "Traceback" in said
+    assert said.endswith(f"(exit code {UNEXPECTED})\n")
+
+
+@pytest.mark.parametrize("name", ["sweep.json", "cells"])
+def test_what_cannot_be_read_is_explained(name: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit M24: only a missing file was expected. A folder in a file's place cannot be read by anybody."""
+    places = [run / name] if name == "sweep.json" else sorted((run / name).glob("*.json"))[:1]
+    for path in places:
+        path.unlink()
+        path.mkdir()
+    for command in ("status", "report", "export", "gate"):
+        more = ["--baseline", str(run / "b.json"), "--update"] if command == "gate" else []
+        assert main([command, str(run), *more]) == UNEXPECTED
+        said = capsys.readouterr().err
+        assert f"cannot read {places[0]}" in said
+        assert "Traceback" not in said
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_damage_in_a_folder_that_is_only_readable_is_said(run: Path, caplog: pytest.LogCaptureFixture) -> None:
+    path = sorted((run / "cells").glob("*.json"))[0]
+    path.write_bytes(b"")
+    for folder in (run / "cells", run):
+        folder.chmod(0o555)
+    try:
+        assert Store(run).result(path.stem) is None
+        assert "cannot be moved" in caplog.text
+    finally:
+        for folder in (run, run / "cells"):
+            folder.chmod(0o755)
+
+
+def test_two_trainings_of_one_folder_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit M26: the second ended in a raw ``Claimed``."""
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        work = Work(variant_of(FAKE, {}), budget_of(FAKE, "smoke"))
+        first = cell_of(FAKE, load_scene("convex"), work, FAKE.name).stages[0]
+        with Store(tmp_path).claim(product_name(first.key).replace("/", "-")):
+            assert main(["train", "convex", "--preset", "smoke", "--out", str(tmp_path)]) == UNEXPECTED
+    said = capsys.readouterr().err
+    assert f"{tmp_path} is in use by process {os.getpid()}" in said
+    assert "Traceback" not in said
+
+
+def by_pool(commands: Sequence[Sequence[str]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> engines.Ended:
+    """A pool of these commands on cells of which none is finished."""
+    bench = FakeSweep(folder).bench
+    monkeypatch.setattr(engines, "worker_commands", lambda *given: commands)
+    return engines._by_pool(asked(1).cells(), bench, Engine("pool", workers=len(commands)), [])
+
+
+KILL = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"]
+
+
+def test_workers_that_were_all_killed_are_spoken_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Audit M36: exit code 1 without a word."""
+    ended = by_pool([KILL, KILL], tmp_path, monkeypatch)
+    assert ended.code == UNEXPECTED
+    (failure,) = ended.failures
+    assert failure.what == "2 of 2 workers were killed (signal 9, Killed), and 5 cells are not finished"
+    assert "out of memory" in explain(failure)
+    assert exit_code(failure) == exit_code(StoreError("")) == UNEXPECTED
+
+
+def test_a_worker_that_failed_beside_one_that_was_killed_decides_the_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = by_pool([KILL, [sys.executable, "-c", "raise SystemExit(4)"]], tmp_path, monkeypatch)
+    assert ended.code == 4
+    assert "1 of 2 workers were killed" in ended.failures[0].what
+
+
+@pytest.mark.parametrize(("code", "said"), [(0, [Killed]), (1, []), (139, [])])
+def test_workers_that_leave_cells_never_end_well(
+    code: int, said: list[type], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ended = by_pool([[sys.executable, "-c", f"raise SystemExit({code})"]], tmp_path, monkeypatch)
+    assert ended.code == (1 if code == 1 else UNEXPECTED)
+    assert [type(each) for each in ended.failures] == said
