@@ -30,6 +30,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.lights import read_light as read_light_file
 
+from .engines.scene_digest import checksum_now
 from .evaluation.evaluate import evaluate
 from .evaluation.maps import on_black
 from .methods import budget_of, method_names, variant_of
@@ -164,7 +165,7 @@ def train(
         store = Store(Path(kept_nowhere if out is None else out))
         with saying_who_holds(str(out)), progress_for_stderr() as progress, Interruption() as interruption:
             read_everything(read, lambda done, total: progress.advance(f"reading {read.name}", done, total))
-            bench = Bench(store, torch.device(device), progress, interruption, lambda name: used)
+            bench = Bench(store, torch.device(device), progress, interruption, lambda name: used, checksum_now)
             model, _ = trained(bench, cell, read)
         if out is not None:
             write_trained(store, str(read.folder or read.name), read, cell, model)

@@ -78,6 +78,7 @@ def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
     from radiogs_datasets import load_scene
 
+    from ..engines.scene_digest import checksum_now
     from ..methods import budget_of, method
     from ..store.claim import saying_who_holds
     from ..store.folder import Store
@@ -99,7 +100,7 @@ def train(options: argparse.Namespace) -> int:
     held = saying_who_holds(str(options.out))
     with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        model, ledgers = trained(Bench(store, device, progress, interruption, method), cell, scene)
+        model, ledgers = trained(Bench(store, device, progress, interruption, method, checksum_now), cell, scene)
         facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
     size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
@@ -118,6 +119,7 @@ def _score(
     options: argparse.Namespace, name: str, model: "Trained", scene: "Scene", device: "torch.device", path: Path
 ) -> None:
     """Print the new model's metrics, and write their record."""
+    from ..engines.scene_digest import checksum_now
     from ..evaluation.record import record_of_model
     from ..metrics import protocol
     from ..training.progress import progress_for_stderr
@@ -131,7 +133,7 @@ def _score(
             str(options.out), name, model, scene, device, rules,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
-    require_unchanged(scene)
+    require_unchanged(scene, checksum_now)
     write_record(record, path)
     show_record(record)
 

@@ -12,6 +12,7 @@ from radiogs_core.scene.scene import Scene
 
 from ..engines.choice import Engine
 from ..engines.run import CPU, bring_to_end, work_along
+from ..engines.scene_digest import checksum_now
 from ..errors import explain, worst_exit_code
 from ..methods import method
 from ..metrics import protocol
@@ -88,7 +89,10 @@ def run_request(
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
         ended = bring_to_end(
-            request, Bench(store, device, progress, interruption, request.method), engine, options.arguments
+            request,
+            Bench(store, device, progress, interruption, request.method, checksum_now),
+            engine,
+            options.arguments,
         )
         reported = report_failures(ended.failures)
         code = ended.code or reported
@@ -121,7 +125,9 @@ def work_along_with(request: Request, store: Store, device: torch.device, number
     """Run as worker ``number`` of ``count``; returns its exit code."""
     with progress_for_stderr() as progress, Interruption() as interruption:
         return report_failures(
-            work_along(request, Bench(store, device, progress, interruption, request.method), number, count).failures
+            work_along(
+                request, Bench(store, device, progress, interruption, request.method, checksum_now), number, count
+            ).failures
         )
 
 

@@ -26,6 +26,7 @@ from ..training.interruption import Interruption
 from ..training.progress import LogProgress
 from ..training.stages import Bench, all_but_last
 from ..training.warm_up import compile_kernels
+from .scene_digest import checksum_now
 
 Files = Mapping[str, bytes]
 """Contents of files by path within a store."""
@@ -111,7 +112,13 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
             store.take_over(given)
             # The folder goes with the process, so a checkpoint in it would help nobody.
             bench = Bench(
-                store, device, LogProgress(), Interruption(), order.recipe.method, checkpoint_seconds=math.inf
+                store,
+                device,
+                LogProgress(),
+                Interruption(),
+                order.recipe.method,
+                checksum_now,
+                checkpoint_seconds=math.inf,
             )
             work(bench, scene)
             return Delivery(store.files(wanted), None, node)

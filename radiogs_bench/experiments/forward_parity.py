@@ -96,7 +96,7 @@ def run_forward_parity(bench: Bench, cell: Cell, scene: Scene) -> None:
     here = [session(bench.device)]
     add_stage(result, SOLVE, solving, ended - started, here)
     add_stage(result, EVALUATE, evaluating, time.perf_counter() - ended, here)
-    require_unchanged(scene)
+    require_unchanged(scene, bench.digest)
     bench.store.put_result(result, arrays)
 
 

@@ -61,7 +61,7 @@ def train_and_score(
     result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
     result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
     add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])
-    require_unchanged(scene)
+    require_unchanged(scene, bench.digest)
     bench.store.put_result(result, evaluation.arrays)
 
 

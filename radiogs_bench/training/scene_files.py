@@ -1,26 +1,26 @@
 """Whether a scene's files are still those whose checksum stands in the keys of what is about to be stored."""
 
 import os
+from collections.abc import Callable
 from functools import cache
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
-from radiogs_datasets import load_scene
-from radiogs_datasets.options import options_of
 
 Mark = tuple[tuple[str, int, int, int], ...]
 
 
-def require_unchanged(scene: Scene) -> None:
-    """Digest the scene's files again; files are read all through a run, and its checksum was taken before.
+Digest = Callable[[Scene], str]
+"""Gives the checksum of a scene's files as they are now (``engines.scene_digest``); raises DataError."""
 
-    A scene that is computed has none. Raises DataError where they are others now, or no scene any more.
+
+def require_unchanged(scene: Scene, digest: Digest) -> None:
+    """Digest the scene's files again: they are read all through a run, and its checksum was taken before.
+
+    Raises DataError where they are others now, or no scene any more.
     """
-    if scene.folder is None:
-        return
     try:
-        options = options_of(scene.options)
-        now = load_scene(str(scene.folder.resolve()), layout=scene.layout, options=options).checksum
+        now = digest(scene)
     except DataError as error:
         raise _changed(scene, f"It cannot be read any more: {error.what}.") from error
     # A scene that was enlarged from a stored one has a mark behind the checksum of its files.
@@ -28,13 +28,13 @@ def require_unchanged(scene: Scene) -> None:
         raise _changed(scene, f"Its checksum was {scene.checksum[:12]} and is {now[:12]}.")
 
 
-def require_unchanged_if_touched(scene: Scene) -> None:
+def require_unchanged_if_touched(scene: Scene, digest: Digest) -> None:
     """The same, where sizes or times of files are others than when it was last looked at: cheap while nothing is."""
     if scene.folder is None:
         return
     seen, mark = _seen(str(scene.folder.resolve()), scene.checksum), _mark(scene)
     if seen != [mark]:
-        require_unchanged(scene)
+        require_unchanged(scene, digest)
         seen[:] = [mark]
 
 

@@ -21,7 +21,7 @@ from ..store.seal import strict_json
 from ..suites.cell import Cell, StageKey
 from .interruption import Interruption
 from .progress import Progress
-from .scene_files import require_unchanged, require_unchanged_if_touched
+from .scene_files import Digest, require_unchanged, require_unchanged_if_touched
 from .trail import Sums, Trail
 
 CHECKPOINT_SECONDS = 20.0
@@ -33,13 +33,17 @@ CHECKPOINT_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Bench:
-    """Where and how cells are run; ``method`` finds a method by its name (``methods.method``)."""
+    """Where and how cells are run; ``method`` finds a method by its name (``methods.method``).
+
+    ``digest`` gives the checksum of a scene's files as they are now.
+    """
 
     store: Store
     device: torch.device
     progress: Progress
     interruption: Interruption
     method: Callable[[str], Method]
+    digest: Digest
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     checkpoint_share: float = CHECKPOINT_SHARE
 
@@ -182,7 +186,7 @@ def completed(
                 close_stage(method, stage)
             require_storable(method, product, "product()", key.name)
             outcome = Outcome(product=product, ledger=ledger)
-        require_unchanged(scene)
+        require_unchanged(scene, bench.digest)
         bench.store.put_tensors(name, {**outcome})
         bench.store.drop_tensors(checkpoint_name(key.key))
     bench.interruption.check()
@@ -231,7 +235,7 @@ class _StageLoop:
             over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
             if not over and (bench.interruption.requested or time.perf_counter() >= due):
                 begun = time.perf_counter()
-                require_unchanged_if_touched(self.scene)
+                require_unchanged_if_touched(self.scene, bench.digest)
                 self._keep(checkpoint_name(self.key.key))
                 bench.interruption.check()
                 ended = time.perf_counter()

@@ -18,6 +18,7 @@ from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.variant import Variant
 from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.evaluation.evaluate import Evaluation
 from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
@@ -229,8 +230,8 @@ class FakeSweep:
     def __init__(self, folder: Path) -> None:
         self.store, self.interruption = Store(folder), Interruption()
         self.bench = Bench(
-            self.store, CPU, LogProgress(), self.interruption, method, checkpoint_seconds=0.0,
-            checkpoint_share=math.inf,
+            self.store, CPU, LogProgress(), self.interruption, method, checksum_now,
+            checkpoint_seconds=0.0, checkpoint_share=math.inf,
         )  # fmt: skip
 
     def one(self, cell: Cell) -> None:

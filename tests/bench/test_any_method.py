@@ -13,6 +13,7 @@ from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.cli import main
 from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted, MethodFailed
 from radiogs_bench.experiments.registry import EXPERIMENTS
 from radiogs_bench.experiments.train import train_and_score
@@ -40,8 +41,8 @@ SCENE = replace(
 
 def bench_of(chain: Chain, folder: Path, interruption: Interruption | None = None) -> Bench:
     return Bench(
-        Store(folder), CPU, LogProgress(), interruption or Interruption(), lambda name: chain, checkpoint_seconds=0.0,
-        checkpoint_share=math.inf,
+        Store(folder), CPU, LogProgress(), interruption or Interruption(), lambda name: chain, checksum_now,
+        checkpoint_seconds=0.0, checkpoint_share=math.inf,
     )  # fmt: skip
 
 

@@ -28,6 +28,7 @@ OTHER_VALUES: Mapping[str, Any] = {
     "shading": "split-sum",
     "incident": "detached",
     "relighting": "surfels",
+    "met_light": "unoccluded",
     "deviations": PROFILES["released"],
     "effects": "auto",
     "given": ("light",),
@@ -38,7 +39,7 @@ OTHER_VALUES: Mapping[str, Any] = {
 """Another value of every field of the variant than the full method has."""
 
 FROM_STAGE_1 = ("initialise", "view_share", "deviations", "geometry", "split_sum")
-SHOWING_ALONE = ("relighting",)
+SHOWING_ALONE = ("relighting", "met_light")
 
 
 def radiogs_cell(variant: Variant | None = None, budget: Budget | None = None, **work: Any) -> Cell:

@@ -15,6 +15,7 @@ from bench import fake_method
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs_bench.engines import in_process as engine
 from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted, StoreError
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.store.folder import product_name
@@ -81,7 +82,7 @@ def test_stopping_after_any_step_gives_the_same_result(sweep: FakeSweep, tmp_pat
     while stopped.store.result(fake_cell().key) is None:
         interruption = Interruption()
         interruption.requested = stops < 6
-        bench = Bench(stopped.store, CPU, LogProgress(), interruption, fake_method.method)
+        bench = Bench(stopped.store, CPU, LogProgress(), interruption, fake_method.method, checksum_now)
         try:
             fake_method.experiment(bench, fake_cell(), SCENE)
         except Interrupted:

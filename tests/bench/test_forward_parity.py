@@ -10,6 +10,7 @@ import torch
 from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity
 from radiogs_bench.methods import method
 from radiogs_bench.store.folder import Store
@@ -97,7 +98,7 @@ def test_a_small_furnace_is_solved_compared_and_stored(tmp_path: Path) -> None:
     cell = cell_of(RADIOGS, scene, Work(Variant(), cost, experiment="forward-parity", settings=settings))
     store = Store(tmp_path)
     with Interruption() as interruption:
-        run_forward_parity(Bench(store, CPU, LogProgress(), interruption, method), cell, scene)
+        run_forward_parity(Bench(store, CPU, LogProgress(), interruption, method, checksum_now), cell, scene)
     result = store.result(cell.key)
     assert result is not None
     biases = {part: result["metrics"][f"{part}/bias"]["value"] for part in ("total", "direct", "indirect", "surfels")}

@@ -13,6 +13,8 @@ import pytest
 import torch
 
 from radiogs_bench.cli.main import main
+from radiogs_bench.store.folder import Store, product_name
+from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_bench.training.trained_folder import product_of, read_about
 from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
@@ -39,10 +41,11 @@ def model(trained: Path, tmp_path: Path) -> Path:
 def changed(model: Path, change: Callable[[dict[str, Any]], None]) -> None:
     """Write the stored product anew, as another program could."""
     key = read_about(model)["training_key"]
-    path = model / "stages" / f"{key}.pt"
-    stored = torch.load(path, weights_only=True)
+    store, name = Store(model), product_name(key)
+    stored = store.tensors(name, CPU)
+    assert stored is not None
     change(stored["product"])
-    torch.save(stored, path)
+    store.put_tensors(name, stored)
 
 
 def set_nan(name: str) -> Callable[[dict[str, Any]], None]:
@@ -103,7 +106,8 @@ def test_a_variant_that_does_not_exist_is_not_rendered(model: Path, shading: obj
     """Audit M13: an unknown shading in trained.json was rendered as if it were another."""
     about = json.loads((model / "trained.json").read_text())
     about["variant"]["shading"] = shading
-    (model / "trained.json").write_text(json.dumps(about))
+    del about["seal"]
+    (model / "trained.json").write_bytes(strict_json(sealed(about)))
     assert main(["render", str(model)]) == 2
 
 

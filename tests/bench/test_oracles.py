@@ -12,6 +12,7 @@ import torch
 from bench.chain_method import Chain, Turned
 from radiogs_bench.cli import main
 from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.experiments.registry import EXPERIMENTS
 from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
@@ -171,7 +172,7 @@ def test_with_everything_given_albedo_is_at_its_ceiling_and_indirect_light_and_l
     rows = (Row("none", "", "", given=()), Row("most", "", "", given=parts))
     scene = load_scene("convex")
     request = Request(replace(ORACLES, rows=rows), {"convex": scene}, 1, "smoke", "default", "cpu")
-    bench = Bench(Store(tmp_path), CPU, LogProgress(), Interruption(), request.method)
+    bench = Bench(Store(tmp_path), CPU, LogProgress(), Interruption(), request.method, checksum_now)
     cells = [cell for _, cell in request.cells()]
     tasks = [Task(cell, cell.key) for cell in cells]
     assert not run_cells(

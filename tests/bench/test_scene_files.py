@@ -10,6 +10,7 @@ import pytest
 from PIL import Image
 
 from bench.fake_method import CPU, FakeStage, FakeSweep, FakeTrained, evaluate, fake_cell
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.evaluation.evaluate import Evaluation
 from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.suites.cell import Cell
@@ -51,24 +52,24 @@ def train(scene: Scene, folder: Path, score: Callable[..., Evaluation] = evaluat
 @pytest.mark.parametrize("options", [SceneOptions(), SceneOptions(reduce=2)], ids=["as stored", "reduced"])
 def test_unchanged_files_agree_with_the_checksum(scene: Scene, options: SceneOptions) -> None:
     for each in (scene, load_scene(str(scene.folder), options=options), load_scene("corner"), load_scene("hard-cases")):
-        require_unchanged(each)
-        require_unchanged_if_touched(each)
-    require_unchanged(enlarged(scene, 3, 2, 48, 40, masks=True))
+        require_unchanged(each, checksum_now)
+        require_unchanged_if_touched(each, checksum_now)
+    require_unchanged(enlarged(scene, 3, 2, 48, 40, masks=True), checksum_now)
 
 
 @pytest.mark.parametrize("change", [repaint, lambda scene: image_of(scene).unlink()], ids=["painted", "deleted"])
 def test_changed_files_are_named(scene: Scene, change: Callable[[Scene], None]) -> None:
-    require_unchanged_if_touched(scene)
+    require_unchanged_if_touched(scene, checksum_now)
     change(scene)
     for check in (require_unchanged, require_unchanged_if_touched):
         with pytest.raises(DataError, match="'corner' were changed while they were in use"):
-            check(scene)
+            check(scene, checksum_now)
 
 
 def test_files_that_were_only_touched_are_the_same(scene: Scene) -> None:
-    require_unchanged_if_touched(scene)
+    require_unchanged_if_touched(scene, checksum_now)
     image_of(scene).write_bytes(image_of(scene).read_bytes())
-    require_unchanged_if_touched(scene)
+    require_unchanged_if_touched(scene, checksum_now)
 
 
 def test_images_that_are_replaced_while_they_are_scored_leave_no_result(scene: Scene, tmp_path: Path) -> None:

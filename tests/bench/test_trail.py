@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from bench.fake_method import CPU, SCENE, FakeSweep, FakeTrained, evaluate, fake_cell, method
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.store.schema import Result
@@ -70,7 +71,7 @@ def test_interrupting_after_every_step_gives_the_same_trail(tmp_path: Path) -> N
         interruption = Interruption()
         interruption.requested = stops < 6
         try:
-            run_scored(Bench(stopped.store, CPU, LogProgress(), interruption, method))
+            run_scored(Bench(stopped.store, CPU, LogProgress(), interruption, method, checksum_now))
         except Interrupted:
             stops += 1
     assert stops == 6

@@ -17,6 +17,7 @@ from radiogs_bench import methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.sweeping import report_failures
 from radiogs_bench.engines.in_process import Task, run_cells
+from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import MethodFailed, explain
 from radiogs_bench.evaluation.maps import on_black
 from radiogs_bench.experiments.train import train_and_score
@@ -74,7 +75,7 @@ def fails(kind: type[BaseException], *with_what: Any) -> Callable[..., Any]:
 def run_all(store: Store, *chains: Chain, seeds: int = 1) -> list[ExplainedError]:
     """Run the cells of some methods; returns why some failed."""
     found = {chain.name: chain for chain in chains}
-    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__)
+    bench = Bench(store, CPU, LogProgress(), Interruption(), found.__getitem__, checksum_now)
     tasks = [Task(cell, cell.key) for chain in chains for cell in cells_of(chain, seeds)]
     return run_cells(tasks, lambda cell: train_and_score(bench, cell, SCENE), store, bench.progress, bench.interruption)
 

@@ -255,7 +255,7 @@ def test_markdown_latex_and_csv_hold_the_same_values(tmp_path: Path) -> None:
 def test_a_folder_gets_the_tables_the_figure_and_a_section_of_the_page(tmp_path: Path) -> None:
     made = made_up(("ball", "room"))
     written = {path.relative_to(tmp_path).as_posix() for path in write_reports(write_run(tmp_path, made))}
-    figures = {f"figures/ladder-{name}.{kind}" for name in ("ball", "room", "all_scenes") for kind in ("png", "pdf")}
+    figures = {f"figures/ladder-{name}.{kind}" for name in ("ball", "room", "all-scenes") for kind in ("png", "pdf")}
     assert figures | {f"tables/ladder.{kind}" for kind in ("tex", "md", "csv")} <= written
     page = (tmp_path / "report.html").read_text()
     assert 'id="ladder"' in page

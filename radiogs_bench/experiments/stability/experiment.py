@@ -47,7 +47,7 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
     result = empty_result(cell, values.rules.describe())
     result["metrics"] = values.metrics()
     add_stage(result, EVALUATE, instruments, time.perf_counter() - started, [session(bench.device)])
-    require_unchanged(scene)
+    require_unchanged(scene, bench.digest)
     bench.store.put_result(result, arrays_of(axis, conditions, curves))
 
 

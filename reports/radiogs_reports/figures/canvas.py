@@ -94,7 +94,9 @@ def file_name(*parts: str) -> str:
 def _plain_part(part: str) -> str:
     """Letters, digits and single underscores; where that is not the part itself, with a digest of what it was."""
     kept = re.sub(r"[^A-Za-z0-9]+", "_", part).strip("_")[:LONGEST_PART]
-    return kept if kept == part else f"{kept}_{hashlib.sha256(part.encode('utf-8', 'replace')).hexdigest()[:8]}"
+    if kept and kept == part:
+        return kept
+    return f"{kept}_{hashlib.sha256(part.encode('utf-8', 'replace')).hexdigest()[:8]}"
 
 
 def plain(text: str) -> str:

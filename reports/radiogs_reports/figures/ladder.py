@@ -37,7 +37,8 @@ def ladder_figures(summary: Summary) -> list[Sketch]:
     several = len({method for method, _ in places}) > 1
     sketches = []
     for method, scene in places:
-        name = file_name("ladder", *([method] if several else []), scene)
+        over = ("all", "scenes") if scene == ALL_SCENES else (scene,)  # a name that no scene's figure has
+        name = file_name("ladder", *([method] if several else []), *over)
         title = f"{method} on {scene}" if several else f"On {scene}"
         mine = [rung for rung in rungs if (rung.method, rung.scene) == (method, scene)]
         sketches.append(_sketch(name, title, mine, on_page=whole in (None, scene)))

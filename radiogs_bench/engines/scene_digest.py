@@ -1,0 +1,20 @@
+"""Opens a scene once more, for what its files digest to now.
+
+Apart from ``training``, which is handed it: every loader is imported here, and a change of one must not change the keys
+of cells on scenes that another one reads (see ``sources``).
+"""
+
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets import load_scene
+from radiogs_datasets.options import options_of
+
+
+def checksum_now(scene: Scene) -> str:
+    """The checksum of a scene's files as they are now; that which it has, for one that is computed.
+
+    Raises DataError where they are no scene any more.
+    """
+    if scene.folder is None:
+        return scene.checksum
+    place = str(scene.folder.resolve())  # absolute: a relative one may be the name of a miniature
+    return load_scene(place, layout=scene.layout, options=options_of(scene.options)).checksum
