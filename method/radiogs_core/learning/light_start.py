@@ -3,13 +3,15 @@
 Points that training pixels see send out R = albedo (T E + B): E is the light, texel by texel, T the diffuse transport
 from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance of the surfels.
 Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought
-for which this albedo differs least, in l1 of its logarithm, between neighbouring points. Neighbours of another
-chromaticity are probably of another paint and count less.
+for which this albedo differs least, in l1 of its logarithm, between points. Pairs of another
+chromaticity are probably of another paint and count less. Points far from each other are compared as well: near ones
+alone leave a gradient of the light that no two of them see.
 
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import torch
 from jaxtyping import Float, Int
@@ -176,13 +178,13 @@ def transport_to(
 def least_variation_light(
     points: SeenPoints, transport: Transport, learning: LightStart
 ) -> Float[Tensor, "rows columns 3"]:
-    """The light under which log-albedo varies least between neighbouring points; linear radiance.
+    """The light under which log-albedo varies least between points, near and far; linear radiance.
 
     Beside the variation it pays for its own roughness, for colour, and for a brightness under which the brightest
     albedo is not that of white paint: the images determine it only as far as there is indirect light.
     """
     radiance = points.radiance.clamp(min=LINEAR_KNEE)
-    first, second, weight = _pairs(points, learning)
+    near, far = _near_pairs(points, learning), _far_pairs(points, learning)
     level = float(radiance.mean()) / learning.mean_albedo
     log_light = radiance.new_full((transport.rows, 2 * transport.rows, 3), level).log().requires_grad_()
     adam = torch.optim.Adam([log_light], lr=learning.rate)
@@ -191,8 +193,9 @@ def least_variation_light(
         light = log_light.exp()
         white = transport.white(light)
         log_albedo = (radiance / (white + SMALLEST_SHARE * white.detach().mean())).log()
-        change = (log_albedo[first] - log_albedo[second]).square() + ROUNDING
-        variation = (weight[:, None] * change.sqrt()).sum() / 3
+        apart = learning.other_paint * torch.tanh(_differences(log_albedo, far) / learning.other_paint)
+        variation = (1 - learning.far_share) * _mean(_differences(log_albedo, near), near)
+        variation = variation + learning.far_share * _mean(apart, far)
         around, down = log_light - log_light.roll(1, 1), log_light[1:] - log_light[:-1]
         colour = (light - light.mean(-1, keepdim=True)).abs().mean() / light.detach().mean()
         brightest = log_albedo.amax(-1).quantile(learning.brightest)
@@ -204,17 +207,48 @@ def least_variation_light(
     return log_light.detach().exp()
 
 
-def _pairs(points: SeenPoints, learning: LightStart) -> tuple[Int[Tensor, " pairs"], Int[Tensor, " pairs"], Tensor]:
-    """Each point with its nearest ones, and how much each pair counts (all together: 1)."""
+class _Pairs(NamedTuple):
+    """Pairs of points, and how much each counts (all together: 1, or 0 where there are none)."""
+
+    first: Int[Tensor, " pairs"]
+    second: Int[Tensor, " pairs"]
+    weight: Float[Tensor, " pairs"]
+
+    @classmethod
+    def of(cls, first: Tensor, second: Tensor, points: SeenPoints, learning: LightStart) -> "_Pairs":
+        """Pairs that count by how alike their chromaticity is."""
+        logarithm = points.radiance.clamp(min=LINEAR_KNEE).log()
+        chroma = logarithm - logarithm.mean(-1, keepdim=True)
+        apart = (chroma[first] - chroma[second]).square().sum(-1)
+        weight = torch.exp(-apart / (2 * learning.same_paint**2))
+        return cls(first, second, weight / weight.sum().clamp(min=torch.finfo(weight.dtype).tiny))
+
+
+def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
+    """Each point with its nearest ones."""
     places = points.centre.cpu().numpy()
     near = cKDTree(places).query(places, k=min(learning.neighbours + 1, len(places)))[1]
     second = torch.from_numpy(near.reshape(len(places), -1)[:, 1:]).to(points.centre.device)
     first = torch.arange(len(places), device=second.device).repeat_interleave(second.shape[1])
-    logarithm = points.radiance.clamp(min=LINEAR_KNEE).log()
-    chroma = logarithm - logarithm.mean(-1, keepdim=True)
-    apart = (chroma[first] - chroma[second.flatten()]).square().sum(-1)
-    weight = torch.exp(-apart / (2 * learning.same_paint**2))
-    return first, second.flatten(), weight / weight.sum()
+    return _Pairs.of(first, second.flatten(), points, learning)
+
+
+def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
+    """Each point with some of all points, the same ones in every search."""
+    count, device = len(points.centre), points.centre.device
+    drawn = torch.randint(count, (count * learning.far,), generator=torch.Generator().manual_seed(0))
+    first = torch.arange(count, device=device).repeat_interleave(learning.far)
+    return _Pairs.of(first, drawn.to(device), points, learning)
+
+
+def _differences(log_albedo: Float[Tensor, "points 3"], pairs: _Pairs) -> Float[Tensor, "pairs 3"]:
+    """Magnitudes, rounded off at zero."""
+    return ((log_albedo[pairs.first] - log_albedo[pairs.second]).square() + ROUNDING).sqrt()
+
+
+def _mean(values: Float[Tensor, "pairs 3"], pairs: _Pairs) -> Float[Tensor, ""]:
+    """Mean over pairs, as they count, and channels."""
+    return (pairs.weight[:, None] * values).sum() / 3
 
 
 def albedo_under(

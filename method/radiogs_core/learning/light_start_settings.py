@@ -15,6 +15,14 @@ class LightStart:
     """Its rate in log-radiance; it falls to zero."""
     neighbours: int = 8
     """Nearest points that each point is compared with."""
+    far: int = 8
+    """Points that each point is compared with as well, drawn from all of them: what lies apart in space and is lit
+    otherwise says more about the light than what lies beside it."""
+    far_share: float = 0.3
+    """Share of the variation that comparisons with these have."""
+    other_paint: float = 0.3
+    """Difference in log-albedo towards which they saturate: points farther apart are of another paint, whatever the
+    light."""
     same_paint: float = 0.08
     """Standard deviation in log-chromaticity up to which neighbours pass for the same paint."""
     smoothness: float = 0.003
