@@ -28,6 +28,9 @@ from radiogs_datasets.generate.solids import Box, Sphere
 from scenes import surfels_over
 
 ROWS = 8
+NOISE = 0.1
+"""Standard deviation of log-radiance from point to point, as that of learnt surfels."""
+
 PAINTS = ((0.7, 0.7, 0.7), (0.6, 0.15, 0.1))
 MATTE = Material(PAINTS[0], 0.9)
 
@@ -73,6 +76,36 @@ def test_a_sun_is_found_through_shadows_and_shading_where_paint_changes_too() ->
     for each in PAINTS:
         chosen = albedo[(paint == torch.tensor(each)).all(-1)].log()
         assert float(chosen.std(0).max()) < 0.25, "one paint, one albedo, in the sun and in the shadow"
+
+
+def soft_light() -> torch.Tensor:
+    """Bright towards +X and up, three times as bright as on the other side; no shadow tells where it is."""
+    towards = normalize(torch.tensor([1.0, 0.0, 1.0], dtype=torch.float64), dim=0)
+    share = (1 + texel_directions(ROWS, 2 * ROWS) @ towards) / 2
+    return (0.5 + share[..., None] * torch.tensor([1.0, 0.9, 0.8])).float()
+
+
+def test_the_slow_change_of_light_over_a_single_ball_is_found_by_points_far_apart() -> None:
+    """Neighbours differ by noise alone under any light: without far points the shading stays in the albedo."""
+    use_threads(1)
+    surfels = surfels_over([Sphere((0.0, 0.0, 0.0), 1.0, MATTE)], 0.15)
+    surfels.sh[:, 0] = radiance_to_sh(torch.zeros(1, 3))
+    normal = surfels.frame[..., 2]
+    points = SeenPoints(surfels.centre, normal, torch.ones_like(surfels.centre))
+    transport = transport_to(points, surfels, ROWS, generator())
+    noise = (NOISE * torch.randn(len(normal), 1, generator=generator())).exp()
+    shown = SeenPoints(points.centre, normal, 0.6 * noise * transport.white(soft_light()))
+
+    def from_side_to_side(learning: LightStart) -> float:
+        """By how much log-albedo differs between the lit and the other side."""
+        found = least_variation_light(shown, transport, learning)
+        albedo = (shown.radiance / transport.white(found)).log()
+        lit = normal[:, 0] + normal[:, 2]
+        return float((albedo[lit > 0.7].mean(0) - albedo[lit < -0.7].mean(0)).abs().max())
+
+    near_alone = from_side_to_side(LightStart(far_share=0.0))
+    assert near_alone > 0.04
+    assert from_side_to_side(LightStart()) < 0.5 * near_alone
 
 
 def test_a_white_convex_body_sends_out_the_constant_light_and_an_occluder_takes_its_share() -> None:
