@@ -113,7 +113,7 @@ def test_the_blender_example_loads(shared_data: Path) -> None:
     scene = load_scene(str(shared_data / "nerfstudio_lego_test"))
     assert scene.layout == "blender"
     assert scene.train[0].read("image").shape == (50, 50, 3)
-    assert scene.repairs == ("no test split: the validation split is scored",)
+    assert scene.repairs[0] == "no test split: the validation split is scored"
 
 
 def rewrite(table: Path, change: Callable[[dict[str, Any]], None]) -> None:
