@@ -35,11 +35,10 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors and values, without gradient history."""
-        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
         effects = {"plan": self.plan.state(), "evidence": [dict(each) for each in self.evidence]}
         light = {"log_environment": self.log_environment.detach()}
         given = {} if self.indirect is None else {"indirect": _plain(self.indirect)}
-        return {"surfels": surfels, **light, "effects": effects, **given}
+        return {"surfels": self.surfels.plain(), **light, "effects": effects, **given}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":

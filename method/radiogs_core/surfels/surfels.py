@@ -110,6 +110,10 @@ class Surfels:
         """The raw tensors by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
+    def plain(self) -> dict[str, Tensor]:
+        """The raw tensors by name, without gradient history."""
+        return {name: value.detach() for name, value in self.parameters().items()}
+
     @classmethod
     def of(cls, parameters: Mapping[str, Tensor]) -> "Surfels":
         """The inverse of ``parameters``."""
@@ -129,6 +133,10 @@ class Surfels:
         if opacity is not None:
             changes["opacity_logit"] = torch.full_like(self.opacity_logit, inverse_sigmoid(opacity))
         return replace(self, **changes)
+
+    def held(self, *names: str) -> "Surfels":
+        """The surfels, without gradient to the raw tensors of these names: it is neither computed nor stepped on."""
+        return replace(self, **{name: getattr(self, name).detach() for name in names})
 
     def among(self, index: Int[Tensor, " chosen"]) -> "Surfels":
         """The surfels at ``index``, connected to these."""

@@ -15,7 +15,7 @@ def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfel
     Blending is linear in what is blended: the weights are the gradient of the image's sum. Three channels are blended,
     as an image has: that kernel is compiled already.
     """
-    fixed = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
+    fixed = Surfels.of(surfels.plain())
     colour = torch.ones_like(fixed.centre).requires_grad_()
     camera = camera.to(colour.device, colour.dtype)
     with torch.enable_grad():

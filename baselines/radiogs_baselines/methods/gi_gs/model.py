@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 
 
@@ -42,10 +43,13 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
-        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
-        return {"surfels": surfels, **{name: value.detach() for name, value in self.further.items()}}
+        return {"surfels": self.surfels.plain(), **{name: value.detach() for name, value in self.further.items()}}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
-        """The inverse of ``tensors``."""
-        return cls(Surfels.of(tensors["surfels"]), tensors["log_environment"], tensors.get("metallic_logit"))
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        surfels, metallic = restored_surfels(tensors["surfels"]), None
+        if "metallic_logit" in tensors:
+            metallic = finite_tensor(tensors, "metallic_logit")
+            require_for_each(surfels, "metallic_logit", metallic, ())
+        return cls(surfels, restored_map(tensors, "log_environment"), metallic)

@@ -6,8 +6,8 @@ from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
 
+from ..split_sum import SplitSumLight
 from .gbuffer import gbuffer, seen_materials
-from .lighting import SplitSumLight
 from .model import Model
 from .shading import Shader
 

@@ -6,10 +6,10 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ..split_sum import SplitSumLight
 from .around import gathered, mean_radiance, openness
 from .composition import median, summed
 from .gbuffer import GBuffer
-from .lighting import SplitSumLight
 from .marching import NOTHING, March
 from .reflection import bounce, reflect
 from .variant import Sum

@@ -12,10 +12,11 @@ from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..split_sum import SplitSumLight
 from .gbuffer import GBuffer, gbuffer, seen_materials
 from .grid import Grid
-from .lighting import SplitSumLight
 from .losses import image_loss, plainness, variation
 from .marching import March
 from .model import Model
@@ -65,7 +66,7 @@ class InverseRendering:
         model, weights = self.model, self.variant.materials.weights
         seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
         buffer, target = gbuffer(view.camera, seen), view.over(0.0)
-        image = self.shader.shade(buffer, seen.alpha, SplitSumLight(model.environment))["image"]
+        image = self.shader.shade(buffer, seen.alpha, SplitSumLight(PrefilteredLight(model.environment)))["image"]
         solid = torch.isfinite(buffer.depth)
         return {
             "shaded": weights.shaded * image_loss(image, target),

@@ -4,15 +4,12 @@ from dataclasses import replace
 
 import torch
 
-from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from .model import Model
 from .variant import Variant
-
-GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
-"""Raw parameters that say where surfels are and how opaque."""
 
 
 def start_of(
@@ -22,13 +19,7 @@ def start_of(
     start = variant.materials.start
     surfels = learnt.made_of(start.albedo, start.roughness)
     metal = torch.full_like(surfels.roughness_logit, inverse_sigmoid(start.metallic)) if variant.metallic else None
-    found = None
-    if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator)
-    if found is None:
-        level = white_light(views, start.white, start.brightest)
-        return Model(surfels, learnt.centre.new_full((rows, 2 * rows, 3), level).log(), metal)
-    light, albedo = found
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
     return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metal)
 
 
@@ -51,5 +42,4 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 def frozen(surfels: Surfels, moves: bool) -> Surfels:
     """The surfels whose radiance has no gradient, nor, unless it ``moves``, their geometry."""
-    names = ("sh",) if moves else ("sh", *GEOMETRY)
-    return replace(surfels, **{name: getattr(surfels, name).detach() for name in names})
+    return surfels.held("sh") if moves else surfels.held("sh", *GEOMETRY)

@@ -6,13 +6,11 @@ from typing import Any, Literal
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 
+from ..split_sum import Frame
 from .learning import MaterialLearning
 
 Sum = Literal["display", "linear"]
 """Where direct and indirect light are added up: as display sRGB, each encoded by itself, or as linear radiance."""
-
-Frame = Literal["oriented", "as_shipped"]
-"""How relighting looks a light map up: with Z up, as its file says, or with Y up, as the published code does."""
 
 WHOLE_MARCH = 16
 """Steps in a radius that ``Variant.start`` counts in: those of the published script."""

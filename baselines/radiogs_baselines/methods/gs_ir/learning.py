@@ -4,9 +4,8 @@ Defaults are those of its scripts for TensoIR's scenes where nothing else is sai
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
 
-from radiogs_core.learning.light_start_settings import LightStart
+from ..material_start import LightAndPaint
 
 
 @dataclass(frozen=True)
@@ -40,25 +39,15 @@ class MaterialRates:
 
 
 @dataclass(frozen=True)
-class MaterialStart:
+class MaterialStart(LightAndPaint):
     """What materials and light start as; irradiance starts at zero."""
 
-    light: Literal["least-variation", "constant"] = "least-variation"
-    """The light under which albedo varies least, with the albedo that follows from it, which RadioGS starts with here,
-    too; or a constant light and a constant albedo, as in GS-IR's own script."""
-    search: LightStart = field(default_factory=LightStart)
-    """How the light of least variation is found."""
     albedo: float = 0.731
     """Linear diffuse albedo of all channels under a constant light."""
     roughness: float = 0.742
     """Perceptual roughness r."""
     metallic: float = 0.731
     """Metalness, where there is one."""
-    white: float = 0.8
-    """Albedo of white paint. A constant light starts so that the brightest surfaces seen are that under it; the script
-    draws texels between 0.25 and 0.75, whatever the images' exposure."""
-    brightest: float = 0.98
-    """Quantile of the covered pixels that counts as the brightest."""
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,7 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
-        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
-        found: dict[str, Any] = {"surfels": surfels, "log_environment": self.log_environment.detach()}
+        found: dict[str, Any] = {"surfels": self.surfels.plain(), "log_environment": self.log_environment.detach()}
         if self.metallic_logit is not None:
             found["metallic_logit"] = self.metallic_logit.detach()
         volumes = {"occlusion": self.occlusion, "irradiance": self.irradiance}

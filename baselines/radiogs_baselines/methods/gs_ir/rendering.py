@@ -10,8 +10,9 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import Splat, displayed
 
 from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from ..split_sum import SplitSumLight
 from .model import Model
-from .shading import Shaded, SplitSumLight, shade_points
+from .shading import Shaded, shade_points
 
 Maps = dict[str, Float[Tensor, "height width _"]]
 

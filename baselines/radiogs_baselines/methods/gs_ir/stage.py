@@ -15,6 +15,7 @@ from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_d
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
 
+from ..split_sum import SplitSumLight
 from .baking import Reach, bake
 from .irradiance import IrradianceVolume
 from .lattice import Lattice
@@ -22,7 +23,6 @@ from .losses import image_loss, material_prior, material_smoothness
 from .model import Model
 from .prefilter import filtered_light
 from .rendering import View
-from .shading import SplitSumLight
 from .start import frozen, rates_of, start_of
 from .variant import Variant
 

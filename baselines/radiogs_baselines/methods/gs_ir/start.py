@@ -6,15 +6,12 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from .budget import Budget
 from .variant import Variant
-
-GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
-"""Raw parameters that say where surfels are and how opaque."""
 
 
 @dataclass(frozen=True)
@@ -35,13 +32,7 @@ def start_of(
     metallic = None
     if variant.metallic:
         metallic = torch.full_like(learnt.roughness_logit, inverse_sigmoid(start.metallic))
-    found = None
-    if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator)
-    if found is None:
-        level = white_light(views, start.white, start.brightest)
-        return Start(surfels, learnt.centre.new_full((rows, 2 * rows, 3), level).log(), metallic)
-    light, albedo = found
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
     return Start(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metallic)
 
 
@@ -66,4 +57,4 @@ def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
-    return replace(surfels, **{name: getattr(surfels, name).detach() for name in GEOMETRY})
+    return surfels.held(*GEOMETRY)

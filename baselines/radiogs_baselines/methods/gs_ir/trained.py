@@ -1,6 +1,5 @@
 """A trained GS-IR model as the harness shows it: under the light that it has recovered, and relit."""
 
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,55 +8,28 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.surfels.ply import write_ply
-from radiogs_core.transport.sampling import require_finite_light
 
+from ..split_sum import Frame, SplitSumLight
+from ..trained_on_surfels import Shown, TrainedOnSurfels
 from .labels import labels_of
 from .model import Model
 from .prefilter import filtered_light
 from .rendering import View
-from .shading import SplitSumLight
-
-SHOWN: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "albedo": MapKind("linear"),
-    "roughness": MapKind("data"),
-    "normal": MapKind("data"),
-    "depth": MapKind("data"),
-}
-"""Maps of every rendering, all composited on black; ``indirect`` is what the irradiance volume makes surfaces send."""
 
 
-class TrainedGSIR:
+class TrainedGSIR(TrainedOnSurfels[Model]):
     """Surfels with materials, a light and two volumes, and what they were trained on; see ``contract.Trained``."""
 
     def __init__(self, model: Model, run: Run) -> None:
-        self.model, self.run = model, run
-
-    @property
-    def light(self) -> EnvironmentMap:
-        """The recovered light, on the CPU."""
-        return EnvironmentMap(self.model.environment.detach().cpu())
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def facts(self) -> dict[str, Any]:
-        """``surfels`` and ``probes``: how many. ``labels``: what differs from the published method, by name.
-
-        ``remarks``: the same in sentences.
-        """
-        labels = labels_of(self.run.variant, self.run.budget, self.run.scene.extent)
+        """``probes``: how many. The rest: see ``TrainedOnSurfels``."""
         occlusion = self.model.occlusion
-        return {
-            "surfels": len(self.model.surfels),
-            "probes": 0 if occlusion is None else len(occlusion.coefficients),
-            "labels": labels,
-            "remarks": [f"{name}: {value}" for name, value in labels.items()],
-        }
+        return super().facts() | {"probes": 0 if occlusion is None else len(occlusion.coefficients)}
 
     def export(self, folder: Path) -> list[Path]:
         """Write ``surfels.ply`` and, as far as there are any, ``metallic.npy`` [surfels] and ``volumes.npz``.
@@ -65,8 +37,7 @@ class TrainedGSIR:
         Volumes: ``occlusion`` and ``irradiance``, harmonics [corners, corners, corners, coefficients] along x, y and z
         in 3DGS's basis, over the cube from ``low`` with edge ``edge``, world units. Raises OSError.
         """
-        written = [folder / "surfels.ply"]
-        write_ply(self.model.surfels, written[0])
+        written = super().export(folder)
         if self.model.metallic is not None:
             written.append(folder / "metallic.npy")
             np.save(written[-1], self.model.metallic.detach().cpu().numpy())
@@ -85,45 +56,39 @@ class TrainedGSIR:
         found |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
         return {name: value.cpu().numpy() for name, value in found.items()}
 
-    def prepare(
-        self,
-        light: EnvironmentMap | None = None,
-        albedo_scale: Float[Tensor, "3"] | None = None,
-        after_step: Callable[[], None] = lambda: None,
-    ) -> Prepared:
-        """Shaded as it was trained, or relit, without occlusion or indirect light."""
-        albedo = self.model.surfels.albedo.detach()
-        if light is None:
-            return _Shown(self, albedo, self._filtered(self.model.environment.detach()), relit=False)
-        require_finite_light(light)
-        if albedo_scale is not None:
-            albedo = albedo * albedo_scale.to(albedo.device)
-        return _Shown(self, albedo, self._filtered(light.radiance.to(albedo.device), relit=True), relit=True)
+    def as_trained(self) -> Prepared:
+        """With both volumes."""
+        light = self._filtered(self.model.environment.detach(), "oriented")
+        return Shown(_AsTrained(self.model, light, self.run))
 
-    def _filtered(self, radiance: Tensor, relit: bool = False) -> SplitSumLight:
-        variant = self.run.variant
-        filtered = filtered_light(radiance, variant.texel_areas)
-        # The kernel's maps are made now: the first frame, which is timed, must not wait for them.
-        _ = filtered.diffuse, filtered.glossy
-        return SplitSumLight(filtered, variant.frame if relit else "oriented")
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """Without occlusion or indirect light."""
+        albedo = self.model.surfels.albedo.detach() * albedo_scale
+        new = self._filtered(light.radiance, self.run.variant.frame)
+        return Shown(_Relit(self.model, albedo, new, self.run.variant.straight))
+
+    def _filtered(self, radiance: Tensor, frame: Frame) -> SplitSumLight:
+        return SplitSumLight(filtered_light(radiance, self.run.variant.texel_areas), frame).ready()
 
 
-class _Shown:
-    """Under one light; ``albedo`` is given apart, because relighting scales it."""
-
-    timed = True
-    default = frozenset(SHOWN)
-    offers = SHOWN
-
-    def __init__(
-        self, trained: TrainedGSIR, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, relit: bool
-    ) -> None:
-        self.trained, self.albedo, self.light, self.relit = trained, albedo, light, relit
+class _AsTrained:
+    def __init__(self, model: Model, light: SplitSumLight, run: Run) -> None:
+        self.model, self.light, self.run = model, light, run
 
     @torch.no_grad()
-    def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view."""
-        model, run = self.trained.model, self.trained.run
-        view = View.of(camera, model, self.albedo)
-        shaded = view.relit(self.light) if self.relit else view.shaded(model, self.light, run.budget.occlusion_samples)
-        return view.maps(shaded, run.variant.straight)
+    def render(self, camera: Camera) -> Maps:
+        view = View.of(camera, self.model, self.model.surfels.albedo)
+        shaded = view.shaded(self.model, self.light, self.run.budget.occlusion_samples)
+        return view.maps(shaded, self.run.variant.straight)
+
+
+class _Relit:
+    """``albedo`` is given apart, because relighting scales it."""
+
+    def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, straight: bool) -> None:
+        self.model, self.albedo, self.light, self.straight = model, albedo, light, straight
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Maps:
+        view = View.of(camera, self.model, self.albedo)
+        return view.maps(view.relit(self.light), self.straight)

@@ -6,13 +6,11 @@ from typing import Any, Literal
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 
+from ..split_sum import Frame
 from .learning import MaterialLearning
 
 TexelAreas = Literal["exact", "approximate"]
 """Solid angles of texels in the diffuse pre-filter: as they are, or those of GS-IR's code, 8 % too large."""
-
-Frame = Literal["oriented", "as_shipped"]
-"""How a new light is looked up: as its map is meant, Z up; or by a lookup for Y up along unchanged directions."""
 
 SHOWN_ONLY = ("frame",)
 """Fields that training does not read."""

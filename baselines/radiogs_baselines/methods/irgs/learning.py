@@ -4,10 +4,10 @@ Defaults are those of its scripts for TensoIR's scenes where nothing else is sai
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
 
-from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
+
+from ..material_start import LightAndPaint
 
 
 @dataclass(frozen=True)
@@ -53,23 +53,13 @@ class MaterialRates:
 
 
 @dataclass(frozen=True)
-class MaterialStart:
+class MaterialStart(LightAndPaint):
     """What materials and light start as."""
 
-    light: Literal["least-variation", "constant"] = "least-variation"
-    """The light under which albedo varies least, with the albedo that follows from it, which RadioGS starts with here,
-    too; or the constant light and the constant albedo of IRGS's own script."""
-    search: LightStart = field(default_factory=LightStart)
-    """How the light of least variation is found."""
     albedo: float = 0.3
     """Linear diffuse albedo of all channels under a constant light."""
     roughness: float = 0.6
     """Perceptual roughness r."""
-    white: float = 0.8
-    """Albedo of white paint. A constant light starts so that the brightest surfaces seen are that under it; the script
-    takes a radiance of 1.5, whatever the images' exposure."""
-    brightest: float = 0.98
-    """Quantile of the covered pixels that counts as the brightest."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
-        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
-        return {"surfels": surfels, "log_environment": self.log_environment.detach()}
+        return {"surfels": self.surfels.plain(), "log_environment": self.log_environment.detach()}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":

@@ -4,15 +4,12 @@ from dataclasses import replace
 
 import torch
 
-from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from .model import Model
 from .variant import Variant
-
-GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
-"""Raw parameters that say where surfels are and how opaque."""
 
 
 def start_of(
@@ -21,13 +18,7 @@ def start_of(
     """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
     start = variant.materials.start
     surfels = learnt.made_of(start.albedo, start.roughness)
-    found = None
-    if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator, variant.two_sided)
-    if found is None:
-        level = white_light(views, start.white, start.brightest)
-        return Model(surfels, learnt.centre.new_full((rows, 2 * rows, 3), level).log())
-    light, albedo = found
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
     return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
 
 
@@ -49,4 +40,4 @@ def rates_of(variant: Variant, extent: float) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
-    return replace(surfels, **{name: getattr(surfels, name).detach() for name in GEOMETRY})
+    return surfels.held(*GEOMETRY)

@@ -1,102 +1,42 @@
 """A trained IRGS model as the harness shows it: under the light that it has recovered, and relit."""
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
-
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, Prepared, Run
-from radiogs_core.scene.camera import Camera
+from radiogs_core.contract import Prepared, Run
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.surfels.ply import write_ply
 
+from ..trained_on_surfels import Shown, TrainedOnSurfels
 from .labels import labels_of
 from .model import Model
 from .rays import Rays
 from .rendering import NewLight, RecoveredLight, Renderer
 
-SHOWN: Mapping[str, MapKind] = {
-    "image": MapKind("display"),
-    "alpha": MapKind("data"),
-    "direct": MapKind("linear"),
-    "indirect": MapKind("linear"),
-    "albedo": MapKind("linear"),
-    "roughness": MapKind("data"),
-    "normal": MapKind("data"),
-    "depth": MapKind("data"),
-}
-"""Maps of every rendering, all composited on black."""
 
-INCIDENT = "incident"
-"""The mean indirect radiance that arrives, which is kept where it is asked for; under the recovered light alone."""
-
-
-class TrainedIRGS:
+class TrainedIRGS(TrainedOnSurfels[Model]):
     """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
 
     def __init__(self, model: Model, run: Run) -> None:
-        self.model, self.run = model, run
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
         self.rays = Rays.of(run.variant, run.scene.extent)
 
-    @property
-    def light(self) -> EnvironmentMap:
-        """The recovered light, on the CPU."""
-        return EnvironmentMap(self.model.environment.detach().cpu())
+    def as_trained(self) -> Prepared:
+        """Rays are traced for each image."""
+        variant, surfels = self.run.variant, self.model.surfels
+        own = RecoveredLight(self.model, self.rays, self.run.budget.render_samples, variant.indirect)
+        return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), incident=True)
 
-    def facts(self) -> dict[str, Any]:
-        """``surfels``: how many. ``labels``: what differs from the published method, by name (``labels_of``).
-
-        ``remarks``: the same in sentences.
-        """
-        labels = labels_of(self.run.variant, self.run.budget, self.run.scene.extent)
-        remarks = [f"{name}: {value}" for name, value in labels.items()]
-        return {"surfels": len(self.model.surfels), "labels": labels, "remarks": remarks}
-
-    def export(self, folder: Path) -> list[Path]:
-        """Write ``surfels.ply``. Raises OSError."""
-        path = folder / "surfels.ply"
-        write_ply(self.model.surfels, path)
-        return [path]
-
-    def prepare(
-        self,
-        light: EnvironmentMap | None = None,
-        albedo_scale: Float[Tensor, "3"] | None = None,
-        after_step: Callable[[], None] = lambda: None,
-    ) -> Prepared:
-        """Shaded as it was trained, or relit: rays are traced for each image."""
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """Rays are traced for each image; what they meet is shaded by the split sum."""
         variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
-        if light is None:
-            own = RecoveredLight(self.model, self.rays, budget.render_samples, variant.indirect)
-            return _Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), incident=True)
-        device, recovered = surfels.centre.device, surfels.albedo.detach()
-        scale = torch.ones(3) if albedo_scale is None else albedo_scale
-        scaled = recovered * scale.to(device)
+        recovered = surfels.albedo.detach()
+        scaled = recovered * albedo_scale
         new = NewLight(
             surfels,
             scaled if variant.secondary_albedo == "scaled" else recovered,
-            EnvironmentMap(light.radiance.to(device)),
+            light,
             self.rays,
             (budget.relight_hemisphere_samples, budget.relight_light_samples),
             variant.relight_indirect,
         )
-        return _Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight), incident=False)
-
-
-class _Shown:
-    """Under one light."""
-
-    timed = True
-    default = frozenset(SHOWN)
-
-    def __init__(self, renderer: Renderer, incident: bool) -> None:
-        self.renderer = renderer
-        self.offers: Mapping[str, MapKind] = {**SHOWN, **({INCIDENT: MapKind("linear")} if incident else {})}
-
-    def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view."""
-        wanted = self.default.union(further).intersection(self.offers)
-        return {name: values for name, values in self.renderer.render(camera).items() if name in wanted}
+        return Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight))

@@ -31,9 +31,8 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
-        surfels = {name: value.detach() for name, value in self.surfels.parameters().items()}
         further = {"local": self.local.detach(), "raw_environment": self.raw_environment.detach()}
-        return {"surfels": surfels, **further}
+        return {"surfels": self.surfels.plain(), **further}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":

@@ -1,16 +1,15 @@
 """What stage 2 starts from: surfels of stage 1, new materials, a new light, no local light, and the rates of them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels
 
+from ..material_start import first_light_and_albedo
 from .budget import Budget
 from .materials import learnt_from
 from .model import before_softplus
@@ -34,24 +33,12 @@ def start_of(
     learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
 ) -> Start:
     """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
-    light, albedo = _light_and_albedo(learnt, variant, rows, views, generator)
-    roughness = torch.full_like(learnt.roughness_logit, variant.materials.start.roughness)
+    start = variant.materials.start
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
+    roughness = torch.full_like(learnt.roughness_logit, start.roughness)
     local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
     further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
     return Start(learnt_from(learnt, albedo, roughness), further)
-
-
-def _light_and_albedo(
-    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
-    start = variant.materials.start
-    found = None
-    if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator, variant.two_sided)
-    if found is not None:
-        return found
-    level = white_light(views, start.white, start.brightest)
-    return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
 
 
 def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
@@ -68,5 +55,4 @@ def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels of which materials alone have gradient."""
-    others = [name for name in Surfels.names() if name not in LEARNT]
-    return replace(surfels, **{name: getattr(surfels, name).detach() for name in others})
+    return surfels.held(*(name for name in Surfels.names() if name not in LEARNT))

@@ -64,7 +64,7 @@ class Model:
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
         learnt = {name: getattr(self, name).detach() for name in LEARNT}
-        return learnt | {"surfels": _plain(self.surfels), "cached": _plain(self.cached)}
+        return learnt | {"surfels": self.surfels.plain(), "cached": self.cached.plain()}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
@@ -80,7 +80,3 @@ class Model:
         """Surfels with one material each, the mean of their vertices'."""
         logit = torch.logit(self.albedo.mean(1))
         return replace(self.surfels, albedo_logit=logit, roughness_logit=self.vertex_roughness_logit.mean(1))
-
-
-def _plain(surfels: Surfels) -> dict[str, Tensor]:
-    return {name: value.detach() for name, value in surfels.parameters().items()}

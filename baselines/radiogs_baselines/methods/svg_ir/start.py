@@ -1,14 +1,11 @@
 """What stage 2 starts from: surfels and radiance of stage 1, new materials, a new light, and the rates of them all."""
 
-from dataclasses import replace
-
 import torch
-from torch import Tensor
 
-from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
 
+from ..material_start import first_light_and_albedo
 from .learning import MaterialRates
 from .model import Model
 from .variant import Variant
@@ -22,13 +19,7 @@ def start_of(
 ) -> Model:
     """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
     start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
-    found = None
-    if start.light == "least-variation":
-        found = light_and_albedo(learnt, views, rows, start.search, generator)
-    if found is None:
-        level = white_light(views, start.white, start.brightest)
-        found = like.new_full((rows, 2 * rows, 3), level), torch.full_like(like, start.albedo)
-    light, albedo = found
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
     return Model(
         surfels=learnt,
         cached=learnt,
@@ -56,5 +47,4 @@ def rates_of(rates: MaterialRates) -> dict[str, float]:
 
 def frozen(surfels: Surfels) -> Surfels:
     """The surfels without gradient to what stays: it is neither computed nor stepped on."""
-    kept: dict[str, Tensor] = {name: getattr(surfels, name).detach() for name in FROZEN}
-    return replace(surfels, **kept)
+    return surfels.held(*FROZEN)

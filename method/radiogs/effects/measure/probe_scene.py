@@ -138,7 +138,7 @@ def trace_scene(
 
     ``among``: trace these surfels only, and leave the others dark.
     """
-    surfels = Surfels.of({name: value.detach() for name, value in surfels.parameters().items()})
+    surfels = Surfels.of(surfels.plain())
     environment = environment.detach()
     normal = surfels.frame[..., 2]
     direction, weight = rays.directions(normal, EnvironmentMap(environment))

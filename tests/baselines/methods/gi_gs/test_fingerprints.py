@@ -30,7 +30,6 @@ from baselines.methods.irgs.world import sheet, together
 from radiogs_baselines.methods.gi_gs.around import gathered, mean_radiance, openness
 from radiogs_baselines.methods.gi_gs.composition import median, summed
 from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
-from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
 from radiogs_baselines.methods.gi_gs.marching import NOTHING, March
 from radiogs_baselines.methods.gi_gs.reflection import bounce
 from radiogs_baselines.methods.gi_gs.variant import Variant
@@ -239,34 +238,6 @@ def test_the_readme_trains_without_what_its_images_show() -> None:
         assert bug.step() == without.step() != full.step()
     beyond = stage_of(variant(start=16))
     assert beyond.step() == stage_of(variant(readme_bug=True)).step()
-
-
-def y_up_lookup(radiance: torch.Tensor, direction: torch.Tensor) -> torch.Tensor:
-    """The nearest texel by u = 1/2 + atan2(x, -z) / 2 pi, v = acos(y) / pi."""
-    height, width = radiance.shape[:2]
-    x, y, z = direction.tolist()
-    u, v = 0.5 + math.atan2(x, -z) / (2 * math.pi), math.acos(y) / math.pi
-    return radiance[min(int(v * height), height - 1), int(u * width) % width]
-
-
-def test_as_shipped_a_map_is_looked_up_with_y_up() -> None:
-    """Along directions to the middles of texels, where the sharp map is the texel itself."""
-    torch.manual_seed(1)
-    radiance = torch.rand(8, 16, 3)
-    light = SplitSumLight(radiance, "as_shipped")
-    rows, columns = torch.meshgrid(torch.arange(8), torch.arange(16), indexing="ij")
-    v, u = math.pi * (rows.flatten() + 0.5) / 8, 2 * math.pi * ((columns.flatten() + 0.5) / 16 - 0.5)
-    direction = torch.stack([v.sin() * u.sin(), v.cos(), -v.sin() * u.cos()], -1)
-    found = light.glossy(direction, torch.zeros(len(direction)))
-    torch.testing.assert_close(found, radiance.flatten(0, 1), rtol=0, atol=1e-4)
-    torch.testing.assert_close(found[37], y_up_lookup(radiance, direction[37]), rtol=0, atol=1e-4)
-    sky = torch.zeros(8, 16, 3)
-    sky[:4] = 1.0
-    up, along_y = torch.tensor([[0.0, 0.0, 1.0]]), torch.tensor([[0.0, 1.0, 0.0]])
-    shipped, oriented = SplitSumLight(sky, "as_shipped"), SplitSumLight(sky)
-    assert torch.equal(shipped.irradiance(along_y), oriented.irradiance(up))
-    assert float(oriented.irradiance(up).min()) > 0.9
-    torch.testing.assert_close(shipped.irradiance(up), torch.full((1, 3), 0.5), rtol=0, atol=0.02)
 
 
 def test_metal_colours_the_lobe_and_sends_no_bounce() -> None:

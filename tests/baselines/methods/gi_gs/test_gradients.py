@@ -11,13 +11,14 @@ from baselines.methods.gi_gs.world import buffer_of, march
 from baselines.methods.irgs.world import looking_down, sheet, together
 from radiogs_baselines.methods.gi_gs.around import gathered, openness
 from radiogs_baselines.methods.gi_gs.composition import median, summed
-from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
 from radiogs_baselines.methods.gi_gs.losses import image_loss, plainness, variation
 from radiogs_baselines.methods.gi_gs.marching import NOTHING
 from radiogs_baselines.methods.gi_gs.reflection import bounce, reflect
 from radiogs_baselines.methods.gi_gs.shading import Shader
+from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
 from reference.differences import Values, assert_gradients
 
 F64 = torch.float64
@@ -62,7 +63,7 @@ def surfels_of(values: Values) -> Surfels:
 def found_image(values: Values) -> Tensor:
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
     how = Shader(MARCHES, True, True, "display", True)
-    return how.shade(buffer, alpha, SplitSumLight(values["environment"]))["image"]
+    return how.shade(buffer, alpha, SplitSumLight(PrefilteredLight(values["environment"])))["image"]
 
 
 @cache
@@ -114,7 +115,7 @@ def test_a_frame_and_its_gradients_are_those_of_the_formulas() -> None:
 def test_the_bounce_has_gradient_to_the_albedo_alone() -> None:
     values = {name: value.clone().requires_grad_() for name, value in start().items()}
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
-    light = SplitSumLight(values["environment"])
+    light = SplitSumLight(PrefilteredLight(values["environment"]))
     maps = Shader(MARCHES, True, True, "display", True).shade(buffer, alpha.detach(), light)
     assert float(maps["indirect"].detach().max()) > 0
     straight = torch.autograd.grad(
@@ -136,7 +137,7 @@ def fixed() -> tuple[Tensor, Tensor]:
     buffer, _ = buffer_of(CAMERA, surfels_of(start()), start()["metallic_logit"].sigmoid())
     met, grid = MARCHES.met(buffer), MARCHES.grid
     open_share = openness(met, grid)
-    direct = reflect(buffer, SplitSumLight(start()["environment"])).occluded(open_share)
+    direct = reflect(buffer, SplitSumLight(PrefilteredLight(start()["environment"]))).occluded(open_share)
     sent = bounce(buffer, gathered(met, buffer.image(direct).clamp(0, 1), grid))
     return open_share, sent / buffer.albedo
 
@@ -145,7 +146,7 @@ def held_image(values: Values) -> Tensor:
     """The image where all that has no gradient stays as it was at the start."""
     open_share, of_albedo = fixed()
     buffer, alpha = buffer_of(CAMERA, surfels_of(values), values["metallic_logit"].sigmoid())
-    direct = reflect(buffer, SplitSumLight(values["environment"])).occluded(open_share)
+    direct = reflect(buffer, SplitSumLight(PrefilteredLight(values["environment"]))).occluded(open_share)
     indirect = median(buffer.image(of_albedo * buffer.albedo))
     return summed(buffer.image(direct) * alpha[..., None], indirect * alpha[..., None], alpha, "display", True)
 

@@ -8,18 +8,19 @@ from baselines.methods.gi_gs.training import STANDING, stage_of, tensors_of
 from baselines.methods.gi_gs.world import block, light_of, march, shader, shown
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
 from hard_cases.constructions import looking_along_z, moved, raw_surfels, two_balls
-from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
 from radiogs_baselines.methods.gi_gs.marching import March
+from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
 
 Maps = dict[str, Tensor]
 
 
 def random_light(rows: int = 8) -> SplitSumLight:
     torch.manual_seed(4)
-    return SplitSumLight(torch.randn(rows, 2 * rows, 3).exp())
+    return SplitSumLight(PrefilteredLight(torch.randn(rows, 2 * rows, 3).exp()))
 
 
 def assert_finite(maps: Maps) -> None:
@@ -120,11 +121,11 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(rows: int) -> None:
 def test_case_33_a_black_light_is_black_and_a_sun_is_finite() -> None:
     """A broken texel is refused by name: see ``test_trained``."""
     floor = together(sheet(0.0), block(1.0, 0.1, 1.5))
-    black = shown(floor, looking_down(3.0, 31), SplitSumLight(grey(0.0).radiance))
+    black = shown(floor, looking_down(3.0, 31), SplitSumLight(PrefilteredLight(grey(0.0).radiance)))
     assert all(not black[name].any() for name in ("image", "direct", "indirect"))
     sun = grey(0.0)
     sun.radiance[1, 3] = 1e5
-    maps = shown(floor, looking_down(3.0, 31), SplitSumLight(sun.radiance))
+    maps = shown(floor, looking_down(3.0, 31), SplitSumLight(PrefilteredLight(sun.radiance)))
     assert_finite(maps)
     assert float(maps["indirect"].max()) < 1, "what is gathered is at most what is displayed"
 

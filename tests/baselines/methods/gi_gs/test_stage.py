@@ -20,12 +20,13 @@ from baselines.methods.gi_gs.training import (
 from known_ball import BALL, COLOUR, SCENE, noise
 from radiogs_baselines.methods.gi_gs.budget import Budget
 from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
-from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.stage import InverseRendering
 from radiogs_baselines.methods.gi_gs.variant import README_START, Variant
+from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.errors import UsageError
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
 from short_training import through_a_file
 
 
@@ -128,7 +129,9 @@ def test_the_frames_of_training_have_hits() -> None:
     for view in stage.views:
         model = stage.model
         seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
-        maps = stage.shader.shade(gbuffer(view.camera, seen), seen.alpha, SplitSumLight(model.environment))
+        maps = stage.shader.shade(
+            gbuffer(view.camera, seen), seen.alpha, SplitSumLight(PrefilteredLight(model.environment))
+        )
         assert float(maps["indirect"].detach().max()) > 0.01
 
 

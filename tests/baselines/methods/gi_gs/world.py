@@ -11,14 +11,15 @@ from baselines.methods.irgs.world import UP, looking_down, sheet
 from radiogs_baselines.methods.gi_gs.budget import PRESETS
 from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.grid import Grid
-from radiogs_baselines.methods.gi_gs.lighting import SplitSumLight
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_baselines.methods.gi_gs.model import Model
 from radiogs_baselines.methods.gi_gs.rendering import Renderer
 from radiogs_baselines.methods.gi_gs.shading import Shader
 from radiogs_baselines.methods.gi_gs.variant import Sum
+from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
 
 SMOKE = PRESETS["smoke"]
 SIZE = 21
@@ -91,7 +92,7 @@ def shader(
 
 def light_of(radiance: float | Tensor, rows: int = 8, dtype: torch.dtype = torch.float32) -> SplitSumLight:
     """The same light from everywhere."""
-    return SplitSumLight(torch.as_tensor(radiance, dtype=dtype).expand(rows, 2 * rows, 3))
+    return SplitSumLight(PrefilteredLight(torch.as_tensor(radiance, dtype=dtype).expand(rows, 2 * rows, 3)))
 
 
 def shown(surfels: Surfels, camera: Camera, light: SplitSumLight, how: Shader | None = None) -> dict[str, Tensor]:

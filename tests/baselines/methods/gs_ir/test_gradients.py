@@ -17,8 +17,8 @@ from radiogs_baselines.methods.gs_ir.model import Model
 from radiogs_baselines.methods.gs_ir.occlusion import OcclusionVolume
 from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.rendering import View
-from radiogs_baselines.methods.gs_ir.shading import SplitSumLight
 from radiogs_baselines.methods.gs_ir.variant import TexelAreas
+from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_bench.kernel_bench import plain_split_sum
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.surfels.surfels import Surfels

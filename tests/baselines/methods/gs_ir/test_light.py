@@ -14,8 +14,9 @@ from radiogs_baselines.methods.gs_ir.prefilter import (
     cube_directions,
     filtered_light,
 )
-from radiogs_baselines.methods.gs_ir.shading import SplitSumLight, metallic_factor, shade_points
+from radiogs_baselines.methods.gs_ir.shading import shade_points
 from radiogs_baselines.methods.seen_points import SeenPoints
+from radiogs_baselines.methods.split_sum import SplitSumLight, metallic_factor
 from radiogs_bench.kernel_bench import plain_split_sum
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.transport.sampling import GOLDEN_ANGLE
