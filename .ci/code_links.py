@@ -42,15 +42,13 @@ def renewed(text: str, folder: Path) -> tuple[str, list[str]]:
 
 def main(write: bool) -> int:
     """Look through all documents."""
-    found = 0
+    found: list[str] = []
     for document in (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))):
         text, wrong = renewed(document.read_text(), document.parent)
-        for each in wrong:
-            print(f"{document.relative_to(ROOT)}: {each}")
+        found += [f"{document.relative_to(ROOT)}: {each}" for each in wrong]
         if write:
             document.write_text(text)
-        found += len(wrong)
-    print(f"{found} links to renew" + (", renewed where the name is defined" if write and found else ""))
+    sys.stdout.writelines(f"{line}\n" for line in [*found, f"{len(found)} links to renew"])
     return 1 if found else 0
 
 
