@@ -16,7 +16,7 @@ from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValu
 
 from ..methods import budget_of, method, variant_of
 from ..store.folder import Store
-from ..store.schema import Result, training_seconds
+from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
 from ..suites.suite import MEASURES, NUMBER, TASKS, Row, Suite, with_numbers
@@ -190,7 +190,7 @@ def value_of(result: Result, task: str, measure: str) -> float | None:
         budget, variant = result["cell"]["budget"], result["cell"]["variant"]
         alone = variant.get("relighting") == "surfels" or not budget.keys() >= set(RELIGHT_RAYS)
         return None if alone else sum(budget[name] for name in RELIGHT_RAYS)
-    metric = (result["metrics"] | result["timings"]).get(f"{task}/{measure}")
+    metric = values_of(result).get(f"{task}/{measure}")
     return None if metric is None else metric["value"]
 
 
@@ -199,7 +199,7 @@ def why_not(rows: Rows, row: str, column: str, suite: Suite | None) -> str:
     _, measure, *scenes = column.split("/")
     results = rows.get(row, [])
     if results:
-        metrics = [result["metrics"] | result["timings"] for result in results]
+        metrics = [values_of(result) for result in results]
         reasons = [found[column]["reason"] for found in metrics if column in found]
         if reasons and reasons[0]:
             return str(reasons[0])

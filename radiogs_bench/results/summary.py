@@ -18,7 +18,7 @@ from radiogs_reports.summary import (
 )
 
 from ..store.folder import Store
-from ..store.schema import Result, training_seconds
+from ..store.schema import Result, training_seconds, values_of
 from ..suites.suite import MEASURES, Metric
 from ..suites.sweep import Line, Place, Sweep, state_of
 from .doubts import doubts
@@ -120,7 +120,7 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
     for place, result in cells:
         if place["row"] != row:
             continue
-        metric = None if result is None else (result["metrics"] | result["timings"]).get(column)
+        metric = None if result is None else values_of(result).get(column)
         if metric is not None and metric["value"] is not None:
             values[place["scene"], place["seed"]] = metric["value"]
         elif result is None:
@@ -211,7 +211,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     )
     if result is None:
         return run
-    metrics, arrays = result["metrics"] | result["timings"], store.arrays_path(result["key"])
+    metrics, arrays = values_of(result), store.arrays_path(result["key"])
     run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
     run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]
     run["seconds"] = result["seconds"]

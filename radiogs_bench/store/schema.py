@@ -154,6 +154,28 @@ class Failure(TypedDict):
     """The store adds it (see ``seal``)."""
 
 
+def values_of(result: Result) -> dict[str, MetricValue]:
+    """Metrics, timings, and what training cost, by column: the values that a table can show of a cell.
+
+    ``training/megabytes``: the largest peak over the sessions of all training stages, of the device where there is one,
+    else of the process.
+    """
+    amount = training_memory(result)
+    memory = {} if amount is None else {"training/megabytes": MetricValue(value=amount / 1e6, reason=None, views=[])}
+    return memory | result["metrics"] | result["timings"]
+
+
+def training_memory(result: Result) -> int | None:
+    """Peak memory of training, bytes; None where no session of it is known."""
+    peaks = [
+        session["peak_memory_bytes"]
+        for stage, sessions in result["sessions"].items()
+        if stage != "evaluate"
+        for session in sessions
+    ]
+    return max((peak.get("device", peak["host"]) for peak in peaks), default=None)
+
+
 def training_seconds(result: Result) -> float:
     """Seconds of all stages but the evaluation."""
     return math.fsum(seconds for stage, seconds in result["seconds"].items() if stage != "evaluate")

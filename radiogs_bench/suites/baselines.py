@@ -29,6 +29,7 @@ BASELINES = Suite(
         Metric("indirect", "psnr"),
         Metric("environment", "error_scaled"),
         Metric("render", "ms"),
+        Metric("training", "megabytes"),
     ),
     scenes=("corner", "bowl", "convex", "red_white"),
 )

@@ -6,6 +6,7 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.results.summary import plan_summary, summarise
+from radiogs_bench.store.schema import values_of
 from radiogs_bench.suites.paper import ABLATIONS
 
 REQUEST = asked(3)
@@ -39,6 +40,20 @@ def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) 
     assert summary["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx(sum(ours) / 3)
     assert summary["cells"]["ours"]["nvs/psnr"]["difference"] is None
     assert summary["published"] == PUBLISHED
+
+
+def test_the_memory_of_training_is_the_largest_peak_of_its_stages(sweep: FakeSweep) -> None:
+    result = sweep.store.result(PLACES[0]["key"])
+    assert result is not None
+    for stage, peaks in (("initialise", (2e9, 3e9)), ("invert", (1e9,)), ("evaluate", (9e9,))):
+        (session,) = result["sessions"][stage]
+        result["sessions"][stage] = [{**session, "peak_memory_bytes": {"host": int(peak)}} for peak in peaks]
+    assert values_of(result)["training/megabytes"]["value"] == 3000
+    result["sessions"]["invert"][0]["peak_memory_bytes"]["device"] = int(5e8)
+    result["sessions"]["initialise"] = []
+    assert values_of(result)["training/megabytes"]["value"] == 500
+    result["sessions"] = {"evaluate": result["sessions"]["evaluate"]}
+    assert "training/megabytes" not in values_of(result)
 
 
 def test_a_plan_comes_with_its_bound_and_what_its_probes_took(sweep: FakeSweep) -> None:
