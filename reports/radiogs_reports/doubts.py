@@ -13,9 +13,13 @@ def marks(summary: Summary, row: str, column: str) -> str:
 
 
 def footnotes(summary: Summary) -> list[str]:
-    """Every footnote behind its mark, then the remarks that concern no column, without one."""
-    marked = [f"{_mark(place)} {doubt['text']}" for place, doubt in enumerate(_of_columns(summary))]
-    return marked + [doubt["text"] for doubt in summary.get("doubts", []) if not doubt["column"]]
+    """Every footnote behind its mark."""
+    return [f"{_mark(place)} {doubt['text']}" for place, doubt in enumerate(_of_columns(summary))]
+
+
+def remarks(summary: Summary) -> list[str]:
+    """What concerns no column, such as what a method differs in from the published one of its name."""
+    return [doubt["text"] for doubt in summary.get("doubts", []) if not doubt["column"]]
 
 
 def texts_of(summary: Summary, row: str, column: str) -> str:

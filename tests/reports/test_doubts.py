@@ -8,7 +8,7 @@ import pytest
 
 from made_up_run import summary
 from radiogs_bench.cli.showing import table_of
-from radiogs_reports.doubts import footnotes, marks, texts_of
+from radiogs_reports.doubts import footnotes, marks, remarks, texts_of
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album
 from radiogs_reports.page.tables import suite_table
@@ -35,7 +35,8 @@ def test_marks_are_of_the_rows_that_a_footnote_names() -> None:
     assert marks(made, "ours", "normal/mae") == "†"
     assert marks(made, "no-rad", "normal/mae") == "†‡"
     assert marks(made, "ours", "nvs/psnr") == marks(made, "no-rad", "nvs/psnr") == ""
-    assert footnotes(made) == [f"† {LEVEL}", f"‡ {CONSTANT}", REMARK]
+    assert footnotes(made) == [f"† {LEVEL}", f"‡ {CONSTANT}"]
+    assert remarks(made) == [REMARK]
     assert texts_of(made, "no-rad", "normal/mae") == f"{LEVEL} {CONSTANT}"
 
 

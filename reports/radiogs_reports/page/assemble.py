@@ -24,10 +24,10 @@ from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
 from .tables import cells_table, grid_table, paper_table, suite_table
 
-SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance")
+SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance", "printing")
 """In the order in which they run; none needs another."""
 
-STYLES = ("page", "tables", "comparison")
+STYLES = ("page", "tables", "comparison", "printing")
 
 
 def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] = ()) -> Path:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..analysis.grid import Grid
 from ..analysis.ranks import suite_ranks
 from ..analysis.samples import cost_of
-from ..doubts import footnotes, marks
+from ..doubts import footnotes, marks, remarks
 from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary, half_width, row_texts
 from ..wording import ARROWS, plus_minus, signed
 from ..write.paper.layout import as_printed
@@ -45,7 +45,7 @@ class Entry:
 class Table:
     """A table: rows of entries under ``heads``, the row's name first. ``title``: shown while the table is folded.
 
-    ``footnotes``: below the table, each behind the mark that entries have.
+    ``footnotes``: below the table, each behind the mark that entries have. ``remarks``: of whole rows, folded.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Table:
     rows: list[list[Entry]]
     title: str = ""
     footnotes: Sequence[str] = ()
+    remarks: Sequence[str] = ()
 
     @property
     def reasons(self) -> list[str]:
@@ -91,7 +92,7 @@ def suite_table(summary: Summary) -> Table:
         ]
         rows.append([Entry(row["text"], row["text"]), *values, seconds_entry(row)])
     heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
-    return Table("means", summary["title"], heads, rows, footnotes=footnotes(summary))
+    return Table("means", summary["title"], heads, rows, footnotes=footnotes(summary), remarks=remarks(summary))
 
 
 def value_entry(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int, mark: str = "") -> Entry:

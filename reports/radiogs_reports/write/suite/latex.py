@@ -1,7 +1,7 @@
 """The suite's table in LaTeX: booktabs, the paper's rank colours, published values beside the measured ones."""
 
 from ...analysis.ranks import suite_ranks
-from ...doubts import footnotes, marks
+from ...doubts import footnotes, marks, remarks
 from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width
 from ...wording import plus_minus, signed
 from ..caption import unfinished
@@ -41,7 +41,9 @@ def suite_latex(summary: Summary) -> str:
         lines += _row_lines(summary, row, ranks, notes)
     lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
-    lines += [rf"\par\smallskip\footnotesize {escape(footnote)}" for footnote in footnotes(summary)]
+    lines += [
+        rf"\par\smallskip\footnotesize {escape(footnote)}" for footnote in (*footnotes(summary), *remarks(summary))
+    ]
     return "\n".join([*lines, r"\end{table}", ""])
 
 

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from ...doubts import footnotes, marks, texts_of
+from ...doubts import footnotes, marks, remarks, texts_of
 from ...summary import CellSummary, ColumnSummary, Summary, row_texts
 from ...wording import heading, signed
 from ..caption import run_note
@@ -26,7 +26,7 @@ def suite_markdown(summary: Summary) -> str:
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
         lines.append(table_line([row["text"], *values, *beside, seconds]))
-    below = [f"{_brackets(summary)}{run_note(summary)}", *footnotes(summary)]
+    below = [f"{_brackets(summary)}{run_note(summary)}", *footnotes(summary), *remarks(summary)]
     return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
 
 

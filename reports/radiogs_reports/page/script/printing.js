@@ -1,0 +1,18 @@
+// On paper nothing unfolds and ink is dark: what is folded is printed open, in light colours, and both are put back.
+(() => {
+  const root = document.documentElement;
+  const folded = [];
+  let theme;
+  addEventListener("beforeprint", () => {
+    for (const details of document.querySelectorAll("details:not([open])")) {
+      details.open = true;
+      folded.push(details);
+    }
+    theme = root.dataset.theme;
+    root.dataset.theme = "light";
+  });
+  addEventListener("afterprint", () => {
+    for (const details of folded.splice(0)) details.open = false;
+    root.dataset.theme = theme;
+  });
+})();
