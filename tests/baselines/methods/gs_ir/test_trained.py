@@ -1,8 +1,5 @@
-"""A trained GS-IR model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+"""A trained GS-IR model as the harness sees it: its facts, relighting, and how it comes back."""
 
-import tomllib
-from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,68 +8,20 @@ import pytest
 import torch
 
 from baselines.methods.gs_ir.training import BUDGET, run_of, variant
-from baselines.methods.gs_ir.world import lit
-from baselines.methods.irgs.world import DOWN, grey, sheet, together
-from known_ball import BALL, SCENE
-from radiogs_baselines.methods.gs_ir.baking import Reach, bake
+from baselines.methods.irgs.world import grey
+from baselines.methods.trained_models import LATTICE, VOLUMES
+from baselines.methods.trained_models import LOW_ROOF as ROOFED
+from baselines.methods.trained_models import gs_ir as trained
+from baselines.methods.trained_models import gs_ir_model as model
+from known_ball import SCENE
 from radiogs_baselines.methods.gs_ir.budget import PRESETS
 from radiogs_baselines.methods.gs_ir.labels import labels_of
-from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
-from radiogs_baselines.methods.gs_ir.model import Model
 from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR
 from radiogs_baselines.methods.gs_ir.variant import Variant
-from radiogs_bench.suites.baselines import PUBLISHED_METHODS
-from radiogs_bench.suites.registry import suite
-from radiogs_core.contract import Method, Prepared, Trained
 from radiogs_core.errors import DataError
-from radiogs_core.learning.fit_geometry import GeometryBudget
 
 CAMERA = SCENE.test[0].camera
-ROOFED = together(BALL, sheet(1.5, DOWN, scale=0.5))
-LATTICE = Lattice.over(ROOFED, 16)
-VOLUMES = {"occlusion": bake(ROOFED, LATTICE, Reach(), 64), "irradiance": lit(0.4, LATTICE)}
-
-
-def model(**changes: object) -> Model:
-    return replace(Model(ROOFED, torch.zeros(8, 16, 3), **VOLUMES), **changes)  # type: ignore[arg-type]
-
-
-def trained(turned: Variant | None = None, **changes: object) -> TrainedGSIR:
-    return GS_IR_METHOD.restore(run_of(turned), model(**changes).tensors())
-
-
-def test_it_is_a_method_and_registered() -> None:
-    assert isinstance(GS_IR_METHOD, Method)
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
-    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["gs-ir"].partition(":")
-    assert getattr(import_module(module), name) is GS_IR_METHOD
-    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
-    assert isinstance(trained(), Trained)
-
-
-def test_it_has_a_row_in_the_paper_s_order_and_a_suite_whose_rows_are_its_variants() -> None:
-    order = [row.key for row in PUBLISHED_METHODS]
-    assert order.index("tensoir") < order.index("gs-ir") < order.index("r3dg")
-    for row in suite("gs-ir").rows:
-        assert row.method == "gs-ir"
-
-
-def test_maps_are_as_they_are_declared() -> None:
-    for shown in (trained().prepare(), trained().prepare(grey())):
-        assert isinstance(shown, Prepared)
-        maps = shown.render(CAMERA)
-        assert set(maps) == shown.default == set(shown.offers)
-        for name, value in maps.items():
-            channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
-            assert not value.requires_grad
-            outside = maps["alpha"][..., 0] == 0
-            assert bool((value[outside] == 0).all()), name
-        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
-        torch.testing.assert_close(length, torch.ones_like(length))
-        assert float(maps["image"].min()) >= 0
-        assert float(maps["image"].max()) <= 1
 
 
 def test_the_model_comes_back_as_it_was() -> None:
@@ -144,13 +93,6 @@ def test_new_lights_are_filtered_with_the_variant_s_areas() -> None:
     seen = exact["alpha"][..., 0] > 0.9
     ratio = (rough["direct"] - exact["direct"])[seen] / exact["albedo"][seen]
     assert 0.04 < float(ratio.min()) < float(ratio.max()) < 0.12
-
-
-def test_a_light_that_is_not_finite_is_refused() -> None:
-    broken = grey()
-    broken.radiance[1, 3, 0] = float("nan")
-    with pytest.raises(DataError, match="1 texels of the environment map are not finite"):
-        trained().prepare(broken)
 
 
 def test_what_is_exported_can_be_read(tmp_path: Path) -> None:

@@ -1,59 +1,22 @@
-"""A trained IRGS model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+"""A trained IRGS model as the harness sees it: its facts, relighting, and how it comes back."""
 
-import tomllib
 from dataclasses import replace
-from importlib import import_module
-from pathlib import Path
 
 import pytest
 import torch
 
 from baselines.methods.irgs.training import BUDGET, run_of, variant
 from baselines.methods.irgs.world import DOWN, grey, sheet, together
+from baselines.methods.trained_models import HIGH_ROOF as ROOFED
+from baselines.methods.trained_models import irgs as trained
 from known_ball import BALL, SCENE
 from radiogs_baselines.methods.irgs.budget import PRESETS
 from radiogs_baselines.methods.irgs.labels import labels_of
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.model import Model
-from radiogs_baselines.methods.irgs.trained import TrainedIRGS
 from radiogs_baselines.methods.irgs.variant import Variant
-from radiogs_core.contract import Method, Prepared, Trained
-from radiogs_core.learning.fit_geometry import GeometryBudget
 
 CAMERA = SCENE.test[0].camera
-ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
-
-
-def trained(turned: Variant | None = None) -> TrainedIRGS:
-    return IRGS_METHOD.restore(run_of(turned), Model(ROOFED, torch.zeros(8, 16, 3)).tensors())
-
-
-def test_it_is_a_method_and_registered() -> None:
-    assert isinstance(IRGS_METHOD, Method)
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
-    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["irgs"].partition(":")
-    assert getattr(import_module(module), name) is IRGS_METHOD
-    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
-    assert isinstance(trained(), Trained)
-
-
-def test_maps_are_as_they_are_declared() -> None:
-    own, relit = trained().prepare(), trained().prepare(grey())
-    for shown in (own, relit):
-        assert isinstance(shown, Prepared)
-        maps = shown.render(CAMERA)
-        assert set(maps) == shown.default
-        for name, value in maps.items():
-            channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
-            outside = maps["alpha"][..., 0] == 0
-            assert bool((value[outside] == 0).all()), name
-        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
-        torch.testing.assert_close(length, torch.ones_like(length))
-        assert float(maps["image"].min()) >= 0
-        assert float(maps["image"].max()) <= 1
-    assert set(own.render(CAMERA, "incident")) == {*own.default, "incident"}
-    assert "incident" not in relit.offers
 
 
 def test_the_same_view_is_shown_the_same_twice_and_after_others() -> None:

@@ -1,63 +1,25 @@
-"""A trained R3DG model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+"""A trained R3DG model as the harness sees it: its facts, relighting, and how it comes back."""
 
-import tomllib
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from baselines.methods.irgs.world import DOWN, grey, sheet, together
+from baselines.methods.irgs.world import grey
 from baselines.methods.r3dg.training import BUDGET, run_of, variant
 from baselines.methods.r3dg.world import around
-from known_ball import BALL, SCENE
+from baselines.methods.trained_models import HIGH_ROOF as ROOFED
+from baselines.methods.trained_models import r3dg as trained
+from known_ball import SCENE
 from radiogs_baselines.methods.r3dg.budget import PRESETS
 from radiogs_baselines.methods.r3dg.labels import labels_of
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model
-from radiogs_baselines.methods.r3dg.trained import TrainedR3DG
 from radiogs_baselines.methods.r3dg.variant import Variant
-from radiogs_core.contract import Method, Prepared, Trained
-from radiogs_core.learning.fit_geometry import GeometryBudget
 from radiogs_core.surfels.ply import read_ply
 
 CAMERA = SCENE.test[0].camera
-ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5))
-
-
-def trained(turned: Variant | None = None) -> TrainedR3DG:
-    model = Model(ROOFED, around(ROOFED, 0.2), torch.zeros(8, 16, 3))
-    return R3DG_METHOD.restore(run_of(turned), model.tensors())
-
-
-def test_it_is_a_method_and_registered() -> None:
-    assert isinstance(R3DG_METHOD, Method)
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
-    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["r3dg"].partition(":")
-    assert getattr(import_module(module), name) is R3DG_METHOD
-    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
-    assert isinstance(trained(), Trained)
-
-
-def test_maps_are_as_they_are_declared() -> None:
-    own, relit = trained().prepare(), trained().prepare(grey())
-    for shown in (own, relit):
-        assert isinstance(shown, Prepared)
-        maps = shown.render(CAMERA)
-        assert set(maps) == shown.default
-        for name, value in maps.items():
-            channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
-            outside = maps["alpha"][..., 0] == 0
-            assert bool((value[outside] == 0).all()), name
-        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
-        torch.testing.assert_close(length, torch.ones_like(length))
-        assert float(maps["image"].min()) >= 0
-        assert float(maps["image"].max()) <= 1
-    assert set(own.render(CAMERA, "incident")) == {*own.default, "incident"}
-    assert "incident" not in relit.offers
-    assert set(relit.render(CAMERA, "incident")) == relit.default
 
 
 def test_the_recovered_light_and_the_model_come_back_as_they_were() -> None:

@@ -1,60 +1,24 @@
-"""A trained SVG-IR model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+"""A trained SVG-IR model as the harness sees it: its facts, relighting, and how it comes back."""
 
-import tomllib
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import torch
 
-from baselines.methods.irgs.world import DOWN, grey, sheet, together
+from baselines.methods.irgs.world import grey
 from baselines.methods.svg_ir.training import BUDGET, run_of, stage_of, variant
 from baselines.methods.svg_ir.world import model_of
-from known_ball import BALL, SCENE
+from baselines.methods.trained_models import LOW_ROOF as ROOFED
+from baselines.methods.trained_models import svg_ir as trained
+from known_ball import SCENE
 from radiogs_baselines.methods.svg_ir.budget import PRESETS
 from radiogs_baselines.methods.svg_ir.labels import labels_of
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
 from radiogs_baselines.methods.svg_ir.shading import reduced
-from radiogs_baselines.methods.svg_ir.trained import TrainedSVGIR
 from radiogs_baselines.methods.svg_ir.variant import Variant
-from radiogs_core.contract import Method, Prepared, Trained
-from radiogs_core.learning.fit_geometry import GeometryBudget
 from radiogs_core.scene.light import EnvironmentMap
 
 CAMERA = SCENE.test[0].camera
-ROOFED = together(BALL, sheet(1.5, DOWN, scale=0.5, radiance=0.4))
-
-
-def trained(turned: Variant | None = None) -> TrainedSVGIR:
-    return SVG_IR_METHOD.restore(run_of(turned), model_of(ROOFED, grey()).tensors())
-
-
-def test_it_is_a_method_and_registered() -> None:
-    assert isinstance(SVG_IR_METHOD, Method)
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
-    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["svg-ir"].partition(":")
-    assert getattr(import_module(module), name) is SVG_IR_METHOD
-    assert all(isinstance(budget, GeometryBudget) for budget in PRESETS.values())
-    assert isinstance(trained(), Trained)
-
-
-def test_maps_are_as_they_are_declared() -> None:
-    own, relit = trained().prepare(), trained().prepare(grey())
-    for shown in (own, relit):
-        assert isinstance(shown, Prepared)
-        maps = shown.render(CAMERA)
-        assert set(maps) == shown.default
-        for name, value in maps.items():
-            channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
-            outside = maps["alpha"][..., 0] == 0
-            assert bool((value[outside] == 0).all()), name
-        length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
-        torch.testing.assert_close(length, torch.ones_like(length))
-        assert float(maps["image"].min()) >= 0
-        assert float(maps["image"].max()) <= 1
-    assert set(own.render(CAMERA, "incident")) == {*own.default, "incident"}
-    assert "incident" not in relit.offers
 
 
 def test_a_trained_model_comes_back_as_it_was_and_is_shown_with_the_table_of_training() -> None:

@@ -1,51 +1,24 @@
-"""A trained TensoIR model as the harness sees it: its maps, its facts, relighting, and its place among the methods."""
+"""A trained TensoIR model as the harness sees it: its facts, relighting, and how it comes back."""
 
-import tomllib
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from baselines.methods.tensoir.world import BUDGET, floor_field, grey, looking_down, made_of, model_of, run_of
+from baselines.methods.tensoir.world import BUDGET, grey, looking_down, run_of
+from baselines.methods.trained_models import FLOOR
+from baselines.methods.trained_models import tensoir as trained
 from radiogs_baselines.methods.tensoir.budget import PRESETS
 from radiogs_baselines.methods.tensoir.labels import labels_of
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import Model
-from radiogs_baselines.methods.tensoir.trained import TrainedTensoIR
 from radiogs_baselines.methods.tensoir.variant import Variant
-from radiogs_core.contract import Method, Prepared, Trained
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import texel_directions
 
 CAMERA = looking_down(size=5)
-FLOOR = made_of(floor_field(top=-0.5), radiance=0.3, albedo=0.4, upward=True)
-
-
-def trained(variant: Variant | None = None) -> TrainedTensoIR:
-    return TENSOIR_METHOD.restore(run_of(variant), model_of(FLOOR, 0.8).tensors())
-
-
-def test_it_is_a_method_and_registered() -> None:
-    assert isinstance(TENSOIR_METHOD, Method)
-    project = tomllib.loads((Path(__file__).parents[4] / "pyproject.toml").read_text())
-    module, _, name = project["project"]["entry-points"]["radiogs_bench.methods"]["tensoir"].partition(":")
-    assert getattr(import_module(module), name) is TENSOIR_METHOD
-    assert isinstance(trained(), Trained)
-
-
-def test_maps_are_as_they_are_declared() -> None:
-    for shown in (trained().prepare(), trained(Variant(shown="shaded")).prepare(), trained().prepare(grey())):
-        assert isinstance(shown, Prepared)
-        maps = shown.render(CAMERA)
-        assert set(maps) == shown.default == set(shown.offers)
-        for name, value in maps.items():
-            channels = 1 if name in ("alpha", "roughness", "depth") else 3
-            assert value.shape == (CAMERA.height, CAMERA.width, channels), name
-        assert float(maps["image"].min()) >= 0
-        assert float(maps["image"].max()) <= 1
 
 
 def test_maps_show_the_floor_as_it_is() -> None:

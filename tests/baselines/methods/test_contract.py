@@ -1,0 +1,92 @@
+"""What the harness asks of every method: it is registered, its maps are as declared, and bad lights are refused."""
+
+import tomllib
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import torch
+
+from baselines.methods import trained_models
+from baselines.methods.irgs.world import grey
+from baselines.methods.tensoir.world import looking_down
+from known_ball import SCENE
+from radiogs_bench.methods import method
+from radiogs_bench.suites.baselines import PUBLISHED_METHODS
+from radiogs_bench.suites.registry import suite
+from radiogs_core.contract import Method, Prepared, Trained
+from radiogs_core.errors import DataError
+from radiogs_core.learning.fit_geometry import GeometryBudget
+
+MODELS: dict[str, Callable[[], Trained]] = {
+    "gs-ir": trained_models.gs_ir,
+    "gi-gs": trained_models.gi_gs,
+    "irgs": trained_models.irgs,
+    "r3dg": trained_models.r3dg,
+    "svg-ir": trained_models.svg_ir,
+    "tensoir": trained_models.tensoir,
+}
+WITH_INCIDENT = {"gi-gs", "irgs", "r3dg", "svg-ir"}
+"""Methods that show the indirect light that arrives, under the recovered light."""
+
+BALL_SEEN, FLOOR_SEEN = SCENE.test[0].camera, looking_down(size=5)
+
+
+def test_every_published_method_is_tested_here() -> None:
+    assert {row.method for row in PUBLISHED_METHODS} == set(MODELS)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_it_is_a_method_and_registered(name: str) -> None:
+    project = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())
+    module, _, attribute = project["project"]["entry-points"]["radiogs_bench.methods"][name].partition(":")
+    ours = getattr(import_module(module), attribute)
+    assert isinstance(ours, Method)
+    assert ours.name == name
+    assert method(name) is ours
+    assert set(ours.presets) == {"smoke", "tiny", "small", "paper"}
+    if name != "tensoir":
+        assert all(isinstance(budget, GeometryBudget) for budget in ours.presets.values()), "it has the shared stage 1"
+    assert isinstance(MODELS[name](), Trained)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_suite_has_rows_of_its_variants(name: str) -> None:
+    rows = suite("tensoir-method" if name == "tensoir" else name).rows
+    assert {row.method for row in rows} == {name}
+    assert len(rows) > 1
+
+
+@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("relit", [False, True])
+def test_maps_are_as_they_are_declared(name: str, relit: bool) -> None:
+    camera = FLOOR_SEEN if name == "tensoir" else BALL_SEEN
+    shown = MODELS[name]().prepare(grey() if relit else None)
+    assert isinstance(shown, Prepared)
+    maps = shown.render(camera)
+    assert set(maps) == shown.default
+    for map_, value in maps.items():
+        channels = 1 if map_ in ("alpha", "roughness", "depth") else 3
+        assert value.shape == (camera.height, camera.width, channels), map_
+        assert not value.requires_grad, map_
+        outside = maps["alpha"][..., 0] == 0
+        assert bool((value[outside] == 0).all()), map_
+    length = maps["normal"].norm(dim=-1)[maps["alpha"][..., 0] > 0]
+    torch.testing.assert_close(length, torch.ones_like(length))
+    assert float(maps["image"].min()) >= 0
+    assert float(maps["image"].max()) <= 1
+    further = {"incident"} if name in WITH_INCIDENT and not relit else set()
+    assert set(shown.offers) == {*shown.default, *further}
+    with_incident = shown.render(camera, "incident")
+    assert set(with_incident) == {*shown.default, *further}
+    if further:
+        assert float(with_incident["incident"].max()) > 0
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_a_light_with_a_broken_texel_is_refused_by_name(name: str) -> None:
+    light = grey()
+    light.radiance[1, 2, 0] = float("nan")
+    with pytest.raises(DataError, match="1 texels of the environment map are not finite"):
+        MODELS[name]().prepare(light)
