@@ -3,7 +3,7 @@
 For a table of the paper, the protocol is that of RadioGS's own evaluation, which produced it.
 """
 
-from .baselines import IRGS, PUBLISHED_METHODS, R3DG, SVG_IR
+from .baselines import PUBLISHED_METHODS
 from .suite import Metric, Row, Suite, knob_rows
 
 OURS = Row("ours", "Ours", "Ours", {})
@@ -37,7 +37,7 @@ SYNTHETIC4RELIGHT = Suite(
     title="Synthetic4Relight",
     published="synthetic4relight",
     reference="ours",
-    rows=(OURS, R3DG, IRGS, SVG_IR),
+    rows=(OURS, *PUBLISHED_METHODS),
     columns=(Metric("nvs", "psnr"), Metric("roughness", "mse"), Metric("albedo", "psnr"), Metric("relight", "psnr")),
     scenes=("air_baloons", "chair", "hotdog", "jugs"),
     protocol="radiogs",
@@ -60,7 +60,7 @@ STANFORD_ORB = Suite(
     title="Stanford-ORB",
     published=None,  # the paper shows pictures of it, and no table
     reference="ours",
-    rows=(OURS, OURS_FINETUNED),
+    rows=(OURS, OURS_FINETUNED, *PUBLISHED_METHODS),
     columns=(
         *(Metric(task, measure) for task in ("nvs", "relight") for measure in ("psnr_h", "psnr_l", "ssim", "lpips")),
         Metric("normal", "cosine"),
