@@ -6,7 +6,7 @@ from rich.table import Table
 
 from radiogs_baselines.published import published
 from radiogs_reports import write_reports
-from radiogs_reports.doubts import footnotes, marks
+from radiogs_reports.doubts import footnotes, marks, remarks
 from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
 
 from ..results.summary import summarise
@@ -23,7 +23,7 @@ def write_and_show(store: Store, sweep: Sweep) -> None:
     summary, written = write(store, sweep)
     show(table_of(summary))
     say(explanation(summary))
-    for sentence in (*reasons(summary), *footnotes(summary)):
+    for sentence in (*reasons(summary), *footnotes(summary), *remarks(summary)):
         say(sentence)
     say(f"Metric protocol: {summary['protocol']}. Published values: {summary['published_data']}.")
     for path in written:
