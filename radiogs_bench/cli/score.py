@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
+from . import score_into
 from .device import chosen_device
 from .options import add_scene_options, add_verbose, positive, scene_options
 
@@ -37,11 +38,12 @@ def add_to(commands: "Commands") -> None:
         help="radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb, plain (default: told by the folder)",
     )
     add_scene_options(parser)
-    parser.add_argument("--protocol", default="default", help="a metric protocol, or all (default: default)")
+    parser.add_argument("--protocol", help="a metric protocol, or all (default: default; with --into, the run's)")
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="of a trained model (default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
     parser.add_argument("--json", action="store_true", help="print the record instead of the table")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
+    score_into.add_options(parser)
     add_verbose(parser)
 
 
@@ -49,6 +51,9 @@ def score(options: argparse.Namespace) -> int:
     """Score, print what was compared and what was missing, and write the record."""
     from .reporter import say
 
+    if score_into.is_asked(options):
+        return score_into.score_into(options)
+    options.protocol = options.protocol or "default"
     record = _record(options)
     say_without_weights(_protocols(options.protocol))
     if options.out is not None:

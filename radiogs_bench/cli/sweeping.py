@@ -18,9 +18,10 @@ from ..methods import method
 from ..metrics import protocol
 from ..store.folder import Store
 from ..store.seal import sealed
+from ..suites.rows_from_files import with_rows_from_files
 from ..suites.scenes import load_scenes, own_scenes, place_of
 from ..suites.suite import Suite
-from ..suites.sweep import Request, Sweep, read_sweep, steps_to_take, write_sweep
+from ..suites.sweep import Request, Sweep, changing_sweep, read_sweep, steps_to_take
 from ..training.interruption import Interruption
 from ..training.progress import SweepProgress, progress_for_stderr
 from ..training.stages import Bench
@@ -80,8 +81,7 @@ def run_request(
     request: Request, store: Store, device: torch.device, engine: Engine, options: argparse.Namespace
 ) -> int:
     """Run the missing cells; write and print the reports. Returns the exit code."""
-    manifest = request.manifest([place for place, _ in request.cells()])
-    write_sweep(store, manifest)
+    manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
     shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
@@ -96,6 +96,7 @@ def run_request(
         )
         reported = report_failures(ended.failures)
         code = ended.code or reported
+    manifest = entered_meanwhile(request, store, manifest)
     from .showing import write, write_and_show  # its tables take a second to import: errors need not wait for it
 
     if options.json:
@@ -105,6 +106,30 @@ def run_request(
         write_and_show(store, manifest)
         say_other_run(store, manifest)
     return code
+
+
+def write_manifest(request: Request, store: Store) -> Sweep:
+    """Write what is asked for, with the rows of the folder that were scored from files and can be compared with it."""
+    with changing_sweep(store) as write_it:
+        manifest = request.manifest([place for place, _ in request.cells()])
+        manifest, outdated = with_rows_from_files(store, manifest, checksums_of(request))
+        write_it(manifest)
+    for name in outdated:
+        complain(
+            f"row '{name}' was scored from files by another version of the code and is left out."
+            f" Score it again:  radiogs-bench score FOLDER --scene SCENE --into {store.folder} --row '{name}'"
+        )
+    return manifest
+
+
+def entered_meanwhile(request: Request, store: Store, manifest: Sweep) -> Sweep:
+    """The run's manifest as it ends: rows scored from files may have been added while it ran."""
+    return with_rows_from_files(store, manifest, checksums_of(request))[0]
+
+
+def checksums_of(request: Request) -> dict[str, str]:
+    """The scenes' checksums, by the names that the run has for them."""
+    return {name: scene.checksum for name, scene in request.scenes.items()}
 
 
 def say_other_run(store: Store, manifest: Sweep) -> None:

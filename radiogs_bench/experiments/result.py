@@ -14,11 +14,16 @@ EVALUATE = "evaluate"
 
 def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
     """The result of a cell before anything is measured; ``protocol`` describes the metrics' conventions."""
+    return blank_result(cell.key, cell.scene, cell.content(), protocol)
+
+
+def blank_result(key: str, scene: str, content: dict[str, Any], protocol: dict[str, Any]) -> Result:
+    """The same of a cell that is given by its content alone, whose hash is ``key``."""
     return Result(
         schema=RESULT_SCHEMA,
-        key=cell.key,
-        scene=cell.scene,
-        cell=cell.content(),
+        key=key,
+        scene=scene,
+        cell=content,
         protocol=protocol,
         metrics={},
         timings={},

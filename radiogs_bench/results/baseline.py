@@ -16,6 +16,7 @@ from radiogs_core.errors import DataError
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
+from ..suites.rows_from_files import measured
 from ..suites.sweep import Sweep, label
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/2"
@@ -33,7 +34,11 @@ MAKE_ONE = "Make one:  radiogs-bench gate OUT --baseline FILE --update"
 
 
 def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
-    """A baseline from the store's last run. Raises DataError unless every cell is finished and has what to compare."""
+    """A baseline from the store's last run. Raises DataError unless every cell is finished and has what to compare.
+
+    Rows that were scored from files are left out: this code did not make them.
+    """
+    sweep = measured(sweep)
     cells = {label(place): store.result(place["key"]) for place in sweep["cells"]}
     unfinished = [name for name, result in cells.items() if result is None]
     if unfinished:

@@ -12,6 +12,7 @@ from radiogs_core.errors import DataError
 
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
+from ..suites.rows_from_files import measured
 from ..suites.sweep import Sweep, label
 from .baseline import SETTINGS, group_of, machine_of
 
@@ -42,7 +43,7 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Cha
             "Their metrics cannot be compared.",
             "Run with the baseline's settings, or make the baseline again with --update.",
         )
-    found = {label(place): store.result(place["key"]) for place in sweep["cells"]}
+    found = {label(place): store.result(place["key"]) for place in measured(sweep)["cells"]}
     _require_same_scenes(found, baseline["cells"])
     changes = [Change(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
     for name, kept in baseline["cells"].items():

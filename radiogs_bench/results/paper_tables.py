@@ -19,6 +19,7 @@ from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
+from ..suites.rows_from_files import measured
 from ..suites.suite import MEASURES, NUMBER, TASKS, Row, Suite, with_numbers
 from ..suites.sweep import Sweep
 
@@ -40,7 +41,11 @@ Rows = Mapping[str, list[Result]]
 
 
 def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
-    """Every table of the paper with at least one measured value, in the order of their keys."""
+    """Every table of the paper with at least one measured value, in the order of their keys.
+
+    Rows that were scored from files are in none: the paper's rows name budgets, and theirs are not known.
+    """
+    sweep = measured(sweep)
     own = {place["key"]: place for place in sweep["cells"]}
     results = list(store.results())
     mine = [result for result in results if result["key"] in own]

@@ -19,6 +19,8 @@ from radiogs_reports.summary import (
 
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
+from ..store.schema import Result, training_seconds
+from ..suites.rows_from_files import is_from_files
 from ..suites.suite import MEASURES, Metric
 from ..suites.sweep import Line, Place, Sweep, state_of
 from .doubts import doubts
@@ -104,6 +106,8 @@ def cell_summary(cells: Finished, sweep: Sweep, line: Line, column: str, rank: i
     """The mean of a metric over a row's cells, its rank, and its paired difference to the reference row."""
     row = line["key"]
     mine, reason = sample(cells, row, column)
+    if "files" in line:
+        reason = lacking(cells, sweep, line) or reason
     mean = estimate(list(mine.values()))
     if mean is None:
         return CellSummary(mean=None, count=0, difference=None, reason=line.get("refused", reason), rank=None)
@@ -130,14 +134,34 @@ def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
     return values, reason
 
 
-MAP_OF = {"nvs": "image"}
+def lacking(cells: Finished, sweep: Sweep, line: Line) -> str | None:
+    """Which of the run's scenes and seeds a row that was scored from files has no files of; None if it has all."""
+    there = {(place["scene"], place["seed"]) for place, _ in cells if place["row"] == line["key"]}
+    missing = [
+        f"{scene} seed {seed}" for scene in sweep["scenes"] for seed in sweep["seeds"] if (scene, seed) not in there
+    ]
+    return f"{line['text']}: no files of {', '.join(missing)}" if missing else None
+
+
+MAP_OF = {"nvs": "image", "relight": "relit"}
 """The map that a task compares, where their names differ."""
+
+COSTS = ("ms", "megabytes", "seconds", "rays")
+"""Measures of what training or rendering took."""
 
 
 def why_absent(scene: str, result: Result, column: str) -> str:
-    """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it."""
-    task = column.partition("/")[0]
+    """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
+
+    Of files, only what they show is known.
+    """
+    task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)
+    if is_from_files(result):
+        if measure in COSTS or wanted not in (*COMPARED, "relit"):
+            return f"{result['facts']['row']} was scored from files: what it took is not known"
+        if wanted not in result["maps"]:
+            return f"the files of {result['facts']['row']} hold no {FILES_OF.get(wanted, wanted)}"
     if result["maps"] and wanted in COMPARED and wanted not in result["maps"]:
         return f"{result['cell']['method']} does not give {COMPARED[wanted]}"
     return f"{scene} has no ground truth for it"
@@ -154,6 +178,9 @@ COMPARED = {
 }
 """Maps that are compared, in words."""
 
+FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "indirect": "indirect light"}
+"""Maps that files may lack, in words, where these are not their names."""
+
 
 def row_seconds(cells: Finished, row: str) -> float | None:
     """Mean training seconds over the row's finished cells; None where nothing was trained."""
@@ -167,10 +194,14 @@ def row_seconds(cells: Finished, row: str) -> float | None:
 
 
 def machines(results: Sequence[Result]) -> str:
-    """The machines that made the results, all of them, because seconds of different machines are not comparable."""
+    """The machines that made the results, all of them, because seconds of different machines are not comparable.
+
+    Those that scored files are left out: such rows have no seconds.
+    """
     cards = {
         f"{card['gpu'] or card['cpu']}, {card['threads']} thread{'' if card['threads'] == 1 else 's'}"
         for result in results
+        if not is_from_files(result)
         for sessions in result["sessions"].values()
         for card in [session["machine"] for session in sessions]
     }

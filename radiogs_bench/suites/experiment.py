@@ -26,12 +26,12 @@ class Experiment:
     on_surfaces: bool = False
     sources: tuple[str, ...] = EVALUATION
 
-    def evaluation_code(self, method: Method) -> str:
-        """Digest of what turns a trained model into metrics.
+    def evaluation_code(self, method: Method | None = None) -> str:
+        """Digest of what turns a trained model, or somebody's files, into metrics.
 
         It also names the LPIPS networks without weights: once these are installed, results are scored again.
         """
-        shown_by = method.sources if self.trains else ()
+        shown_by = method.sources if self.trains and method is not None else ()
         digest = code_digest(*self.sources, *shown_by)
         missing = [net for net in FILES if missing_weights(net)]
         return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest
@@ -64,3 +64,8 @@ EXPERIMENTS: Mapping[str, Experiment] = {
         Experiment(STABILITY, trains=False, sources=("radiogs_bench.experiments.stability",)),
     )
 }
+
+FROM_FILES = Experiment(
+    "from-files", trains=False, sources=("radiogs_bench.evaluation.score", "radiogs_baselines.outputs")
+)
+"""Score images and maps that another program wrote (``score --into``); no suite runs it."""

@@ -1,6 +1,7 @@
 """Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NotRequired, TypedDict, cast
@@ -50,6 +51,8 @@ class Line(TypedDict):
     """The parts that are given, in such rows."""
     refused: NotRequired[str]
     """Why the row has no cells: the method does not take these parts."""
+    files: NotRequired[str]
+    """The code whose layout was read, in rows that were scored from files (``suites.rows_from_files``)."""
 
 
 class Sweep(TypedDict):
@@ -206,8 +209,15 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
 
 def write_sweep(store: Store, sweep: Sweep) -> None:
     """Write the manifest beside the results."""
+    with changing_sweep(store) as write:
+        write(sweep)
+
+
+@contextmanager
+def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
+    """Exclusive right to read the manifest and to write another one, which the function that is given does."""
     with store.patient_claim("sweep"):
-        write_atomically(_path(store.folder), strict_json(sealed(sweep)))
+        yield lambda sweep: write_atomically(_path(store.folder), strict_json(sealed(sweep)))
 
 
 def read_sweep(folder: Path) -> Sweep:

@@ -1,0 +1,165 @@
+"""Files of others become a row of a finished run, and nothing that is not comparable does."""
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from public_outputs import WRITERS, noisy
+from radiogs_bench.cli import main
+from radiogs_bench.experiments.result import empty_result
+from radiogs_bench.metrics import protocol
+from radiogs_bench.store.folder import Store
+from radiogs_bench.suites.cell import Cell
+from radiogs_bench.suites.experiment import TRAINING
+from radiogs_bench.suites.rows_from_files import row_key, with_rows_from_files
+from radiogs_bench.suites.suite import Metric, Row, Suite
+from radiogs_bench.suites.sweep import Request, read_sweep, write_sweep
+from radiogs_datasets import load_scene
+
+SUITE = Suite(
+    "mine", "Mine", None, "ours",
+    (Row("ours", "Ours", "Ours"), Row("no-rad", "", "without", {"radiometric_weight": 0.0})),
+    tuple(map(Metric.of, ("nvs/psnr", "albedo/psnr", "roughness/mse", "indirect/psnr", "nvs/ms", "training/seconds"))),
+    experiment=TRAINING,
+)  # fmt: skip
+SCENE = load_scene("corner")
+REQUEST = Request(SUITE, {"corner": SCENE}, 1, "smoke", "default", "cpu")
+
+
+def finish(store: Store, cell: Cell, value: float) -> None:
+    """Store a measured result without training."""
+    result = empty_result(cell, protocol("default").describe())
+    for metric in ("nvs/psnr", "albedo/psnr"):
+        result["metrics"][metric] = {"value": value, "reason": None, "views": [value] * len(SCENE.test)}
+    result["timings"]["nvs/ms"] = {"value": 1.0, "reason": None, "views": [1.0] * len(SCENE.test)}
+    result["views"] = [view.name for view in SCENE.test]
+    result["seconds"] = {"initialise": 1.0, "invert": 2.0, "evaluate": 1.0}
+    result["maps"] = ["image", "albedo"]
+    store.put_result(result, {})
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    """A finished run of two rows on scene corner."""
+    store, cells = Store(tmp_path / "out"), REQUEST.cells()
+    for number, (_, cell) in enumerate(cells):
+        finish(store, cell, 20.0 + number)
+    write_sweep(store, REQUEST.manifest([place for place, _ in cells]))
+    return store.folder
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gs-ir")
+    WRITERS["gs-ir"](folder, noisy(SCENE))
+    return folder
+
+
+def into(run: Path, files: Path, *further: str, row: str = "GS-IR, 30k", scene: str = "corner") -> int:
+    return main(["score", str(files), "--scene", scene, "--into", str(run), "--row", row, *further])
+
+
+def cell_of_row(run: Path, row: str = "GS-IR, 30k") -> dict:
+    (place,) = [place for place in read_sweep(run)["cells"] if place["row"] == row_key(row)]
+    return json.loads((run / "cells" / f"{place['key']}.json").read_text())
+
+
+def test_a_row_stands_in_the_tables_with_what_score_says(run: Path, files: Path, tmp_path: Path) -> None:
+    assert into(run, files) == 0
+    record = tmp_path / "score.json"
+    assert main(["score", str(files), "--scene", "corner", "--out", str(record)]) == 0
+    alone = json.loads(record.read_text())["protocols"]["default"]["metrics"]
+    assert cell_of_row(run)["metrics"] == alone
+    summary = json.loads((run / "summary.json").read_text())
+    shown = summary["cells"][row_key("GS-IR, 30k")]
+    assert shown["nvs/psnr"]["mean"] == alone["nvs/psnr"]["value"]
+    assert shown["nvs/psnr"]["difference"]["mean"] == pytest.approx(alone["nvs/psnr"]["value"] - 20.0)
+    page = (run / "report.html").read_text()
+    assert "GS-IR, 30k" in page
+    assert "what trained it is not known here" in page
+    assert "PNG of 8 bits" in page
+
+
+def test_what_a_folder_cannot_say_is_unknown_and_not_zero(run: Path, files: Path) -> None:
+    into(run, files)
+    summary = json.loads((run / "summary.json").read_text())
+    shown = summary["cells"][row_key("GS-IR, 30k")]
+    for column, why in {
+        "nvs/ms": "what it took is not known",
+        "training/seconds": "what it took is not known",
+        "indirect/psnr": "no prediction of 'indirect'",
+    }.items():
+        assert shown[column]["mean"] is None
+        assert why in shown[column]["reason"], shown[column]
+    (row,) = [row for row in summary["rows"] if row["key"] == row_key("GS-IR, 30k")]
+    assert row["seconds"] is None
+    table = run / "tables" / "mine.csv"
+    lines = [line for line in csv.reader(table.open()) if any("GS-IR" in entry for entry in line)]
+    assert lines
+
+
+def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Path) -> None:
+    assert into(run, files) == 0
+    before = cell_of_row(run)
+    other = tmp_path / "other"
+    WRITERS["plain"](other, noisy(SCENE))
+    assert into(run, other) == 2
+    assert cell_of_row(run) == before
+    assert into(run, other, "--force") == 0
+    after = cell_of_row(run)
+    assert after["facts"]["read_as"] == "plain"
+    assert after["key"] != before["key"]
+    assert (run / "cells" / f"{before['key']}.json").exists(), "nothing is lost"
+
+
+def test_what_cannot_be_compared_is_refused_and_changes_nothing(
+    run: Path, files: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    manifest, cells = (run / "sweep.json").read_bytes(), sorted((run / "cells").iterdir())
+    for further, why in {
+        ("--protocol", "radiogs"): "was scored under protocol 'default'",
+        ("--seed", "1"): "the run has no seed 1",
+        ("--reduce", "2"): "is not the one that",
+    }.items():
+        assert into(run, files, *further) == 2
+        assert why in capsys.readouterr().err
+    assert into(run, files, scene="convex") == 2
+    assert "has no finished cell of scene 'convex'" in capsys.readouterr().err
+    for name in ("Ours", "without", "", "two\nlines", "x" * 81):
+        assert into(run, files, row=name) == 2
+    assert main(["score", str(files), "--scene", "corner", "--row", "X"]) == 2
+    assert ((run / "sweep.json").read_bytes(), sorted((run / "cells").iterdir())) == (manifest, cells)
+
+
+def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(run: Path, files: Path) -> None:
+    into(run, files)
+    store, places = Store(run), [place for place, _ in REQUEST.cells()]
+    fresh = REQUEST.manifest(places)
+    kept, outdated = with_rows_from_files(store, fresh, {"corner": SCENE.checksum})
+    assert kept == {name: part for name, part in read_sweep(run).items() if name != "seal"}
+    assert not outdated
+    for changed, checksums in (
+        ({**fresh, "protocol": "radiogs"}, {"corner": SCENE.checksum}),
+        ({**fresh, "seeds": [1]}, {"corner": SCENE.checksum}),
+        (fresh, {"corner": "0" * 64}),
+    ):
+        assert with_rows_from_files(store, changed, checksums)[0]["rows"] == fresh["rows"]  # type: ignore[arg-type]
+
+
+def test_status_verify_export_and_gate_cope(run: Path, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    into(run, files)
+    assert main(["report", str(run)]) == 0
+    assert main(["verify", str(run)]) == 0
+    capsys.readouterr()
+    assert main(["status", str(run)]) == 0
+    assert "3 of 3 cells finished" in capsys.readouterr().out
+    assert main(["export", str(run)]) == 0
+    assert "GS-IR, 30k (files)" in (run / "export.csv").read_text()
+
+
+def test_names_with_other_characters_have_keys_of_their_own() -> None:
+    keys = [row_key(name) for name in ("a b", "a-b", "a/b", "../b", "ω", "日本", "Ours")]
+    assert len(set(keys)) == len(keys)
+    assert all("/" not in key and key.startswith("files-") and key.isascii() for key in keys)
