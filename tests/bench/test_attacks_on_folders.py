@@ -1,6 +1,7 @@
 """Folders and suites of strangers, beyond the audit's (docs/reliability.md, "Attacks of our own")."""
 
 import io
+import os
 import shutil
 import zipfile
 from pathlib import Path
@@ -82,6 +83,25 @@ def test_tensors_that_are_compressed_are_refused_unread(tmp_path: Path) -> None:
             assert read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))["x"].shape == (1 << 20,)
     with pytest.raises(Broken, match="compressed"):
         read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))
+
+
+class Executed:
+    """What a pickle may do to whoever loads it."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.mkdir, (str(self.path),)
+
+
+def test_no_pickle_is_executed(tmp_path: Path) -> None:
+    torch.save({"stored_as": "stages/a", "content": {"x": Executed(tmp_path / "made")}}, tmp_path / "a.pt")
+    with pytest.raises(Broken):
+        read_tensors(tmp_path / "a.pt", "stages/a", torch.device("cpu"))
+    assert not (tmp_path / "made").exists()
+    torch.load(tmp_path / "a.pt", weights_only=False)
+    assert (tmp_path / "made").exists(), "the file is one that would do harm"
 
 
 @pytest.mark.parametrize("text", [r"\u001b[2J", r"\u202e", r"a\nb", r"\u0000"])
