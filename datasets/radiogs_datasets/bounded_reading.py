@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from radiogs_core.errors import DataError, UsageError
 
+from .same_bytes import require_same
+
 FILE_LIMIT = "RADIOGS_BENCH_LARGEST_FILE"
 IMAGE_LIMIT = "RADIOGS_BENCH_LARGEST_IMAGE"
 TABLE_LIMIT = "RADIOGS_BENCH_LARGEST_TABLE"
@@ -51,7 +53,10 @@ def limit(variable: str) -> int:
 
 
 def read_bytes(path: Path, bound: str = FILE_LIMIT) -> bytes:
-    """The whole of a regular file. Raises DataError if it is none, is larger than the limit, or cannot be read."""
+    """The whole of a regular file. Raises DataError if it is none, is larger than the limit, or cannot be read.
+
+    Also where it belongs to a scene that is being read, and has changed since (``same_bytes``).
+    """
     try:
         # Without O_NONBLOCK, opening a named pipe would wait for somebody to write into it.
         handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -74,6 +79,7 @@ def read_bytes(path: Path, bound: str = FILE_LIMIT) -> bytes:
         ) from error
     if len(data) > found.st_size:
         raise DataError(f"{printable(path)} grows while it is read", "", "Read it when it is complete.")
+    require_same(path, data)
     return data
 
 

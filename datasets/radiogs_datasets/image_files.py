@@ -89,21 +89,31 @@ def read_exr(path: Path) -> NDArray[np.float32]:
     Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
     whole image, or says that it is no image in sRGB's primaries.
     """
-    height, width = exr_size(path, read_bytes(path))
+    data = read_bytes(path)
+    height, width = exr_size(path, data)
     try:
-        with OpenEXR.File(str(path), separate_channels=True, header_only=True) as file:
+        with _named(data) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
             header, parts = file.header(), [part.name() for part in file.parts]
             require_plain(path, parts, header)
             names = [channel.name for channel in header["channels"]]
         wanted = chosen(path, names)
         require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with _named(data) as name, OpenEXR.File(name, separate_channels=True) as file:
             channels = {name: np.asarray(file.channels()[name].pixels, np.float32) for name in wanted}
     except (RuntimeError, ValueError, TypeError, KeyError, OSError, MemoryError) as error:
         raise damaged(path, f"OpenEXR says: {error}") from error
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
     return _finite(path, np.stack([channels[name] for name in wanted], -1))
+
+
+@contextmanager
+def _named(data: bytes) -> Iterator[str]:
+    """A path of a file in memory that holds these bytes: OpenEXR reads paths, and the file at ours may change."""
+    with open(os.memfd_create("exr"), "wb") as file:
+        file.write(data)
+        file.flush()
+        yield f"/proc/self/fd/{file.fileno()}"
 
 
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:
@@ -165,7 +175,10 @@ def _quiet() -> Iterator[None]:
 
 
 def _require_writable(path: Path) -> None:
+    """Raise DataError where the file cannot be written. A link in its place is taken away, not written through."""
     try:
+        if path.is_symlink():
+            path.unlink()
         path.open("ab").close()
     except OSError as error:
         reason = os.strerror(error.errno or errno.EIO)

@@ -15,10 +15,14 @@ from radiogs_core.scene.scene import Scene, View
 from .bounded_reading import require_storable
 
 SMALLEST_EXTENT = 5e-2
-LARGEST_EXTENT = 1e10
-"""Of ``Scene.extent``, in world units. ``corner`` (preset smoke, one seed) trains to its end at .06 and up to 4e15; at
-.015 gradients of positions overflow after 16 steps, at .004 at once. Between .015 and .06 nothing was measured, and the
-upper bound leaves float32 room for squares of squares."""
+LARGEST_EXTENT = 1e7
+"""Of ``Scene.extent``, in world units. At .015 gradients of positions overflow on ``corner`` after 16 steps, at .004 at
+once. From about 1e8 on these gradients, which shrink as lengths grow, come near Adam's epsilon of 1e-15, and steps
+become shorter (docs/reliability.md has what was measured)."""
+
+FARTHEST = 100.0
+"""Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
+are so coarse that no normal is derived from depth; at 90 losses of training are those of smaller shifts."""
 
 OUTLIER = 1e4
 """Times the median distance of cameras from their middle at which a camera is taken for damage."""
@@ -50,8 +54,8 @@ def require_placed(scene: Scene) -> None:
     if extent > 0 and not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
         raise DataError(
             f"scene '{scene.name}' is {extent:.3g} world units large",
-            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g}, float32 holds the squares of its lengths and their"
-            " inverses.",
+            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g}, gradients of positions neither overflow float32 nor"
+            " come near the epsilon of the optimiser.",
             f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
         )
     _require_near(scene, views)
@@ -63,11 +67,12 @@ def _require_near(scene: Scene, views: list[View]) -> None:
     centre = scene.centre
     worst = max(views, key=lambda view: _rounding(view, centre))
     share = _rounding(worst, centre)
-    if share > PIXEL_SHARE:
+    if share > PIXEL_SHARE or float(centre.norm()) > FARTHEST * scene.extent:
         raise DataError(
             f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
             f" {scene.extent:.3g} large",
-            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels.",
+            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
+            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
             "Subtract the mean of the cameras' places from all of them (and from points).",
         )
 
@@ -81,9 +86,23 @@ def _rounding(view: View, centre: torch.Tensor) -> float:
 
 
 def require_names(scene: Scene) -> None:
-    """Raise DataError for names of the scene, its views and lights that nothing can be stored under."""
+    """Raise DataError for names of a scene, its views and lights that nothing, or only one of two, is stored under."""
     require_storable(scene.name, "the scene's folder")
+    for names in ([view.name for view in scene.train], [view.name for view in scene.test], list(scene.lights)):
+        _require_apart(scene, names)
     for view in (*scene.train, *scene.test, *scene.relight):
         require_storable(view.name.replace("/", "_"), "a view")
     for light in scene.lights:
         require_storable(light.replace("/", "_"), "a light")
+
+
+def _require_apart(scene: Scene, names: list[str]) -> None:
+    stored: dict[str, str] = {}
+    for name in names:
+        other = stored.setdefault(name.replace("/", "_"), name)
+        if other != name:
+            raise DataError(
+                f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
+                f"The renders of both would be stored as '{name.replace('/', '_')}', one over the other.",
+                "Rename one of them.",
+            )

@@ -1,5 +1,6 @@
 """Sparse points in PLY files, as nerfstudio writes them beside its transforms."""
 
+import io
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from plyfile import PlyData, PlyParseError
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points
 
+from .bounded_reading import read_bytes
 from .colmap_files.model import LARGEST_COORDINATE
 
 POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
@@ -17,7 +19,7 @@ POSITION, COLOUR = ("x", "y", "z"), ("red", "green", "blue")
 def read_points(path: Path) -> Points:
     """World positions, and 8-bit display sRGB colours. Raises DataError for what is no such file."""
     try:
-        vertices = PlyData.read(str(path), mmap=False)["vertex"].data
+        vertices = PlyData.read(io.BytesIO(read_bytes(path)), mmap=False)["vertex"].data
         positions = np.stack([np.asarray(vertices[name], np.float64) for name in POSITION], -1)
         colours = np.stack([np.asarray(vertices[name]) for name in COLOUR], -1)
     except (PlyParseError, KeyError, ValueError, OSError, MemoryError, EOFError, UnicodeDecodeError) as error:

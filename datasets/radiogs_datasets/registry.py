@@ -12,13 +12,14 @@ from .bounded_reading import printable
 from .data_root import below, below_root, data_root
 from .evidence import few_views_or_pixels
 from .furnace import ALBEDOS, furnace
-from .generate.surfaces import surfaces_of_folder
+from .generate.surfaces import surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
 from .placement import require_names, require_placed
 from .reduction import resized
+from .same_bytes import SameBytes
 
 TINY = Path(__file__).parent / "tiny"
 FORWARD = Path(__file__).parent / "forward"
@@ -142,17 +143,21 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
         near = get_close_matches(chosen, LAYOUTS, 1)
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
-    load, surfaces = LAYOUTS[chosen].load, surfaces_of_folder(folder)
-    known_by = () if surfaces is None else (surfaces_of_folder.__module__,)
-    if LAYOUTS[chosen].of_photos:
-        scene = load(folder, options)
-        held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
-        scene = replace(scene, checksum=f"{scene.checksum}{held}")
-    else:
-        _require_none(options, name_or_path)
-        scene = load(folder)
+    load = LAYOUTS[chosen].load
+    files = SameBytes(folder.name)
+    with files.required():
+        if LAYOUTS[chosen].of_photos:
+            scene = load(folder, options)
+            held = "" if options.hold_out is None else f"/hold-out{options.hold_out}"
+            scene = replace(scene, checksum=f"{scene.checksum}{held}")
+        else:
+            _require_none(options, name_or_path)
+            scene = load(folder)
+    scene = files.held(scene)
     require_names(scene)
     require_placed(scene)
+    surfaces = surfaces_of_scene(folder, scene)
+    known_by = () if surfaces is None else (surfaces_of_scene.__module__,)
     return replace(scene, folder=folder, loaders=(load.__module__,), surfaces=surfaces, surfaces_by=known_by)
 
 

@@ -38,7 +38,6 @@ def add_to(commands: "Commands") -> None:
 
 def bench_kernels(options: argparse.Namespace) -> int:
     """Measure, print the table, and write the record."""
-    import json
     import os
 
     from radiogs_core.errors import UsageError
@@ -47,6 +46,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
     from ..kernel_bench.embree import missing_embree
     from ..store.atomic import write_atomically
     from ..store.provenance import session
+    from ..store.seal import sealed, strict_json
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
@@ -77,13 +77,12 @@ def bench_kernels(options: argparse.Namespace) -> int:
         say(f"skipped: {reason}")
     if options.json is not None:
         record = kernel_bench.as_json(rows, scaling, skipped, dict(session(device)))
-        write_atomically(options.json, json.dumps(record, indent=1).encode())
+        write_atomically(options.json, strict_json(sealed(record)))
     return 0
 
 
 def bench_frames(options: argparse.Namespace) -> int:
     """Measure, print the table, and write the record."""
-    import json
     from dataclasses import asdict
 
     from rich.table import Table
@@ -93,6 +92,7 @@ def bench_frames(options: argparse.Namespace) -> int:
     from ..kernel_bench import frames
     from ..store.atomic import write_atomically
     from ..store.provenance import session
+    from ..store.seal import sealed, strict_json
     from .reporter import complain, show
 
     device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
@@ -106,7 +106,7 @@ def bench_frames(options: argparse.Namespace) -> int:
     show(table)
     if options.json is not None:
         record = {**session(device), "scene": options.scene, "rows": [{**asdict(r), "ratio": r.ratio} for r in rows]}
-        write_atomically(options.json, json.dumps(record, indent=1).encode())
+        write_atomically(options.json, strict_json(sealed(record)))
     return 0
 
 

@@ -1,7 +1,6 @@
 """``radiogs-bench export --mesh``: a trained model as a triangle mesh, and how far that is from the true shape."""
 
 import argparse
-import json
 import math
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -59,6 +58,7 @@ def export_mesh(options: argparse.Namespace) -> int:
     from ..meshing.rendered import lattice_of, mesh_of
     from ..store.atomic import write_atomically
     from ..store.folder import Store
+    from ..store.seal import sealed, strict_json
     from ..training.progress import progress_for_stderr
     from ..training.trained_folder import read_about, read_trained
     from .model import prepared
@@ -77,7 +77,7 @@ def export_mesh(options: argparse.Namespace) -> int:
         write_mesh(made, path)
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, options.views)
-    write_atomically(path.with_suffix(".json"), (json.dumps(record, indent=1, allow_nan=False) + "\n").encode())
+    write_atomically(path.with_suffix(".json"), strict_json(sealed(record)))
     for line in told(record["shape"]):
         say(line)
     return 0

@@ -70,7 +70,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from ..rehearsal.limits import KNOWN_DEVICES, memory_there
     from ..rehearsal.record import Asked, fits, record_of
     from ..store.atomic import write_atomically
-    from ..store.seal import strict_json
+    from ..store.seal import sealed, strict_json
     from ..training.progress import LogProgress
     from ..training.warm_up import compile_kernels
     from .device import chosen_device
@@ -104,7 +104,7 @@ def rehearse(options: argparse.Namespace) -> int:
         name_of_clock,
     )
     record = record_of(asked, rows, climbed)
-    write_atomically(folder / "rehearsal.json", strict_json(record))
+    write_atomically(folder / "rehearsal.json", strict_json(sealed(record)))
     if options.json:
         say(json.dumps(record, allow_nan=False))
     else:

@@ -39,12 +39,13 @@ def as_table(rows: Sequence[Row], on_gpu: bool) -> "Table":
             f"{row.millions_per_second:.3f}",
             "n/a" if row.ratio is None else f"{row.ratio:.2f}",
             _counter(row, "hits", "blended_pairs"),
-            f"{row.counters['bytes_read'] / 2**10:.2f}",
+            _counter(row, "bytes_read", digits=2, unit=2**10),
             f"{row.peak_bytes / 2**20:.1f}",
             "n/a" if row.yardstick_peak_bytes is None else f"{row.yardstick_peak_bytes / 2**20:.1f}",
         )  # fmt: skip
     return table
 
 
-def _counter(row: Row, *names: str) -> str:
-    return next((f"{row.counters[name]:.1f}" for name in names if name in row.counters), "")
+def _counter(row: Row, *names: str, digits: int = 1, unit: int = 1) -> str:
+    """The first of these counters that the kernel has, in units of ``unit``; empty where it has none of them."""
+    return next((f"{row.counters[name] / unit:.{digits}f}" for name in names if name in row.counters), "")

@@ -9,17 +9,21 @@ from pathlib import Path
 import torch
 
 from radiogs_core.errors import DataError
+from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 from radiogs_reports.summary import read_summary
 
 from ..errors import StoreError
 from ..store.folder import Store, product_name
 from ..store.schema import Result
-from ..store.seal import Broken, OtherSchema
+from ..store.seal import Broken, OtherSchema, complaint_of, parsed
 from ..store.tensor_file import read_tensors
 from ..suites.sweep import Sweep, read_sweep
 from ..training.trained_folder import read_about
 
 CPU = torch.device("cpu")
+
+RECORDS = ("score.json", "mesh.json", "rehearsal.json")
+"""What `score`, `export --mesh` and `rehearse` write, where no other name is asked for."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +87,12 @@ def verify(folder: Path) -> Verified:
         "sweep.json": read_sweep, "trained.json": read_about, "summary.json": read_summary,
     }  # fmt: skip
     there = [name for name in readers if (folder / name).exists()]
-    if not set(there) - {"summary.json"} and not store.result_keys():
+    records = [path for path in sorted(folder.glob("*.json")) if path.name not in readers and _is_ours(path)]
+    if not set(there) - {"summary.json"} and not store.result_keys() and not records:
         read_sweep(folder)  # says what to do where there is no run
     sound = {name for name in there if found.look(name, partial(readers[name], folder))}
+    for path in records:
+        found.look(path.name, partial(_require_seal, path))
     for key in store.result_keys():
         _look_at_cell(store, found, key)
     for key in store.failed_keys():
@@ -97,6 +104,22 @@ def verify(folder: Path) -> Verified:
     if "sweep.json" in sound:
         found.rerun = rerun_of(read_sweep(folder), found.results, found.products)
     return found
+
+
+def _is_ours(path: Path) -> bool:
+    """Whether a command wrote this record: by its name, its schema or its seal (damage may hide one)."""
+    try:
+        content = read_bytes(path, TABLE_LIMIT)
+    except DataError:
+        return path.name in RECORDS
+    return path.name in RECORDS or any(mark in content for mark in (b'"radiogs-bench/', b'"seal": "'))
+
+
+def _require_seal(path: Path) -> None:
+    """Raise Broken for a record whose content does not agree with its seal."""
+    complaint = complaint_of(parsed(read_bytes(path, TABLE_LIMIT)))
+    if complaint is not None:
+        raise Broken(complaint)
 
 
 def _look_at_cell(store: Store, found: Verified, key: str) -> None:

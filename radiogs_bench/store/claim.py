@@ -70,9 +70,12 @@ def patient_claim(path: Path) -> Iterator[None]:
 
 
 def _open_current(path: Path) -> int:
-    """A locked descriptor of the file that currently has the name ``path``."""
+    """A locked descriptor of the file that currently has the name ``path``.
+
+    A link is not followed: the holder's name would be written over whatever it leads to.
+    """
     while True:
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:

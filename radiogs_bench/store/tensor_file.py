@@ -30,6 +30,8 @@ def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
     """
     try:
         with zipfile.ZipFile(path) as archive:  # torch itself does not compare the checksums
+            if any(part.compress_type != zipfile.ZIP_STORED for part in archive.infolist()):
+                raise Broken("a part of it is compressed, which torch never does")
             damaged = archive.testzip()
         if damaged is not None:
             raise Broken(f"the checksum of its part {damaged} is wrong")

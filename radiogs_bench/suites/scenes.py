@@ -39,9 +39,10 @@ def own_scenes(suite: Suite) -> Sequence[str]:
 def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dict[str, Scene]:
     """Scenes by their own names, opened as the options say.
 
-    Raises DataError for a missing scene, UsageError if two have the same name.
+    Raises DataError for a missing scene, UsageError if two have the same name, or the same files under two names.
     """
     scenes: dict[str, Scene] = {}
+    names: dict[str, str] = {}
     for each in wanted:
         scene = load_scene(each, options=options)
         if scene.name in scenes:
@@ -49,6 +50,13 @@ def load_scenes(wanted: Sequence[str], options: SceneOptions = AS_STORED) -> dic
                 f"two scenes are called '{scene.name}'",
                 "Their rows in a table could not be told apart.",
                 "Rename one of the folders, or run them into folders of their own with --out.",
+            )
+        twin = names.setdefault(scene.checksum, scene.name)
+        if twin != scene.name:
+            raise UsageError(
+                f"scenes '{twin}' and '{scene.name}' have the same files",
+                "They would count as two in every mean and interval, which would look narrower than they are.",
+                "Leave one of them out.",
             )
         scenes[scene.name] = scene
     return scenes

@@ -78,12 +78,20 @@ def _check(suite: Suite, reader: PlainReader) -> None:
     reader.known("suite.experiment", "experiment", suite.experiment, tuple(EXPERIMENTS))
     if suite.published is not None:
         reader.known("suite.published", "published table", suite.published, published_tables())
+    _check_text("suite.title", suite.title, reader)
     for place, row in enumerate(suite.rows):
         _check_row(row, reader, f"suite.rows[{place}]")
 
 
+def _check_text(where: str, text: str, reader: PlainReader) -> None:
+    """Control characters would command the terminal, and marks of direction show a table that is not the stored one."""
+    reader.expect(text.isprintable(), where, text, "text of printable characters, on one line")
+
+
 def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     """Check that the row's method exists and has the fields of variant and budget that the row sets."""
+    for name, text in (("key", row.key), ("text", row.text), ("latex", row.latex)):
+        _check_text(f"{where}.{name}", text, reader)
     try:
         used = method(row.method)
     except UsageError as absent:

@@ -1,5 +1,6 @@
 """Maps of one view in display colours, and their errors as false colours."""
 
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,9 @@ ERROR_RANGE = 0.25
 
 ANGLE_RANGE = 45.0
 """Angle between normals, in degrees, at which false colours saturate."""
+
+MOST_BYTES = 1 << 32
+"""Of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to fill memory."""
 
 Image = NDArray[np.float64]
 """[height, width, channels]."""
@@ -87,7 +91,13 @@ def error(kind: str, mine: Image, theirs: Image) -> Image:
 
 
 def read_maps(path: Path) -> dict[str, Image]:
-    """A cell's arrays by name, ``render/<map>`` and ``truth/<map>``, in float64."""
+    """A cell's arrays by name, ``render/<map>`` and ``truth/<map>``, in float64.
+
+    Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
+    """
+    with zipfile.ZipFile(path) as parts:
+        if sum(part.file_size for part in parts.infolist()) > MOST_BYTES:
+            raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     with np.load(path) as archive:
         return {name: archive[name].astype(np.float64) for name in archive.files}
 

@@ -1,6 +1,7 @@
 """How commands end where neither a cell failed nor a figure moved: they say what it was, with a code of its own."""
 
 import os
+import resource
 import shutil
 import sys
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ from unittest.mock import patch
 import pytest
 
 from bench.fake_method import FAKE, FakeSweep, asked
-from radiogs_bench.cli import main
+from radiogs_bench.cli import main, showing
 from radiogs_bench.cli.showing import write
 from radiogs_bench.cli.sweeping import say_other_run
 from radiogs_bench.engines import run as engines
@@ -86,6 +87,53 @@ def test_a_folder_of_reports_that_is_a_link_is_refused(
     assert main(["report", str(run)]) == UNEXPECTED
     assert "figures is a link to" in capsys.readouterr().err
     assert not list((tmp_path / "elsewhere").iterdir())
+
+
+@pytest.mark.parametrize(("bound", "first"), [(100, ".md"), (18_000, ".png"), (30_000, "sheet"), (200_000, ".html")])
+def test_reports_that_do_not_fit_on_the_disk_are_explained_and_made_later(
+    bound: int, first: str, run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M22: a full disk while reports are written was a traceback. ``first`` is a file that does not fit."""
+    whole, writing = files_of(run), showing.write_reports
+
+    def scarce(out: Path) -> list[Path]:
+        limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (bound, limits[1]))
+        try:
+            return writing(out)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    monkeypatch.setattr(showing, "write_reports", scarce)
+    assert main(["report", str(run)]) == UNEXPECTED
+    said = capsys.readouterr().err
+    assert f"no space left to write {run}" in said
+    assert "Traceback" not in said
+    assert {name: content for name, content in files_of(run).items() if name in whole} == whole
+    monkeypatch.setattr(showing, "write_reports", writing)
+    assert main(["report", str(run)]) == 0
+    late = [name for name, content in files_of(run).items() if first in name and len(content) > bound]
+    assert late, "the bound is below no file of this kind"
+
+
+def files_of(run: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(run)): path.read_bytes() for path in run.rglob("*") if path.is_file()}
+
+
+def test_no_message_promises_that_a_command_makes_again_what_only_run_makes(
+    run: Path, caplog: pytest.LogCaptureFixture, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Audit M37: "will be made again" was said by commands that make nothing; ``verify`` names the one that does."""
+    damaged = sorted((run / "cells").glob("*.json"))[0]
+    damaged.write_bytes(b"{")
+    assert main(["verify", str(run)]) == 3
+    assert "The same `run` would finish 1 cells and train 0 stages" in capsys.readouterr().out
+    for command in ("status", "report", "export"):
+        assert main([command, str(run)]) == 0
+        words = caplog.text + "".join(capsys.readouterr())
+        assert "damaged" in words
+        assert "again" not in words
+    assert "and is not used" in caplog.text
 
 
 @pytest.mark.parametrize("name", ["..", ".", ".hidden", "a/b", "a" * 200])

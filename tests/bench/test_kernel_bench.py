@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from radiogs_bench.cli import main
-from radiogs_bench.kernel_bench.bench import measure
+from radiogs_bench.kernel_bench.bench import Row, measure
 from radiogs_bench.kernel_bench.cases import _camera, rasterize_case, shade_case, trace_case
 from radiogs_bench.kernel_bench.embree import missing_embree
 from radiogs_bench.kernel_bench.plain_torch import rasterize_densely, shade_plainly
+from radiogs_bench.kernel_bench.record import as_table
 from radiogs_bench.kernel_bench.scenes import SCENES, KernelScene, cloud, support_quads
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
@@ -117,6 +118,18 @@ def test_a_file_without_points_is_an_error(content: bytes, tmp_path: Path) -> No
     file.write_bytes(content)
     with pytest.raises(DataError, match="cannot read points"):
         cloud(file)
+
+
+def test_kernels_that_count_no_bytes_have_a_row_all_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+    """Audit K: the command, at its default, measured for minutes and ended in ``KeyError: 'bytes_read'``."""
+    counting = {"hits": 3.0, "bytes_read": 2048.0}
+    row = Row("trace", "M", "float32", "forward", 1, "ray", 1.0, 0, counting, None, None, None)
+    rows = [row, replace(row, counters={})]
+    table = as_table(rows, on_gpu=False)
+    (column,) = [each for each in table.columns if each.header == "KiB read an item"]
+    assert list(column.cells) == ["2.00", ""]
+    assert main(["bench", "kernels", "--kernels", "harmonics,split-sum", "--repetitions", "1"]) == 0
+    assert "split-sum" in capsys.readouterr().out
 
 
 def test_the_command_writes_what_it_measured(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

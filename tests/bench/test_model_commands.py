@@ -10,6 +10,7 @@ from plyfile import PlyData
 
 from radiogs.trained import TrainedRadioGS
 from radiogs_bench.cli.main import main
+from radiogs_bench.store.seal import seal_of
 from radiogs_bench.training.trained_folder import read_about, read_trained
 from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets import load_scene
@@ -129,6 +130,7 @@ def test_the_mesh_is_exported_with_its_distance_from_the_truth(
     assert main(["export", str(folder), "--mesh", "--views", "test"]) == 0
     said = capsys.readouterr().out
     mesh, about = PlyData.read(str(folder / "mesh.ply")), json.loads((folder / "mesh.json").read_text())
+    assert seal_of(about) == about["seal"]
     assert [each.name for each in mesh["vertex"].properties] == ["x", "y", "z", "nx", "ny", "nz"]
     assert (len(mesh["vertex"]), len(mesh["face"])) == (about["vertices"], about["faces"])
     centre = np.stack([mesh["vertex"][name] for name in "xyz"]).mean(-1)

@@ -25,6 +25,7 @@ from radiogs_bench.rehearsal.growth import Rung, extended
 from radiogs_bench.rehearsal.one_row import Row
 from radiogs_bench.rehearsal.phases import Phase, of_memory
 from radiogs_bench.rehearsal.whole import whole_of
+from radiogs_bench.store.seal import seal_of
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
 from radiogs_core.learning import fit_geometry
@@ -35,7 +36,9 @@ GIB = 2**30
 
 
 def recorded(folder: Path) -> dict[str, Any]:
-    return json.loads((folder / "rehearsal.json").read_bytes())
+    record = json.loads((folder / "rehearsal.json").read_bytes())
+    assert seal_of(record) == record["seal"]
+    return record
 
 
 def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,7 +40,15 @@ def repaint(scene: Scene) -> None:
     """Replace an image by a black one of its size."""
     with Image.open(image_of(scene)) as image:
         size = image.size
-    Image.fromarray(np.zeros((size[1], size[0], 4), np.uint8)).save(image_of(scene))
+    levels = np.zeros((size[1], size[0], 4), np.uint8)
+    levels[..., 3] = 255  # an image without any coverage would be refused for that
+    Image.fromarray(levels).save(image_of(scene))
+
+
+def read_all(scene: Scene) -> None:
+    for view in (*scene.train, *scene.test):
+        for name in view.sources:
+            view.read(name)
 
 
 def train(scene: Scene, folder: Path, score: Callable[..., Evaluation] = evaluate) -> Cell:
@@ -115,3 +123,37 @@ def test_images_that_are_replaced_while_a_stage_learns_leave_neither_product_nor
 def test_a_scene_whose_checksum_was_of_other_files_is_refused(scene: Scene, tmp_path: Path) -> None:
     with pytest.raises(DataError, match="were changed"):
         train(replace(scene, checksum="1" * 64), tmp_path / "out")
+
+
+@pytest.mark.parametrize("kind", ["rgba.png", "depth.exr"])
+def test_a_file_that_was_changed_and_put_back_is_not_decoded(kind: str, scene: Scene, tmp_path: Path) -> None:
+    """Audit M1: between two digests nobody saw it, and what was made of it was kept."""
+    assert scene.folder is not None
+    path, other = scene.folder / "test_001" / kind, scene.folder / "test_002" / kind
+    whole = path.read_bytes()
+
+    def replacing(bench: Bench, cell: Cell, given: Scene, model: FakeTrained) -> Evaluation:
+        path.write_bytes(other.read_bytes())
+        try:
+            read_all(given)
+        finally:
+            path.write_bytes(whole)
+        return evaluate(bench, cell, given, model)
+
+    with pytest.raises(DataError, match="were changed while they were in use") as caught:
+        train(scene, tmp_path / "out", replacing)
+    assert kind in caught.value.why
+    assert not list((tmp_path / "out").glob("cells/*"))
+    require_unchanged(scene, checksum_now)
+    train(scene, tmp_path / "out")
+
+
+def test_a_scene_that_is_opened_again_is_held_to_its_files_of_now(scene: Scene) -> None:
+    repaint(scene)
+    again = load_scene(str(scene.folder))
+    assert again.checksum != scene.checksum
+    for opened in (again, load_scene(str(scene.folder), options=SceneOptions(reduce=2))):
+        (view,) = [view for view in opened.test if view.name == image_of(scene).parent.name] or opened.train[-1:]
+        assert float(view.read("image").max()) == 0
+    with pytest.raises(DataError, match="were changed while they were in use"):
+        read_all(scene)

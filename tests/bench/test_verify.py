@@ -9,6 +9,7 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
+from radiogs_bench.cli.score import write_record
 from radiogs_bench.results.verify import verify
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
@@ -102,3 +103,28 @@ def test_a_failure_is_looked_at(run: Path) -> None:
 def test_a_folder_without_a_run_is_explained(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["verify", str(tmp_path)]) == 3
     assert "no run in" in capsys.readouterr().err
+
+
+RECORD = {"schema": "radiogs-bench/score/1", "scene": "corner", "protocols": {"default": {"nvs/psnr": 15.44}}}
+
+
+@pytest.mark.parametrize("name", ["score.json", "mine.json"])
+def test_records_beside_a_run_are_looked_at(name: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Issue 29: one digit changed in ``score.json`` or ``mesh.json`` was seen by nobody."""
+    (run / "notes.json").write_text("{not ours")
+    write_record(RECORD, run / name)
+    whole = (run / name).read_bytes()
+    assert main(["verify", str(run)]) == 0
+    for damage in (whole.replace(b"15.44", b"95.44"), whole.replace(b'"seal": "', b'"seal": "0'), whole[:-20],
+                   whole.replace(b"radiogs-bench", b"radiogs_bench")):  # fmt: skip
+        assert damage != whole
+        (run / name).write_bytes(damage)
+        assert main(["verify", str(run)]) == 3
+        assert f"{name}: it" in capsys.readouterr().out.replace("its content does not", "it")
+
+
+def test_a_folder_of_one_record_can_be_verified(tmp_path: Path) -> None:
+    write_record(RECORD, tmp_path / "score.json")
+    assert main(["verify", str(tmp_path)]) == 0
+    (tmp_path / "score.json").write_bytes(b"")
+    assert main(["verify", str(tmp_path)]) == 3

@@ -5,44 +5,64 @@ true geometry.
 """
 
 import itertools
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+import numpy as np
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene
 from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
+from ..bounded_reading import read_json
 from . import trefoil
+from .cameras import pinhole
 from .catalogue import RECIPES
 from .materials import Finish
+from .recipe import Rig
 from .solids import GAP, Box, Knot, Solid, Sphere
 
 TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
 
+PLACES = 1024
+"""Of a rig, among which the cameras of a scene are looked for: more than a generated scene has."""
+
+NEAR = 1e-4
+"""In units of the rig's radius: poses are written with fewer digits than they were computed with."""
+
 PROBES = 256
 """Places along and around a knot at which the stretch of its parameter is measured."""
 
 
-def surfaces_of_folder(folder: Path) -> Surfaces | None:
-    """The surfaces of the scene in a folder that ``generate`` has made, at any size of its images; None for any other.
+def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
+    """The surfaces of a scene in a folder that ``generate`` has made, at any size of its images; None for any other.
 
     What was generated is read from ``metadata.json``. Other programs write files of that name too: one that does not
-    name a recipe says nothing.
+    name a recipe says nothing. Nor does one beside cameras that are not the recipe's: a scene that was scaled, moved or
+    turned keeps the file, and its surfaces are elsewhere.
     """
     try:
-        about = json.loads((folder / "metadata.json").read_bytes())
-    except (OSError, ValueError):
+        about = read_json(folder / "metadata.json")
+    except DataError:
         return None
     name = about.get("scene") if isinstance(about, dict) else None
-    return partial(surfaces_of, RECIPES[name].solids) if isinstance(name, str) and name in RECIPES else None
+    recipe = RECIPES.get(name) if isinstance(name, str) else None
+    return partial(surfaces_of, recipe.solids) if recipe is not None and _seen_by(recipe.rig, scene) else None
+
+
+def _seen_by(rig: Rig, scene: Scene) -> bool:
+    """Whether every camera stands at a place of the rig."""
+    places = torch.from_numpy(np.stack([pinhole(rig, place, 1).to_world[:3, 3] for place in range(PLACES)]))
+    stand = torch.stack([view.camera.centre for view in (*scene.train, *scene.test)]).double()
+    return bool((torch.cdist(stand, places).amin(-1) < NEAR * rig.radius).all())
 
 
 def surfaces_of(solids: Sequence[Solid], spacing: float) -> SurfaceSamples:

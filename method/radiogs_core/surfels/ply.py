@@ -49,7 +49,7 @@ PARTS = {
 
 
 def write_ply(surfels: Surfels, path: Path) -> None:
-    """Write binary little-endian PLY, float32. Raises OSError."""
+    """Write binary little-endian PLY, float32; a link in its place is replaced. Raises OSError."""
     raw = {name: value.detach().cpu().float() for name, value in surfels.parameters().items()}
     shown = _as_stored(display_harmonics(raw["sh"])).unbind(-1)
     raw["sh"] = _as_stored(raw["sh"])
@@ -66,6 +66,8 @@ def write_ply(surfels: Surfels, path: Path) -> None:
     rows = np.empty(len(surfels), dtype=[(column, "<f4") for column in columns])
     for column, values in columns.items():
         rows[column] = values.numpy()
+    if path.is_symlink():
+        path.unlink()
     PlyData(
         [PlyElement.describe(rows, "vertex")], byte_order="<", comments=["f_dc, f_rest: display sRGB; radiance: linear"]
     ).write(str(path))

@@ -1,0 +1,72 @@
+"""Holds a scene's files to the bytes that its checksum was taken of, each time one of them is decoded.
+
+Maps are read when they are asked for, long after the checksum. A file that was changed meanwhile, and is put back
+before the files are digested again, would be part of a result under the key of files that it was not made from.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+
+from torch import Tensor
+
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
+
+
+@dataclass(frozen=True)
+class SameBytes:
+    """The SHA-256 of every file that was read for a scene, by its path; the first reading of a file decides."""
+
+    scene: str
+    digests: dict[str, bytes] = field(default_factory=dict)
+
+    def require(self, path: Path, data: bytes) -> None:
+        """Raise DataError where a file has other bytes than when it was first read."""
+        digest = hashlib.sha256(data).digest()
+        if self.digests.setdefault(os.path.abspath(path), digest) != digest:
+            raise DataError(
+                f"the files of scene '{self.scene}' were changed while they were in use",
+                f"{path} has other content than when the scene was opened. What was made of it is not kept.",
+                "Let the files be while a run reads them, and run the same command again: it continues.",
+            )
+
+    @contextmanager
+    def required(self) -> Iterator[None]:
+        """Hold every file that this thread reads within the block to the bytes it had before."""
+        token = _current.set(self)
+        try:
+            yield
+        finally:
+            _current.reset(token)
+
+    def read(self, source: Callable[[], Tensor]) -> Tensor:
+        """A map, of the bytes that the checksum was taken of."""
+        with self.required():
+            return source()
+
+    def held(self, scene: Scene) -> Scene:
+        """The scene with every map read like this."""
+
+        def views(given: tuple[View, ...]) -> tuple[View, ...]:
+            return tuple(
+                replace(view, sources={name: partial(self.read, source) for name, source in view.sources.items()})
+                for view in given
+            )
+
+        return replace(scene, train=views(scene.train), test=views(scene.test), relight=views(scene.relight))
+
+
+_current: ContextVar[SameBytes | None] = ContextVar("the scene whose files are read", default=None)
+
+
+def require_same(path: Path, data: bytes) -> None:
+    """Raise DataError where a file of the scene that is read in this thread has changed; nothing outside of one."""
+    current = _current.get()
+    if current is not None:
+        current.require(path, data)
