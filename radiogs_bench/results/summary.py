@@ -19,7 +19,6 @@ from radiogs_reports.summary import (
 
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
-from ..store.schema import Result, training_seconds
 from ..suites.rows_from_files import is_from_files
 from ..suites.suite import MEASURES, Metric
 from ..suites.sweep import Line, Place, Sweep, state_of
