@@ -30,7 +30,7 @@ def row_key(name: str) -> str:
     Raises UsageError for an empty or long name, and for one with line breaks or characters that cannot be printed.
 
     >>> row_key("gs-ir"), row_key("GS-IR, 30k")
-    ('files-gs-ir', 'files-GS-IR-30k-2e0d4e')
+    ('files-gs-ir', 'files-GS-IR-30k-a3b20f')
     """
     if name != name.strip() or not 0 < len(name) <= LONGEST_NAME or not name.isprintable():
         raise UsageError(

@@ -13,7 +13,7 @@ from radiogs_bench.metrics import protocol
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.cell import Cell
 from radiogs_bench.suites.experiment import TRAINING
-from radiogs_bench.suites.rows_from_files import row_key, with_rows_from_files
+from radiogs_bench.suites.rows_from_files import measured, row_key, with_rows_from_files
 from radiogs_bench.suites.suite import Metric, Row, Suite
 from radiogs_bench.suites.sweep import Request, read_sweep, write_sweep
 from radiogs_datasets import load_scene
@@ -89,15 +89,15 @@ def test_what_a_folder_cannot_say_is_unknown_and_not_zero(run: Path, files: Path
     for column, why in {
         "nvs/ms": "what it took is not known",
         "training/seconds": "what it took is not known",
-        "indirect/psnr": "no prediction of 'indirect'",
+        "indirect/psnr": "hold no indirect light",
     }.items():
         assert shown[column]["mean"] is None
         assert why in shown[column]["reason"], shown[column]
     (row,) = [row for row in summary["rows"] if row["key"] == row_key("GS-IR, 30k")]
     assert row["seconds"] is None
-    table = run / "tables" / "mine.csv"
-    lines = [line for line in csv.reader(table.open()) if any("GS-IR" in entry for entry in line)]
-    assert lines
+    with (run / "mine.csv").open() as file:
+        lines = [line for line in csv.DictReader(file) if row_key("GS-IR, 30k") in line.values()]
+    assert len(lines) == len(SUITE.columns)
 
 
 def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Path) -> None:
@@ -140,6 +140,7 @@ def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(r
     kept, outdated = with_rows_from_files(store, fresh, {"corner": SCENE.checksum})
     assert kept == {name: part for name, part in read_sweep(run).items() if name != "seal"}
     assert not outdated
+    assert measured(kept) == fresh, "what the gate and the paper's tables read"
     for changed, checksums in (
         ({**fresh, "protocol": "radiogs"}, {"corner": SCENE.checksum}),
         ({**fresh, "seeds": [1]}, {"corner": SCENE.checksum}),
@@ -148,7 +149,7 @@ def test_a_run_that_goes_on_keeps_the_row_and_one_that_differs_has_no_such_row(r
         assert with_rows_from_files(store, changed, checksums)[0]["rows"] == fresh["rows"]  # type: ignore[arg-type]
 
 
-def test_status_verify_export_and_gate_cope(run: Path, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_status_verify_and_export_read_the_row(run: Path, files: Path, capsys: pytest.CaptureFixture[str]) -> None:
     into(run, files)
     assert main(["report", str(run)]) == 0
     assert main(["verify", str(run)]) == 0
