@@ -3,6 +3,7 @@
 import csv
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -61,7 +62,7 @@ def into(run: Path, files: Path, *further: str, row: str = "GS-IR, 30k", scene: 
     return main(["score", str(files), "--scene", scene, "--into", str(run), "--row", row, *further])
 
 
-def cell_of_row(run: Path, row: str = "GS-IR, 30k") -> dict:
+def cell_of_row(run: Path, row: str = "GS-IR, 30k") -> dict[str, Any]:
     (place,) = [place for place in read_sweep(run)["cells"] if place["row"] == row_key(row)]
     return json.loads((run / "cells" / f"{place['key']}.json").read_text())
 
