@@ -92,6 +92,25 @@ def test_better_is_higher_up_in_every_panel_and_every_mark_is_inside() -> None:
         assert max(values) < max(low, high)
 
 
+@pytest.mark.parametrize("count", [2, 7, 12])
+def test_the_legend_of_the_cost_is_within_the_figure(count: int) -> None:
+    made = summary()
+    first = made["rows"][0]
+    made["rows"] += [
+        {**first, "key": f"r{place}", "text": f"Method {place} (shared stage 1)"} for place in range(count)
+    ]
+    made["cells"] |= {f"r{place}": made["cells"][first["key"]] for place in range(count)}
+    for sketch in cost_figures(made):
+        sketch.figure.canvas.draw()
+        (legend,) = sketch.figure.legends
+        box, (width, height) = legend.get_window_extent(), sketch.figure.canvas.get_width_height()
+        assert box.x0 >= 0
+        assert box.x1 <= width
+        assert box.y0 >= 0
+        assert max(axes.get_window_extent().y0 for axes in sketch.figure.axes) > box.y1
+        assert height > box.y1
+
+
 def test_a_cost_that_is_the_same_for_all_rows_has_no_figure() -> None:
     made = summary()
     for each in made["runs"]:

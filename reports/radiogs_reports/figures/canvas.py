@@ -3,6 +3,7 @@
 import hashlib
 import re
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,10 @@ CHARACTERS_PER_TILE = 20
 """Characters of a title that fit over a tile."""
 
 
+INCHES_PER_CHARACTER = 0.065
+"""Mean width of a legend's characters."""
+
+
 @dataclass(frozen=True)
 class Sketch:
     """A figure before it is saved: file name without ending, caption in plain text, the figure.
@@ -75,6 +80,12 @@ def blank(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), dpi=DOTS_PER_INCH, layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def legend_columns(labels: Sequence[str], width: float, most: int) -> int:
+    """How many columns as wide as the longest line of the labels fit into ``width`` inches, at most ``most``."""
+    longest = max(len(line) for label in labels for line in label.split("\n"))
+    return max(1, min(len(labels), most, int(width / (INCHES_PER_CHARACTER * longest + 0.5))))
 
 
 def save(sketch: Sketch, out: Path) -> Drawn:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from ..summary import RunSummary, Summary, TrailPoint, last_stage_title, last_trail
 from .axes import add_grid, metric_title, plain_numbers
-from .canvas import ALL, COLOURS, STYLE, Sketch, blank, plain
+from .canvas import ALL, COLOURS, STYLE, Sketch, blank, legend_columns, plain
 
 CONSISTENCY = "consistency"
 """The loss L_rad of methods that train for radiometric consistency."""
@@ -22,9 +22,6 @@ PANEL = (3.4, 2.5)
 MOST_COLUMNS = 3
 LONGEST = 48
 """Characters of a legend's label per line."""
-
-INCHES_PER_CHARACTER = 0.065
-"""Mean width of a legend's characters."""
 
 THICKEST, THINNEST = 3.0, 1.0
 DASHES = ("-", "--", ":", "-.")
@@ -133,7 +130,7 @@ def _metrics(summary: Summary) -> Sketch | None:
 def _figure(summary: Summary, name: str, caption: str, panels: list[Panel]) -> Sketch:
     lines = -(-len(panels) // ACROSS)
     labels = _labels(summary, panels)
-    columns = _legend_columns(list(labels.values()))
+    columns = legend_columns(list(labels.values()), PANEL[0] * ACROSS, MOST_COLUMNS)
     below = sum(1 + label.count("\n") for label in labels.values()) // columns
     handles = []
     with rc_context(STYLE):
@@ -169,12 +166,6 @@ def _labels(summary: Summary, panels: list[Panel]) -> dict[str, str]:
     if len(texts_by_row) == 1 < len(summary["rows"]):
         return dict.fromkeys(texts_by_row, ALL)
     return {row: textwrap.fill("; ".join(texts), LONGEST) for row, texts in texts_by_row.items()}
-
-
-def _legend_columns(labels: list[str]) -> int:
-    """How many columns as wide as the longest label fit into the figure."""
-    longest = max(len(line) for label in labels for line in label.split("\n"))
-    return max(1, min(len(labels), MOST_COLUMNS, int(PANEL[0] * ACROSS / (INCHES_PER_CHARACTER * longest + 0.5))))
 
 
 def _line_width(place: int, count: int) -> float:

@@ -8,10 +8,14 @@ from ..analysis.pareto import Point, points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary
 from .axes import add_grid, better_is_up, cost_axis, metric_title
-from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, plain
+from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, legend_columns, plain
 
 PANELS_ACROSS = 3
 PANEL = (2.6, 2.3)
+MOST_COLUMNS = 5
+LEGEND_LINE = 0.17
+"""Inches that a line of the legend takes."""
+
 LOGARITHMIC_FROM = 8.0
 """Ratio of the largest to the smallest cost from which the axis is logarithmic."""
 
@@ -30,8 +34,10 @@ def cost_figures(summary: Summary) -> list[Sketch]:
 def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[Point]]]) -> Sketch:
     lines = -(-len(panels) // PANELS_ACROSS)
     across = min(len(panels), PANELS_ACROSS)
+    names = [plain(row["text"]) for row in summary["rows"]]
+    columns = legend_columns(names, PANEL[0] * across, MOST_COLUMNS)
     with rc_context(STYLE):
-        figure = blank(PANEL[0] * across, PANEL[1] * lines + 0.5)
+        figure = blank(PANEL[0] * across, PANEL[1] * lines + LEGEND_LINE * -(-len(names) // columns) + 0.2)
         grid = figure.subplots(lines, across, squeeze=False).ravel()
         for axes, (column, found) in zip(grid, panels, strict=False):
             _panel(axes, summary, column, cost, found)
@@ -39,10 +45,10 @@ def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[
         for axes in grid[len(panels) :]:
             axes.set_visible(False)
         handles = [
-            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=plain(row["text"]))
-            for place, row in enumerate(summary["rows"])
+            Line2D([], [], linestyle="", marker=MARKERS[place % 8], color=COLOURS[place % 8], label=name)
+            for place, name in enumerate(names)
         ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), frameon=False)
+        figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     caption = (
         f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
         " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel;"
