@@ -73,8 +73,10 @@ def test_a_data_sets_scenes_are_found_where_the_command_is_given(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    for name in ("armadillo", "ficus", "hotdog", "lego"):
-        (tmp_path / name).symlink_to(CORNER)
+    for name, stands_for in zip(
+        ("armadillo", "ficus", "hotdog", "lego"), sorted(CORNER.parent.iterdir()), strict=False
+    ):
+        (tmp_path / name).symlink_to(stands_for)
     assert main(["run", "tensoir", "--preset", "smoke", "--dry-run"]) == 0
     cells = 4 * len(SUITES["tensoir"].rows)
     assert f"{cells} of {cells} cells to run" in capsys.readouterr().out

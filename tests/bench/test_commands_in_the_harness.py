@@ -91,6 +91,7 @@ def test_it_stands_beside_radiogs_and_is_not_run_twice(shelf: Callable[[str], Pa
     assert "Stand-in" in (out / "synthetic4relight.md").read_text()
 
 
+@pytest.mark.slow
 def test_one_that_crashes_fails_alone_and_is_run_again_once_mended(
     shelf: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

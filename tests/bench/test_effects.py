@@ -62,6 +62,7 @@ def test_a_variant_survives_being_written_down() -> None:
         assert variant_of(RADIOGS, json.loads(json.dumps(to_plain(variant)))) == variant
 
 
+@pytest.mark.slow
 def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

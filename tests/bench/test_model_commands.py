@@ -95,6 +95,7 @@ def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
     assert not (tmp_path / "score.json").exists()
 
 
+@pytest.mark.slow
 def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
     """What the scene was opened with is kept beside the model: `render` has no such option."""
     out = tmp_path / "small"

@@ -166,6 +166,7 @@ def test_a_suite_of_a_file_may_give_parts(tmp_path: Path, given: str) -> None:
             read_suite(path)
 
 
+@pytest.mark.slow
 def test_with_everything_given_albedo_is_at_its_ceiling_and_indirect_light_and_light_are_right(tmp_path: Path) -> None:
     """On ``convex``: what is left is the rasteriser's blur, and 20 steps of training do not move it."""
     parts: tuple[Part, ...] = ("geometry", "light", "albedo", "roughness")

@@ -115,6 +115,7 @@ def test_rows_that_its_stage_does_not_read_share_it(out: Path) -> None:
     assert len({cell["stages"]["average"] for cell in whole}) == 2  # one a seed, for two rows
 
 
+@pytest.mark.slow
 def test_status_report_and_gate_know_it(run: Run, out: Path, tmp_path: Path) -> None:
     assert "8 of 8 cells finished" in run("status", f"{out}").stdout
     assert run("report", f"{out}").returncode == 0

@@ -45,7 +45,9 @@ def ended(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, 
     return metrics(trained, tmp_path_factory.mktemp("model") / "score.json")
 
 
-@pytest.mark.parametrize("code", ON_BLACK)
+@pytest.mark.parametrize(
+    "code", [*ON_BLACK[:2], *(pytest.param(code, marks=pytest.mark.slow) for code in ON_BLACK[2:])]
+)
 def test_with_16_bits_a_layout_on_black_scores_as_the_model_to_the_last_digit(
     code: str, trained: Path, ended: dict[str, float], tmp_path: Path
 ) -> None:
@@ -72,6 +74,7 @@ def test_a_layout_on_white_scores_new_views_as_a_protocol_on_white_does(trained:
     assert found["nvs/psnr"] == pytest.approx(whole["nvs/psnr"], abs=5e-4)
 
 
+@pytest.mark.slow
 def test_files_have_the_bits_that_were_asked_for(trained: Path, tmp_path: Path) -> None:
     for bits, levels in ((8, 255), (16, 65535)):
         assert main(["export", str(trained), "--layout-of", "r3dg", "--bits", str(bits), "--file", str(tmp_path)]) == 0

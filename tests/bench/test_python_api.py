@@ -15,6 +15,7 @@ from radiogs_core.errors import DataError, UsageError
 WALK = Path(__file__).parents[2] / "docs" / "python_api.md"
 
 
+@pytest.mark.slow
 def test_the_walk_of_the_documentation_runs_as_it_stands(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -9,6 +9,7 @@ import torch
 
 from radiogs_bench.metrics.normals import normal_mae
 from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_png, write_png
 from radiogs_datasets.registry import TINY
@@ -71,16 +72,19 @@ def test_grey_normals_are_no_truth(tmp_path: Path) -> None:
     shutil.copytree(TINY / "bowl", folder)
     path = sorted(folder.glob("test_*/normal.png"))[0]
     stored = read_png(path)
-    view = next(view for view in load_scene(str(folder)).test if view.name == path.parent.name)
-    solid = (view.read("alpha")[..., 0] > 0.5).nonzero()
+
+    def reopened() -> View:
+        return next(view for view in load_scene(str(folder)).test if view.name == path.parent.name)
+
+    solid = (reopened().read("alpha")[..., 0] > 0.5).nonzero()
     row, column = solid[len(solid) // 2].tolist()
     stored[row, column, :3] = 128 / 255
     write_png(path, stored)
-    assert not view.read("normal")[row, column].any()
+    assert not reopened().read("normal")[row, column].any()
     stored[..., :3] = 128 / 255
     write_png(path, stored)
     with pytest.raises(DataError, match="no direction"):
-        view.read("normal")
+        reopened().read("normal")
 
 
 def test_pixels_without_a_true_normal_are_not_scored() -> None:

@@ -35,6 +35,7 @@ def trained(scene: Scene) -> tuple[float, Surfels]:
     return -10 * math.fsum(map(math.log10, errors)) / len(errors), stage.surfels
 
 
+@pytest.mark.slow
 def test_new_views_of_a_room_need_what_surrounds_the_object() -> None:
     """The same photos; a mask of ones sends them through the start of scenes with masks, a ball in the middle."""
     ball_only, _ = trained(room_scene(masked=True))
