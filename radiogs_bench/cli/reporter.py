@@ -4,6 +4,7 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.console import Console
     from rich.table import Table
 
 LOG_WIDTH = 160
@@ -22,6 +23,11 @@ def complain(message: str) -> None:
 
 def show(table: "Table") -> None:
     """Print a table, as wide as the terminal if there is one."""
+    console().print(table)
+
+
+def console() -> "Console":
+    """Where tables are printed."""
     from rich.console import Console  # not before something is shown: help and errors must answer at once
 
-    Console(width=None if sys.stdout.isatty() else LOG_WIDTH).print(table)
+    return Console(width=None if sys.stdout.isatty() else LOG_WIDTH)

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from rich.table import Table
-
 from radiogs_baselines.published import published
 from radiogs_reports import write_reports
-from radiogs_reports.doubts import footnotes, marks, remarks
-from radiogs_reports.summary import CellSummary, ColumnSummary, Summary
+from radiogs_reports.doubts import footnotes, remarks
+from radiogs_reports.summary import Summary
+from radiogs_reports.wording import count_of
+from radiogs_reports.write.caption import published_note
 
 from ..results.summary import summarise
 from ..store.atomic import explained, write_atomically
@@ -15,20 +15,31 @@ from ..store.folder import Store
 from ..store.seal import sealed, strict_json
 from ..suites.sweep import Sweep
 from .aside import say_aside
-from .reporter import say, show
+from .fitting import tables_of
+from .reporter import console, say, show
+
+PAGE = "report.html"
 
 
 def write_and_show(store: Store, sweep: Sweep) -> None:
-    """Rebuild the summary and the reports of a run, print the table, and say where they are."""
+    """Rebuild the summary and the reports of a run, print the table; the last line says what to open."""
     summary, written = write(store, sweep)
-    show(table_of(summary))
+    for table in tables_of(summary, console().width):
+        show(table)
     say(explanation(summary))
-    for sentence in (*reasons(summary), *footnotes(summary), *remarks(summary)):
+    for sentence in (*reasons(summary), *footnotes(summary)):
         say(sentence)
-    say(f"Metric protocol: {summary['protocol']}. Published values: {summary['published_data']}.")
-    for path in written:
-        say(f"wrote {path}")
+    say_remarks(summary)
+    say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
     say_aside(store)
+    say(f"{len(written)} files in {store.folder}; open {store.folder / PAGE}")
+
+
+def say_remarks(summary: Summary) -> None:
+    """How many remarks there are: they fill a screen, and the page has them."""
+    count = len(remarks(summary))
+    if count:
+        say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
 
 def write(store: Store, sweep: Sweep) -> tuple[Summary, list[Path]]:
@@ -40,26 +51,6 @@ def write(store: Store, sweep: Sweep) -> tuple[Summary, list[Path]]:
         with explained(store.folder):
             written = write_reports(store.folder)
     return summary, [store.folder / "summary.json", *written]
-
-
-def table_of(summary: Summary) -> Table:
-    """The suite's table, with published values below measured ones."""
-    seeds = ", ".join(map(str, summary["seeds"]))
-    title = f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
-    table = Table("", *(heading(column) for column in summary["columns"]), "seconds", title=title, show_lines=True)
-    for row in summary["rows"]:
-        entries = [
-            entry(
-                summary["cells"][row["key"]][column["key"]],
-                summary["published"].get(row["key"], {}),
-                column,
-                marks(summary, row["key"], column["key"]),
-            )
-            for column in summary["columns"]
-        ]
-        seconds = "" if row["seconds"] is None else f"{row['seconds']:.1f}"
-        table.add_row(row["text"], *entries, seconds)
-    return table
 
 
 def explanation(summary: Summary) -> str:
@@ -82,24 +73,3 @@ def reasons(summary: Summary) -> list[str]:
             if reason is not None and column["label"] not in columns.setdefault(reason, []):
                 columns[reason].append(column["label"])
     return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
-
-
-def heading(column: ColumnSummary) -> str:
-    """A column's heading with its unit and the better direction."""
-    arrow = {"up": "↑", "down": "↓", "zero": "→ 0"}[column["direction"]]
-    return f"{column['label']} {arrow}" + (f" [{column['unit']}]" if column["unit"] else "").replace("[", r"\[")
-
-
-def entry(cell: CellSummary, published_row: dict[str, float], column: ColumnSummary, mark: str = "") -> str:
-    """Mean with its marks, paired difference with its interval, and published value, each on a line."""
-    digits = column["decimals"]
-    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}{mark}"]
-    difference = cell["difference"]
-    if difference is not None and difference["low"] is not None and difference["high"] is not None:
-        half_width = (difference["high"] - difference["low"]) / 2
-        lines.append(f"{difference['mean']:+.{digits}f} ± {half_width:.{digits}f}")
-    elif difference is not None:
-        lines.append(f"{difference['mean']:+.{digits}f}")
-    if column["key"] in published_row:
-        lines.append(f"paper {published_row[column['key']]:.{digits}f}")
-    return "\n".join(lines)

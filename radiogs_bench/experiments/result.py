@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from typing import Any
 
 from radiogs_core.instruments import Instruments
+from radiogs_core.scene.scene import Scene
 
-from ..store.schema import RESULT_SCHEMA, Result, Session
+from ..store.schema import RESULT_SCHEMA, Data, Result, Session
 from ..suites.cell import Cell
 
 EVALUATE = "evaluate"
@@ -43,6 +44,18 @@ def blank_result(key: str, scene: str, content: dict[str, Any], protocol: dict[s
         work={},
         guards={},
         sessions={},
+    )
+
+
+def data_of(scene: Scene) -> Data:
+    """The size of what a scene shows."""
+    camera = scene.test[0].camera
+    return Data(
+        layout=scene.layout,
+        width=camera.width,
+        height=camera.height,
+        training_views=len(scene.train),
+        test_views=len(scene.test),
     )
 
 

@@ -16,7 +16,7 @@ from ..store.schema import MetricValue, Result
 from ..suites.cell import Cell
 from ..training.scene_files import require_unchanged
 from ..training.stages import Bench, Ledger, Score, facts_of, trained
-from .result import EVALUATE, add_stage, empty_result
+from .result import EVALUATE, add_stage, data_of, empty_result
 
 Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
 """Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""
@@ -57,7 +57,7 @@ def train_and_score(
     counted, spent = accounts(facts, ledgers) if accounts is not None else ({}, {})
     views = len(evaluation.views)
     result = _result(cell, ledgers, evaluation, facts)
-    result["determined"] = known
+    result["determined"], result["data"] = known, data_of(scene)
     result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
     result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
     add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])

@@ -144,21 +144,25 @@ def _pairs(results: Sequence[Result], column: str, reference: str) -> Iterator[t
 
 def _not_determined(quantity: str, records: Sequence[Determined], of: int) -> str:
     changed = _range([record["decibels"] for record in records], 3)
-    reasons = " or ".join(dict.fromkeys(map(_why_not, records)))
     where = "" if len(records) == of else f" in {len(records)} of {of} cells"
     return (
-        f"{quantity}: {CHANGES[quantity]} changes the error of the training images by {changed} dB; {reasons}."
-        f" They do not determine it{where}."
+        f"{quantity}: {CHANGES[quantity]} changes the error of the training images by {changed} dB;"
+        f" {' or '.join(_reasons(records))}. The images do not determine it{where}."
     )
 
 
-def _why_not(record: Determined) -> str:
-    if record["offset"] is None:
-        return "that is less than their 8 bits show"
-    if record["half_width"] is None:
-        return "no value suits all views"
-    away = abs(record["offset"]) + record["half_width"]
-    return f"by what single views say it may be off by {away / record['step']:.1f} times as much"
+def _reasons(records: Sequence[Determined]) -> list[str]:
+    """Why the images do not determine a quantity, each reason once; of disagreeing views the largest disagreement."""
+    reasons = []
+    if any(record["offset"] is None for record in records):
+        reasons.append("that is less than 8 bits resolve")
+    found = [(record["offset"], record["half_width"], record["step"]) for record in records]
+    away = [(abs(offset) + width) / step for offset, width, step in found if offset is not None and width is not None]
+    if away:
+        reasons.append(f"single views leave it open by up to {max(away):.1f} times that change")
+    if any(offset is not None and width is None for offset, width, _ in found):
+        reasons.append("no value suits all views")
+    return reasons
 
 
 def _apart(quantity: str, scene: str, found: Estimate) -> str:

@@ -1,7 +1,8 @@
 """Fills the paper's tables from a store, with the rows and columns that the paper prints.
 
-A result belongs to a row if it has the row's method, variant and budget, and the sources, protocol, device, scene and
-seed of one of the folder's last run. So a store of the ablations also fills rows that other tables share with it.
+The table that the run's suite reproduces has the run's own results; where their scenes, image size or budget are not
+the paper's, each row says what ran. Other tables are filled from the same store only with results of their own scenes,
+image size and budget: those of the row's method and variant, and of the sources, protocol, device and seeds of the run.
 """
 
 from collections.abc import Iterable, Mapping
@@ -15,13 +16,16 @@ from radiogs_reports.statistics import Estimate, Sample, estimate, paired_differ
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
 from ..methods import budget_of, method, variant_of
+from ..metrics import protocol
+from ..metrics.comparable import alike
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
 from ..suites.rows_from_files import measured
-from ..suites.suite import MEASURES, NUMBER, TASKS, Row, Suite, with_numbers
+from ..suites.suite import MEASURES, TASKS, Row, Suite
 from ..suites.sweep import Sweep
+from .conditions import all_as_published, ran
 
 OURS = Row("ours", "Ours", "Ours")
 """The full method, for tables that no suite runs."""
@@ -51,7 +55,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
     mine = [result for result in results if result["key"] in own]
     if not mine:
         return []
-    alike = [result for result in results if belongs(result, mine, sweep["seeds"])]
+    made_alike = [result for result in results if belongs(result, mine, sweep["seeds"])]
     tables = []
     for key in published_tables():
         suite = next((suite for suite in SUITES.values() if suite.published == key), None)
@@ -61,8 +65,9 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
                 for row in sweep["rows"]
             }
         else:
-            rows = rows_by_content(alike, suite.rows if suite else (OURS,), sweep["preset"])
-        table = filled(key, published(key), rows, suite)
+            shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
+            rows = as_published(shared, published(key), rows_of(suite))
+        table = filled(key, published(key), rows, suite, sweep["protocol"])
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
     return tables
@@ -100,8 +105,18 @@ def rows_by_content(results: Iterable[Result], rows: Iterable[Row], preset: str)
     return found
 
 
-def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> PaperTable:
-    """The published table with the measured values beside it."""
+def as_published(rows: Rows, table: PublishedTable, by_key: Mapping[str, Row]) -> Rows:
+    """The rows whose results are of the table's scenes, image size and budget."""
+    return {row: results for row, results in rows.items() if all_as_published(results, table, by_key[row])}
+
+
+def rows_of(suite: Suite | None) -> dict[str, Row]:
+    """Rows of the suite that reproduces a table, by key."""
+    return {row.key: row for row in (suite.rows if suite else (OURS,))}
+
+
+def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None, rules: str) -> PaperTable:
+    """The published table with the values that were measured by the protocol ``rules``."""
     reference = (suite.reference if suite else None) or OURS.key
     ranks = {
         name: resolved_ranks({row: sample(rows, row, name) for row in table.labels}, column.direction)
@@ -114,9 +129,14 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
         label=table.label,
         data=table.data,
         reference=reference if rows.get(reference) else None,
-        columns=[paper_column(name, table) for name in table.columns],
+        columns=[paper_column(name, table, rules) for name in table.columns],
         rows=[
-            {"key": row, "text": text, "remark": remark(table.remarks.get(row, ""), rows.get(row, []), suite, row)}
+            {
+                "key": row,
+                "text": text,
+                "remark": table.remarks.get(row, ""),
+                "ran": ran(rows.get(row, []), table, rows_of(suite).get(row, OURS)),
+            }
             for row, text in table.labels.items()
         ],
         cells={
@@ -130,22 +150,13 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None) -> 
     )  # fmt: skip
 
 
-def remark(published: str, results: list[Result], suite: Suite | None, key: str) -> str:
-    """What the paper's table needs to be read, and what was measured, as the row's label is the paper's."""
-    row = next((each for each in suite.rows if each.key == key), None) if suite else None
-    if row is None or not results or not NUMBER.search(row.text):
-        return published
-    ran = f"Measured: {with_numbers(row.text, results[0]['cell']['budget'])}."
-    return f"{published} {ran}".strip()
-
-
-def paper_column(name: str, table: PublishedTable) -> PaperColumn:
-    """A column's headings, and the number of decimals that the paper prints."""
+def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
+    """A column's headings, the number of decimals that the paper prints, and by whose conventions."""
     task, measure, *scene = name.split("/")
     known, column = MEASURES.get(measure), table.columns[name]
     heading = known.label if known else MEASURED_APART[measure]
     printed = [texts[name] for texts in table.printed.values() if name in texts]
-    return PaperColumn(
+    made = PaperColumn(
         key=name,
         group=GROUPS[task],
         label=" ".join([*scene, heading]).strip(),
@@ -153,6 +164,9 @@ def paper_column(name: str, table: PublishedTable) -> PaperColumn:
         direction=column.direction,
         decimals=max(len(text.partition(".")[2]) for text in printed),
     )
+    if not alike(protocol(rules), protocol(table.conditions.protocol), name):
+        made["published_by"] = table.conditions.protocol
+    return made
 
 
 def paper_value(

@@ -18,7 +18,7 @@ from radiogs_core.scene.scene import Scene
 
 from ..evaluation.score import score_predictions
 from ..evaluation.shown_files import shown_files
-from ..experiments.result import EVALUATE, add_stage, blank_result
+from ..experiments.result import EVALUATE, add_stage, blank_result, data_of
 from ..metrics import protocol
 from ..sources import code_digest
 from ..store.folder import Store
@@ -164,7 +164,7 @@ def scored_files(
     )
     result = blank_result(content_key(cell), name, cell, score.protocol.describe())
     result["metrics"] = comparable(score.metrics, scene)
-    result["views"] = [view.name for view in scene.test]
+    result["views"], result["data"] = [view.name for view in scene.test], data_of(scene)
     result["shown_view"], result["shown_light"], result["albedo_scale"] = shown.view, shown.light, score.albedo_scale
     result["facts"], result["maps"] = facts_of(row, predictions), maps_of(predictions)
     add_stage(result, EVALUATE, instruments, seconds, [session(CPU)])

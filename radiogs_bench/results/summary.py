@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from radiogs_baselines.published import published as published_table
 from radiogs_reports.analysis.ranks import resolved_ranks
 from radiogs_reports.statistics import Sample, estimate, paired_difference
 from radiogs_reports.summary import (
@@ -17,6 +18,8 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
+from ..metrics import protocol
+from ..metrics.comparable import alike
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.rows_from_files import is_from_files
@@ -46,7 +49,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         scenes=sweep["scenes"],
         seeds=sweep["seeds"],
         reference=sweep["reference"],
-        columns=[column_summary(Metric.of(key)) for key in sweep["columns"]],
+        columns=[column_summary(Metric.of(key), sweep) for key in sweep["columns"]],
         rows=[row_summary(cells, row) for row in sweep["rows"]],
         cells=table_cells(cells, sweep),
         published={row: dict(values) for row, values in published.items()},
@@ -67,12 +70,17 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     )
 
 
-def column_summary(metric: Metric) -> ColumnSummary:
-    """A column's heading."""
+def column_summary(metric: Metric, sweep: Sweep) -> ColumnSummary:
+    """A column's heading, and by which protocol its published values are, if by other conventions."""
     measure = MEASURES[metric.measure]
-    return ColumnSummary(
+    column = ColumnSummary(
         key=metric.key, label=metric.label, unit=measure.unit, direction=measure.better, decimals=measure.decimals
     )
+    if sweep["published"]:
+        theirs = published_table(sweep["published"]).conditions.protocol
+        if not alike(protocol(sweep["protocol"]), protocol(theirs), metric.key):
+            column["published_by"] = theirs
+    return column
 
 
 def row_summary(cells: Finished, line: Line) -> RowSummary:

@@ -78,6 +78,18 @@ class StageName(TypedDict):
     title: str
 
 
+class Data(TypedDict):
+    """The size of what a cell was made from."""
+
+    layout: str
+    width: int
+    """Of the first test view, pixels."""
+    height: int
+    training_views: int
+    """As the scene has them; a variant may use a share of them."""
+    test_views: int
+
+
 class Result(TypedDict):
     """A finished cell. ``<key>.npz`` beside it holds the maps of one test view (see ``evaluate``)."""
 
@@ -94,6 +106,8 @@ class Result(TypedDict):
     timings: dict[str, MetricValue]
     """By ``task/ms`` (milliseconds per frame) and ``task/megabytes`` (peak memory of a frame); apart from the
     metrics, because no two runs agree in them."""
+    data: NotRequired[Data]
+    """Absent in results of earlier versions, and where the test views are not compared."""
     views: list[str]
     """Names of the test views, then of views elsewhere that were scored."""
     shown_view: str | None

@@ -12,7 +12,7 @@ from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
 from .files import fresh, require_own_folders
 from .page import write_page
-from .stale import drop_stale
+from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
 from .write.audit import audit_csv
 from .write.cost import cost_csv, cost_latex, cost_markdown
@@ -28,11 +28,16 @@ from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 def write_reports(out: Path) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
-    The same stored results give the same bytes. Tables and figures that only an earlier run had are deleted. Raises
+    The same stored results give the same bytes; reports that are there and would be the same are not made again.
+    Tables and figures that only an earlier run had are deleted. Raises
     ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a link.
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER)
+    source = made_from(summary, out)
+    there = unchanged(out, source)
+    if there is not None:
+        return there
     figures = write_figures(summary, out)
     written = []
     for name, text in texts(summary, figures).items():
@@ -42,7 +47,7 @@ def write_reports(out: Path) -> list[Path]:
         written.append(write_contact_sheet(summary, out))
     written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
-    drop_stale(out, written)
+    keep_record(out, written, source)
     return written
 
 

@@ -50,6 +50,8 @@ class ColumnSummary(TypedDict):
     unit: str
     direction: Literal["up", "down", "zero"]
     decimals: int
+    published_by: NotRequired[str]
+    """The protocol of its published values, where it computes this metric by other conventions than the run's."""
 
 
 class RowSummary(TypedDict):
@@ -177,6 +179,8 @@ class PaperColumn(TypedDict):
     direction: Literal["up", "down", "none"]
     decimals: int
     """Printed decimals of measured values: as many as the paper prints."""
+    published_by: NotRequired[str]
+    """As in ``ColumnSummary``."""
 
 
 class PaperValue(TypedDict):
@@ -208,7 +212,7 @@ class PaperTable(TypedDict):
     reference: str | None
     columns: list[PaperColumn]
     rows: list[dict[str, str]]
-    """``key``, ``text`` and ``remark``, which may be empty."""
+    """``key`` and ``text``; ``remark`` and ``ran`` may be empty: the label of what ran, if not the paper's row."""
     cells: dict[str, dict[str, PaperValue]]
     """By row, then column."""
 
@@ -289,6 +293,11 @@ def reference_of(summary: Summary) -> str:
 def row_texts(summary: Summary) -> dict[str, str]:
     """Plain-text labels by row key, in the table's order."""
     return {row["key"]: row["text"] for row in summary["rows"]}
+
+
+def beside(summary: Summary, row: str, column: ColumnSummary) -> float | None:
+    """The published value that stands beside a measured one; None where there is none of the same conventions."""
+    return None if "published_by" in column else summary["published"].get(row, {}).get(column["key"])
 
 
 def half_width(interval: Interval | None) -> float | None:

@@ -159,3 +159,13 @@ def test_printed_figures_keep_the_papers_digits(key: str) -> None:
 def test_an_unknown_table_is_told_its_neighbours() -> None:
     with pytest.raises(UsageError, match="Did you mean 'ablation'"):
         published("ablations")
+
+
+@pytest.mark.parametrize("key", TABLES)
+def test_conditions_are_what_the_data_say(key: str) -> None:
+    table = published(key)
+    assert table.data.endswith(f", mean of {', '.join(table.conditions.scenes)}")
+    least, most = table.conditions.width
+    assert 0 < least <= most
+    of_one_scene = {column.scene for column in table.columns.values()} - {None}
+    assert of_one_scene <= set(table.conditions.scenes)

@@ -4,6 +4,7 @@
 ``substitutes``, a bench by ``method``.
 """
 
+import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -36,13 +37,21 @@ from radiogs_core.errors import ExplainedError
 from radiogs_core.instruments import count, current, fire
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.scene import Scene
+from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import everything
 
 STEPS = 3
 CPU = torch.device("cpu")
-SCENE = Scene("fake", "none", (), (), {}, None, "0" * 64)
+
+
+def scene_of(name: str, layout: str = "none", width: int = 40) -> Scene:
+    """A scene of one test view without maps."""
+    view = View("view", Camera(torch.eye(4), float(width), float(width), width / 2, width / 2, width, width), {})
+    return Scene(name, layout, (), (view,), {}, None, hashlib.sha256(f"{name} {layout} {width}".encode()).hexdigest())
+
+
+SCENE = scene_of("fake")
 SOURCES = ("radiogs_core.errors",)
 """What the fake says that it depends on: little, and not what is edited to see a test fail."""
 
@@ -225,9 +234,10 @@ def place_of(cell: Cell, row: str = "ours") -> Place:
 
 
 class FakeSweep:
-    """A store and what is needed to run cells of the fake method in it."""
+    """A store and what is needed to run cells of the fake method in it, by default on the scene that is none."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *scenes: Scene) -> None:
+        self.scenes = {scene.name: scene for scene in (SCENE, *scenes)}
         self.store, self.interruption = Store(folder), Interruption()
         self.bench = Bench(
             self.store, CPU, LogProgress(), self.interruption, method, checksum_now,
@@ -235,7 +245,7 @@ class FakeSweep:
         )  # fmt: skip
 
     def one(self, cell: Cell) -> None:
-        experiment(self.bench, cell, SCENE)
+        experiment(self.bench, cell, self.scenes[cell.scene])
 
     def run(self, cells: list[Cell]) -> list[ExplainedError]:
         tasks = [Task(cell, cell.key) for cell in cells]

@@ -162,10 +162,18 @@ def test_a_run_ends_with_its_table_and_says_where_the_reports_are(
     assert run() == 0
     said = capsys.readouterr()
     assert "Detach L_G" in said.out
-    assert "paper 37.86" in said.out
-    assert f"wrote {tmp_path / 'summary.json'}" in said.out
+    assert "paper 37.86" not in said.out, "protocol default has other conventions"
+    assert "in a run with --protocol radiogs" in said.out
+    assert said.out.endswith(f"files in {tmp_path}; open {tmp_path / 'report.html'}\n")
     assert said.err.count("done in") == 10
     assert len(list(Store(tmp_path).results())) == 10
+
+
+def test_published_values_stand_beside_those_of_their_protocol(
+    run: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("--protocol", "radiogs") == 0
+    assert "paper 37.86" in capsys.readouterr().out
 
 
 def test_a_second_run_begins_no_cell_and_shows_the_same_table(

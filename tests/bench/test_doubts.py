@@ -51,8 +51,8 @@ def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> N
     assert (found["column"], found["rows"]) == ("roughness/mse", ["ours", "wide"])
     assert found["text"] == (
         "roughness: changing the roughness of everything by 0.1 changes the error of the training images by 0.012 to"
-        " 0.200 dB; that is less than their 8 bits show or by what single views say it may be off by 4.0 times as much."
-        " They do not determine it."
+        " 0.200 dB; that is less than 8 bits resolve or single views leave it open by up to 4.0 times that change."
+        " The images do not determine it."
     )
 
 
@@ -64,7 +64,7 @@ def test_a_change_that_rounds_to_nothing_has_no_sign() -> None:
 def test_a_row_is_marked_if_one_of_its_cells_is_not_determined() -> None:
     cells = [cell("ours", seed, determined={"roughness": record(seed != 1, half_width=None)}) for seed in range(3)]
     (found,) = undetermined(cells, "roughness/mse", ("roughness",))
-    assert found["text"].endswith("no value suits all views. They do not determine it in 1 of 3 cells.")
+    assert found["text"].endswith("no value suits all views. The images do not determine it in 1 of 3 cells.")
 
 
 def test_both_quantities_of_roughness_share_a_footnote() -> None:

@@ -1,17 +1,19 @@
 """The paper's tables take from a store what belongs to their rows, and nothing else."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeRequest, FakeSweep, asked, scene_of
 from radiogs.budget import PRESETS
 from radiogs_baselines.published import published
-from radiogs_bench.results.paper_tables import paper_tables, why_not
-from radiogs_bench.suites.paper import ABLATIONS, VIEWS
+from radiogs_bench.results.paper_tables import paper_tables, value_of, why_not
+from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
 from radiogs_bench.suites.suite import Suite
 from radiogs_bench.suites.sweep import Request, Sweep
+from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 
 
@@ -54,23 +56,77 @@ def test_the_suites_own_table_has_its_means_and_paired_differences(sweep: FakeSw
     assert difference["mean"] == pytest.approx(sum(detached) / 2 - sum(ours) / 2)
 
 
-def test_other_tables_have_the_rows_that_they_share_and_say_how_to_get_the_others(sweep: FakeSweep) -> None:
-    asked = request()
-    tables = run(sweep, asked)
-    assert {"ablation", "init", "indirect", "ng", "ns", "views", "tensoir", "strategies"} <= tables.keys()
-    assert "relight-cost" not in tables  # it has no row of which anything was measured
-    assert "mipnerf360-ng" not in tables
-    init = tables["init"]["cells"]
-    assert init["nvs-init"]["nvs/psnr"]["mean"] == pytest.approx(sum(stored(sweep, asked, "nvs-init")) / 2)
+def test_a_row_on_another_scene_or_budget_says_what_ran(sweep: FakeSweep) -> None:
+    """The numbers that a label names are those that ran, not the paper's."""
+    budget = PRESETS["smoke"]
+    numbers = f"preset smoke, N_g {budget.consistency_surfels}, N_s {budget.incident_samples}; fake; 40 x 40; CPU"
+    labels = {row["key"]: row["ran"] for row in run(sweep, request())["ablation"]["rows"]}
+    assert labels["no-rad"] == f"λ_rad = 0: {numbers}"
+    labels = {row["key"]: row["ran"] for row in run(sweep, request(NG))["ng"]["rows"]}
+    quarter = budget.consistency_surfels // 4
+    assert labels["ng-1024"].startswith(f"N_g = {quarter} (paper: 1024): preset smoke, N_g {quarter},")
+    assert labels["ng-8192"].startswith(f"N_g = {2 * budget.consistency_surfels} (paper: 8192)")
+
+
+def test_a_run_on_another_scene_fills_its_own_table_alone(sweep: FakeSweep) -> None:
+    assert run(sweep, request()).keys() == {"ablation"}
+
+
+NAMES = published("ablation").conditions.scenes
+
+
+def tensoir(names: Sequence[str] = NAMES, layout: str = "tensoir", width: int = 800) -> list[Scene]:
+    return [scene_of(name, layout, width) for name in names]
+
+
+def run_on(
+    folder: Path, scenes: Sequence[Scene], suite: Suite = ABLATIONS, **settings: Any
+) -> Mapping[str, PaperTable]:
+    """Tables after a run with the paper's budget and protocol, but for the settings."""
+    given = {"seeds": 1, "preset": "paper", "protocol": "radiogs", "device": "cpu"} | settings
+    asked = FakeRequest(ABLATIONS, {scene.name: scene for scene in scenes}, **given)
+    return run(FakeSweep(folder, *scenes), asked)
+
+
+@pytest.mark.parametrize(
+    ("scenes", "settings"),
+    [
+        (tensoir(NAMES[1:]), {}),
+        (tensoir((*NAMES, "corner")), {}),
+        (tensoir(width=400), {}),
+        (tensoir(layout="colmap"), {}),
+        (tensoir(), {"preset": "small"}),
+    ],
+    ids=["a scene is missing", "another scene", "smaller images", "another layout", "a smaller budget"],
+)
+def test_a_row_has_the_papers_label_only_under_all_of_its_conditions(
+    tmp_path: Path, scenes: list[Scene], settings: dict[str, Any]
+) -> None:
+    whole, other = run_on(tmp_path / "a", tensoir()), run_on(tmp_path / "b", scenes, **settings)
+    assert {row["ran"] for row in whole["ablation"]["rows"]} == {""}
+    assert all(row["ran"] for row in other["ablation"]["rows"])
+    assert whole.keys() > other.keys() == {"ablation"}
+
+
+def test_values_by_other_conventions_are_marked(tmp_path: Path) -> None:
+    mine = run_on(tmp_path / "a", tensoir())["ablation"]["columns"]
+    others = run_on(tmp_path / "b", tensoir(), protocol="default")["ablation"]["columns"]
+    assert not any("published_by" in column for column in mine)
+    assert {column.get("published_by") for column in others} == {"radiogs"}
+
+
+def test_times_of_a_cpu_are_not_the_papers(tmp_path: Path) -> None:
+    assert "ng" not in run_on(tmp_path, tensoir()), "table ng has a column of milliseconds"
+
+
+def test_other_tables_have_the_rows_that_they_share_and_say_how_to_get_the_others(tmp_path: Path) -> None:
+    tables = run_on(tmp_path, tensoir())
+    assert tables.keys() == {"ablation", "init", "indirect", "views", "strategies"}
+    init, own = tables["init"]["cells"], tables["ablation"]["cells"]
+    assert init["nvs-init"]["nvs/psnr"]["mean"] == own["nvs-init"]["nvs/psnr"]["mean"]
     lacking = init["nvs-init-no-rad"]["nvs/psnr"]
     assert lacking["mean"] is None
     assert lacking["reason"] == "not in this store by this run's preset and code; radiogs-bench run init measures it"
-    assert tables["ng"]["cells"]["ng-4096"]["nvs/psnr"]["mean"] is not None, "the full method is that of the text"
-    assert tables["ng"]["cells"]["ng-2048"]["nvs/psnr"]["mean"] is None
-    remarks = {row["key"]: row["remark"] for row in tables["ng"]["rows"]}
-    assert remarks["ng-4096"] == f"Measured: N_g = {PRESETS['smoke'].consistency_surfels} (paper: 4096)."
-    assert remarks["ng-2048"] == ""
-    assert tables["ng"]["cells"]["ng-1024"]["nvs/psnr"]["mean"] is None
     assert why_not({}, "gs-ir", "nvs/psnr", ABLATIONS) == "no suite runs this row"
 
 
@@ -102,12 +158,9 @@ def test_changes_are_to_all_views_and_hours_are_those_of_training(sweep: FakeSwe
     expected = (sum(stored(sweep, asked, "no-rad-25")) - sum(stored(sweep, asked, "no-rad-100"))) / 2
     assert found == pytest.approx(expected)
     assert tables["views"]["cells"]["ours-100"]["nvs/change"]["reason"] == "The change is relative to this row."
-    seconds = [
-        result["seconds"]["initialise"] + result["seconds"]["invert"]
-        for place, _ in asked.cells()
-        if place["row"] == "ours-100" and (result := sweep.store.result(place["key"])) is not None
-    ]
-    assert tables["tensoir"]["cells"]["ours"]["training/hours"]["mean"] == pytest.approx(sum(seconds) / 2 / 3600)
+    for result in sweep.store.results():
+        seconds = result["seconds"]["initialise"] + result["seconds"]["invert"]
+        assert value_of(result, "training", "hours") == pytest.approx(seconds / 3600)
 
 
 def test_an_empty_store_fills_no_table(sweep: FakeSweep) -> None:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from made_up_run import summary
-from radiogs_bench.cli.showing import table_of
+from radiogs_bench.cli.fitting import tables_of
 from radiogs_reports.doubts import footnotes, marks, remarks, texts_of
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album
@@ -47,8 +47,8 @@ def test_the_fifth_footnote_has_a_mark_of_its_own() -> None:
 
 
 def test_the_terminal_marks_values() -> None:
-    column = table_of(doubted()).columns[2]
-    assert [str(cell).splitlines()[0] for cell in column._cells] == ["7.50†", "7.00†‡"]
+    (table,) = tables_of(doubted(), 160)
+    assert [str(cell).splitlines()[0] for cell in table.columns[2]._cells] == ["7.50†", "7.00†‡"]
 
 
 def test_markdown_marks_values_and_says_why_below() -> None:

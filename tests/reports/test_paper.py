@@ -9,10 +9,13 @@ import pytest
 
 from made_up_run import paper_table, summary, write_run
 from radiogs_reports import write_reports
+from radiogs_reports.page.tables import paper_tables, suite_table
 from radiogs_reports.run_folder import texts
+from radiogs_reports.summary import PaperTable
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
 from radiogs_reports.write.paper.reading import caption, measured, measured_ranks, published_ranks
+from radiogs_reports.write.suite import suite_latex, suite_markdown
 
 TABLE, SUMMARY = paper_table(), summary()
 LATEX = paper_latex(TABLE, SUMMARY)
@@ -183,3 +186,62 @@ def test_the_reports_lie_in_a_folder_of_tables(tmp_path: Path) -> None:
     document = (tmp_path / "report.tex").read_text()
     for name in re.findall(r"\\input\{([^}]*)\}", document):
         assert (tmp_path / name).exists()
+
+
+def other_conditions(*apart: str) -> PaperTable:
+    """The table after a run on another scene, whose protocol computes the columns ``apart`` otherwise."""
+    table = paper_table()
+    table["rows"][1]["ran"] = "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU"
+    for column in table["columns"]:
+        if column["key"] in apart:
+            column["published_by"] = "radiogs"
+    return table
+
+
+IMAGES = ("nvs/psnr", "nvs/lpips")
+
+
+def test_published_values_by_other_conventions_stand_apart_in_text() -> None:
+    upper, lower = paper_markdown(other_conditions(*IMAGES), SUMMARY).split("Published, by protocol radiogs;")
+    assert "| Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU | measured | 30.123" in upper
+    assert "| Detach L_G^PBR | paper [3] |  |  | 1.1 | 64 |" in upper
+    assert "37.252" not in upper
+    assert "| Detach L_G^PBR [3] | 37.252 | 0.0275 |" in lower
+
+
+def test_published_values_by_other_conventions_stand_apart_in_latex() -> None:
+    text = paper_latex(other_conditions(*IMAGES), SUMMARY)
+    assert_holds_together(text)
+    upper, lower = text.split("Published, by protocol radiogs")
+    assert "37.252" not in upper
+    assert "30.123" in upper
+    assert "37.252" in lower
+    assert "preset tiny; corner; 96 x 96; CPU" in upper
+
+
+def test_published_values_by_other_conventions_stand_apart_on_the_page() -> None:
+    measured_part, published_part = paper_tables(other_conditions(*IMAGES), SUMMARY)
+    assert measured_part.rows[1][0].text == "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU"
+    assert [entry.published for entry in measured_part.rows[1][1:]] == ["", "", "1.1", "64"]
+    assert [entry.text for entry in published_part.rows[1]] == ["Detach L_G^PBR", "37.252", "0.0275"]
+    assert [head.label for head in published_part.heads] == ["row", "NVS PSNR", "NVS LPIPS"]
+    assert len(paper_tables(TABLE, SUMMARY)) == 1
+
+
+def test_records_name_the_protocol_and_what_ran() -> None:
+    records = list(csv.DictReader(io.StringIO(paper_csv(other_conditions(*IMAGES)))))
+    found = {(each["row"], each["column"]): (each["published_by"], each["ran"]) for each in records}
+    assert found["detach", "nvs/psnr"] == ("radiogs", "Detach L_G^PBR: preset tiny; corner; 96 x 96; CPU")
+    assert found["ours", "training/hours"] == ("", "")
+
+
+def test_the_suites_own_table_leaves_out_what_is_by_other_conventions() -> None:
+    made = summary()
+    column = made["columns"][0]
+    assert "(37.86)" in suite_latex(made)
+    column["published_by"] = "radiogs"
+    assert "(37.86)" not in suite_latex(made)
+    text = suite_markdown(made)
+    assert f"paper: {column['label']}" not in text
+    assert "By protocol radiogs, whose conventions are others" in text
+    assert all(entry.published == "" for row in suite_table(made).rows for entry in row[1:2])

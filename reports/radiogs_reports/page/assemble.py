@@ -22,7 +22,7 @@ from ..summary import Summary
 from ..write.caption import run_note
 from .embedding import content_security_policy, json_for_script
 from .pictures import Album, album, scale_bar
-from .tables import cells_table, grid_table, paper_table, suite_table
+from .tables import cells_table, grid_table, paper_tables, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance", "printing")
 """In the order in which they run; none needs another."""
@@ -57,7 +57,7 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
     return templates.get_template("page.html").render(
         summary=summary,
         tables=[suite_table(summary), cells_table(summary)],
-        paper=[paper_table(table) for table in summary["paper"]],
+        paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
         sentences=[] if cost is None else cost.sentences,
         grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
         audit=audit,

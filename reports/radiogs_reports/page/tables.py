@@ -7,10 +7,21 @@ from ..analysis.grid import Grid
 from ..analysis.ranks import suite_ranks
 from ..analysis.samples import cost_of
 from ..doubts import footnotes, marks, remarks
-from ..summary import CellSummary, ColumnSummary, PaperTable, RowSummary, RunSummary, Summary, half_width, row_texts
+from ..summary import (
+    CellSummary,
+    ColumnSummary,
+    PaperColumn,
+    PaperTable,
+    RowSummary,
+    RunSummary,
+    Summary,
+    beside,
+    half_width,
+    row_texts,
+)
 from ..wording import ARROWS, plus_minus, signed
 from ..write.paper.layout import as_printed
-from ..write.paper.reading import change, measured, measured_ranks
+from ..write.paper.reading import apart, change, is_beside, measured, measured_ranks, row_label
 
 
 @dataclass(frozen=True)
@@ -79,12 +90,11 @@ def suite_table(summary: Summary) -> Table:
     ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
     rows = []
     for row in summary["rows"]:
-        published = summary["published"].get(row["key"], {})
         values = [
             value_entry(
                 summary["cells"][row["key"]][column["key"]],
                 column,
-                published.get(column["key"]),
+                beside(summary, row["key"], column),
                 ranks[column["key"]].get(row["key"], 0),
                 marks(summary, row["key"], column["key"]),
             )
@@ -126,36 +136,65 @@ def seconds_entry(row: RowSummary) -> Entry:
     return Entry(f"{row['seconds']:.1f}", row["seconds"])
 
 
-def paper_table(table: PaperTable) -> Table:
-    """A table of the paper with measured and published values; missing ones have their reason."""
-    table = as_printed(table)
+def paper_tables(table: PaperTable, summary: Summary) -> list[Table]:
+    """A table of the paper; missing values have their reason.
+
+    Published values stand below the measured ones, or in a second table if they are by other conventions.
+    """
+    title, table = apart(table, summary), as_printed(table)
+    return [measured_table(table), *([published_table(table, title)] if title else [])]
+
+
+def measured_table(table: PaperTable) -> Table:
+    """The measured values, with published ones below them where those are by the same conventions."""
     rows = []
     for row in table["rows"]:
-        entries = [Entry(row["text"], row["text"], reason=row["remark"])]
+        entries = [Entry(row_label(row), row_label(row), reason=row["remark"])]
         for column in table["columns"]:
             value = table["cells"][row["key"]][column["key"]]
+            printed = value["published"] if is_beside(column) else None
             entries.append(
                 Entry(
                     text=measured(value, column) or "n/a",
                     value=value["mean"],
                     difference=change(value, column, " ± "),
                     difference_value=value["difference"]["mean"] if value["difference"] else None,
-                    published=value["published"] or "",
-                    published_value=float(value["published"]) if value["published"] else None,
+                    published=printed or "",
+                    published_value=float(printed) if printed else None,
                     reason=value["reason"] or "",
                     rank=measured_ranks(table, column).get(row["key"], 0),
                 )
             )
         rows.append(entries)
-    heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], ARROWS[each["direction"]])
-             for each in table["columns"]]  # fmt: skip
     return Table(
         f"paper-{table['key']}",
         f"Published: {table['data']}.",
-        [Head("row", numeric=False), *heads],
+        paper_heads(table["columns"]),
         rows,
         table["title"],
     )
+
+
+def published_table(table: PaperTable, title: str) -> Table:
+    """Published values by other conventions than the measured ones."""
+    columns = [column for column in table["columns"] if not is_beside(column)]
+    rows = []
+    for row in table["rows"]:
+        entries = [Entry(row["text"], row["text"], reason=row["remark"])]
+        for column in columns:
+            value = table["cells"][row["key"]][column["key"]]
+            number = None if value["published"] is None else float(value["published"])
+            entries.append(Entry(value["published"] or "n/a", number, reason=value["absent"] or ""))
+        rows.append(entries)
+    return Table(f"published-{table['key']}", f"{title}: {table['data']}.", paper_heads(columns), rows,
+                 f"{table['title']}: published values")  # fmt: skip
+
+
+def paper_heads(columns: Sequence[PaperColumn]) -> list[Head]:
+    """Headings of a table of the paper, the row's name first."""
+    heads = [Head(f"{each['group']} {each['label']}".strip(), each["unit"], ARROWS[each["direction"]])
+             for each in columns]  # fmt: skip
+    return [Head("row", numeric=False), *heads]
 
 
 def grid_table(grid: Grid) -> Table:

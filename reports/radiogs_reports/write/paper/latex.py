@@ -1,10 +1,10 @@
 """A table of the paper in LaTeX: booktabs, the paper's rank colours, published values below the measured ones."""
 
-from ...summary import PaperColumn, PaperTable, Summary
+from ...summary import PaperColumn, PaperTable, PaperValue, Summary
 from ..latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape, note_mark, rank_colour
 from ..notes import note_index
 from .layout import as_printed
-from .reading import caption, change, groups, measured, measured_ranks, published_ranks
+from .reading import apart, caption, change, groups, is_beside, measured, measured_ranks, published_ranks, row_label
 
 Ranks = dict[str, dict[str, int]]
 """By column, then row."""
@@ -14,7 +14,8 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     """The table environment, for documents that load booktabs, graphicx, amsmath and xcolor (option ``table``).
 
     A row has a line of measured values, one of their differences to the reference row if it has any, and one of
-    published values. A value that does not exist is n/a, with its reason in a note.
+    published values; those by other conventions are below all rows. A value that does not exist is n/a, with its reason
+    in a note.
     """
     notes: list[str] = []
     below = as_formula(caption(table, summary))
@@ -39,6 +40,7 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     ]
     for place, row in enumerate(table["rows"]):
         lines += [r"\addlinespace"] * (place > 0) + _row_lines(table, row, ranks, notes)
+    lines += _apart(table, apart(table, summary), ranks[1], notes)
     lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [
         rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
@@ -57,15 +59,37 @@ def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes
         upper.append(f"{colour}{text}" if text else _missing(value["reason"] or "not measured", notes))
         difference = change(value, column, r" \pm ")
         middle.append(rf"\scriptsize ${difference}$" if difference else "")
-        printed = (value["published"] or "").replace("-", "$-$")
-        published = printed or _missing(value["absent"] or "not published", notes)
-        colour = rank_colour(of_published[column["key"]].get(row["key"]))
-        lower.append(rf"{colour}\textcolor{{darkgray}}{{{published}}}")
+        lower.append(_published(value, of_published[column["key"]].get(row["key"]), notes) if is_beside(column) else "")
     remark = _mark(row["remark"], notes) if row["remark"] else ""
-    lines = [f"{as_formula(row['text'])} & measured & {' & '.join(upper)} \\\\"]
+    lines = [f"{as_formula(row_label(row))} & measured & {' & '.join(upper)} \\\\"]
     if any(middle):
         lines.append(f" & \\scriptsize difference & {' & '.join(middle)} \\\\")
-    return [*lines, rf" & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(lower)} \\"]
+    if any(lower):
+        label = as_formula(row["text"]) if row.get("ran") else ""
+        lines.append(rf"{label} & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(lower)} \\")
+    return lines
+
+
+def _apart(table: PaperTable, title: str, ranks: Ranks, notes: list[str]) -> list[str]:
+    """Lines of published values by other conventions, below a rule and their heading; none without any."""
+    if not title:
+        return []
+    lines = [r"\midrule", rf"\multicolumn{{{2 + len(table['columns'])}}}{{l}}{{{as_formula(title)}:}} \\"]
+    for row in table["rows"]:
+        values = [
+            "" if is_beside(column)
+            else _published(table["cells"][row["key"]][column["key"]], ranks[column["key"]].get(row["key"]), notes)
+            for column in table["columns"]
+        ]  # fmt: skip
+        remark = _mark(row["remark"], notes) if row["remark"] else ""
+        lines.append(rf"{as_formula(row['text'])} & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(values)} \\")
+    return lines
+
+
+def _published(value: PaperValue, rank: int | None, notes: list[str]) -> str:
+    printed = (value["published"] or "").replace("-", "$-$")
+    text = printed or _missing(value["absent"] or "not published", notes)
+    return rf"{rank_colour(rank)}\textcolor{{darkgray}}{{{text}}}"
 
 
 def _missing(reason: str, notes: list[str]) -> str:

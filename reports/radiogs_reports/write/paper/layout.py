@@ -34,5 +34,8 @@ def as_printed(table: PaperTable) -> PaperTable:
         }
         for setting in settings
     }
-    rows = [{"key": setting, "text": text, "remark": ""} for setting, text in settings.items()]
+    ran = {row["key"].rpartition("-")[2]: row.get("ran", "") for row in reversed(table["rows"]) if row.get("ran")}
+    rows = [
+        {"key": setting, "text": text, "remark": "", "ran": ran.get(setting, "")} for setting, text in settings.items()
+    ]
     return {**table, "columns": columns, "rows": rows, "cells": cells}

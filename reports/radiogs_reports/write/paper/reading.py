@@ -52,6 +52,27 @@ def heading(column: PaperColumn) -> str:
     return f"{column['group']} {column['label']}".strip() + arrow + unit
 
 
+def is_beside(column: PaperColumn) -> bool:
+    """Whether published and measured values of a column are by the same conventions, and so stand beside each other."""
+    return "published_by" not in column
+
+
+def row_label(row: dict[str, str]) -> str:
+    """The label of a row's measured values: the paper's, or what ran if that is something else."""
+    return row.get("ran") or row["text"]
+
+
+def apart(table: PaperTable, summary: Summary) -> str:
+    """The heading of published values that are by other conventions than the measured ones; empty if there are none."""
+    others = {column["published_by"] for column in table["columns"] if "published_by" in column}
+    return (
+        f"Published, by protocol {', '.join(sorted(others))}; measured values are by protocol {summary['protocol']} and"
+        " are not to be compared with these"
+        if others
+        else ""
+    )
+
+
 def groups(table: PaperTable) -> list[tuple[str, int]]:
     """Headings that neighbouring columns share, and how many columns each spans."""
     return [(group, len(list(columns))) for group, columns in groupby(table["columns"], key=lambda each: each["group"])]

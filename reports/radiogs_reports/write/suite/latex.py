@@ -3,6 +3,7 @@
 from ...analysis.ranks import suite_ranks
 from ...doubts import footnotes, marks, remarks
 from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width
+from ...summary import beside as published_beside
 from ...wording import plus_minus, signed
 from ..caption import unfinished
 from ..latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, escape, note_mark, rank_colour, row_label
@@ -52,7 +53,7 @@ def _row_lines(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int
     upper, lower = [row_label(row)], [""]
     for column in summary["columns"]:
         cell = summary["cells"][row["key"]][column["key"]]
-        published = summary["published"].get(row["key"], {}).get(column["key"])
+        published = published_beside(summary, row["key"], column)
         beside = "" if published is None else rf"~\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
         mean = _mean(cell, column, ranks[column["key"]].get(row["key"]), notes)
         upper.append(mean + escape(marks(summary, row["key"], column["key"])) + beside)
@@ -88,8 +89,12 @@ def _caption(summary: Summary) -> str:
     )
     seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
     published = (
-        f" In grey: published ({escape(summary['published_data'])}), at another scale, on other data."
-        if summary["published"]
+        f" In grey: published ({escape(summary['published_data'])})."
+        if any(
+            published_beside(summary, row["key"], each) is not None
+            for row in summary["rows"]
+            for each in summary["columns"]
+        )
         else ""
     )
     return (

@@ -4,6 +4,7 @@ import pandas as pd
 
 from ...doubts import footnotes, marks, remarks, texts_of
 from ...summary import CellSummary, ColumnSummary, Summary, row_texts
+from ...summary import beside as published_beside
 from ...wording import heading, signed
 from ..caption import run_note
 from ..markdown import table_head, table_line
@@ -21,7 +22,7 @@ def suite_markdown(summary: Summary) -> str:
             for c in summary["columns"]
         ]
         beside = [
-            f"{value:.{c['decimals']}f}" if (value := summary["published"].get(row["key"], {}).get(c["key"])) else ""
+            f"{value:.{c['decimals']}f}" if (value := published_beside(summary, row["key"], c)) else ""
             for c in published
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
@@ -68,6 +69,7 @@ def suite_csv(summary: Summary) -> str:
                     "count": cell["count"],
                     **difference_fields(cell["difference"]),
                     "published": summary["published"].get(row["key"], {}).get(column["key"]),
+                    "published_by": column.get("published_by"),
                     "reason": cell["reason"],
                     "doubt": texts_of(summary, row["key"], column["key"]) or None,
                 }
@@ -76,4 +78,4 @@ def suite_csv(summary: Summary) -> str:
 
 
 def _is_published(summary: Summary, column: ColumnSummary) -> bool:
-    return any(column["key"] in row for row in summary["published"].values())
+    return any(published_beside(summary, row["key"], column) is not None for row in summary["rows"])

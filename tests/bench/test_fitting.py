@@ -1,0 +1,48 @@
+"""A suite's table in a narrow terminal: in parts, with every number whole."""
+
+import io
+
+import pytest
+from rich.console import Console
+
+from made_up_run import summary
+from radiogs_bench.cli.fitting import tables_of
+from radiogs_reports.summary import Summary
+
+
+def printed(made: Summary, width: int) -> str:
+    text = io.StringIO()
+    console = Console(width=width, file=text)
+    for table in tables_of(made, width):
+        console.print(table)
+    return text.getvalue()
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 120, 160])
+def test_no_number_is_cut_at_any_width(width: int) -> None:
+    made = summary()
+    text = printed(made, width)
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    for row in made["cells"].values():
+        for column in made["columns"]:
+            mean = row[column["key"]]["mean"]
+            assert mean is None or f"{mean:.{column['decimals']}f}" in text
+    assert text.count(made["title"]) == 1
+
+
+def test_what_fits_is_one_table() -> None:
+    assert len(tables_of(summary(), 160)) == 1
+    assert len(tables_of(summary(), 40)) > 1
+
+
+def test_a_column_that_is_too_wide_on_its_own_is_alone() -> None:
+    made = summary()
+    made["columns"][0]["label"] = "NVS " + "x" * 70
+    assert len(tables_of(made, 80)) >= 2
+
+
+def test_markup_in_a_label_is_text() -> None:
+    made = summary()
+    made["rows"][0]["text"] = "[bold]mine[/bold]"
+    assert "[bold]mine[/bold]" in printed(made, 160)
