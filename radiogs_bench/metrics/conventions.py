@@ -96,7 +96,8 @@ class Albedo:
     ``pixels`` those that count: "solid" where the truth covers more than half and is positive in all channels,
     "covered" where it covers anything and is positive in all channels, "covered, any truth" where it covers anything,
     "predicted" where the prediction is positive in all channels. ``largest`` bounds each pixel's ratio.
-    ``relights`` says whether relighting uses the aligned albedo.
+    ``relights`` says whether relighting uses the aligned albedo. ``difference``: the perceived difference of colours
+    that is measured as well, inside the mask.
     """
 
     align: Literal["none", "first channel's median", "median", "mean", "least squares"] = "median"
@@ -107,6 +108,7 @@ class Albedo:
     structure_space: Space = "linear"
     picture: Picture = Picture()
     relights: bool = True
+    difference: Literal["none", "CIEDE2000"] = "none"
 
 
 @dataclass(frozen=True)

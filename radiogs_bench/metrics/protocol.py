@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from .albedo import PER_CHANNEL_MEDIAN, albedo_scale, encoded
+from .colour_difference import ciede2000
 from .conventions import (
     Albedo,
     Depth,
@@ -114,16 +115,20 @@ class Protocol:
         mask: Mask | None = None,
         alpha: Mask | None = None,
     ) -> Scores:
-        """``psnr``, ``ssim`` and ``lpips`` of linear albedo; ``scale`` is what ``albedo_scale`` found."""
+        """``psnr``, ``ssim`` and ``lpips`` of linear albedo; ``scale`` is what ``albedo_scale`` found.
+
+        With ``delta_e`` (``colour_difference``) where the rules ask for it.
+        """
         rules = self.albedo.picture
         mask, alpha = coverages(target, mask, alpha)
         if not usable(mask, rules):
-            return self.no_comparison(EMPTY)
+            return self.no_comparison(EMPTY) | self._difference(None)
         pair = predicted(prediction, alpha, mask, rules, scale), true(target, mask, rules)
         error, structure = (
             [encoded(side, space) for side in pair] for space in (self.albedo.psnr_space, self.albedo.structure_space)
         )
-        return {"psnr": Value(psnr(error[0], error[1], self.psnr))} | self._structure(structure[0], structure[1])
+        scores = {"psnr": Value(psnr(error[0], error[1], self.psnr))} | self._structure(structure[0], structure[1])
+        return scores | self._difference((*pair, mask))
 
     def score_normal(self, normal: Image, target: Image, mask: Mask, alpha: Mask | None = None) -> Scores:
         """``mae``: mean angular error in degrees of directions in one frame."""
@@ -188,6 +193,12 @@ class Protocol:
     def _structure(self, ours: Image, theirs: Image) -> Scores:
         found = {"ssim": large_enough(ours, smallest_side(self.ssim), lambda: ssim(ours, theirs, self.ssim))}
         return found | {name: perceptual(ours, theirs, rules) for name, rules in self._perceptual().items()}
+
+    def _difference(self, compared: tuple[Image, Image, Mask] | None) -> Scores:
+        """``delta_e`` if the rules ask for it; n/a where nothing is covered."""
+        if self.albedo.difference == "none":
+            return {}
+        return {"delta_e": Value(None, EMPTY) if compared is None else inside(ciede2000(*compared))}
 
     def _perceptual(self) -> dict[str, Lpips]:
         names = ["lpips", *(f"lpips_{rules.net}" for rules in self.lpips[1:])]

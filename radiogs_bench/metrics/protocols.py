@@ -13,7 +13,7 @@ from .stanford_orb_protocol import STANFORD_ORB
 BYTES: Bits = "8 bit rounded"
 CUT_BYTES: Bits = "8 bit truncated"
 
-DEFAULT = Protocol("default", depth_offset=DepthOffset())
+DEFAULT = Protocol("default", albedo=Albedo(difference="CIEDE2000"), depth_offset=DepthOffset())
 
 MASKED = Picture(prediction="times true coverage")
 MASKED_TWICE = Picture(prediction="times true coverage", target="times coverage again", clipped=False)

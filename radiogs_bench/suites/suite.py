@@ -28,6 +28,7 @@ MEASURES: Mapping[str, Measure] = {
     "lpips": Measure("LPIPS", "", "down", 3),
     "mae": Measure("MAE", "deg", "down", 2),
     "mse": Measure("MSE", "", "down", 4),
+    "delta_e": Measure("CIEDE2000", "", "down", 2),
     "ms": Measure("time", "ms", "down", 2),
     "megabytes": Measure("memory", "MB", "down", 1),
     "bias": Measure("bias", "%", "zero", 2),

@@ -45,7 +45,7 @@ def write_reports(out: Path) -> list[Path]:
         written[-1].write_text(text, encoding="utf-8")
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
-    written.append(write_page(summary, out, [(drawn.png, drawn.caption) for drawn in figures if drawn.on_page]))
+    written.append(write_page(summary, out, [drawn for drawn in figures if drawn.on_page]))
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
     keep_record(out, written, source)
     return written

@@ -1,9 +1,14 @@
 """How values, headings and counts are put into plain text."""
 
+import re
+
 from .summary import ColumnSummary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 """Which values of a column are better, by its direction."""
+
+SYMBOL = re.compile(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?")
+"""Symbols in labels: L_rad, L_G^PBR, λ_rad, N_g."""
 
 SUFFIXES = (("M", 1e6), ("k", 1e3))
 

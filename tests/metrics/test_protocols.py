@@ -47,7 +47,7 @@ def test_the_default_has_not_moved() -> None:
         },
         "albedo": {
             "align": "median", "fitted_to": "all views", "pixels": "solid", "largest": None, "psnr_space": "linear",
-            "structure_space": "linear", "picture": picture, "relights": True,
+            "structure_space": "linear", "picture": picture, "relights": True, "difference": "CIEDE2000",
         },
         "roughness": {"region": "mask"},
         "indirect": {"quantity": "outgoing", "picture": picture},

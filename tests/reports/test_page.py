@@ -15,12 +15,13 @@ import pytest
 from PIL import Image
 
 from made_up_run import arrays, summary, write_run
+from radiogs_reports import write_reports
 from radiogs_reports.maps import levels
 from radiogs_reports.page import write_page
-from radiogs_reports.page.assemble import page
+from radiogs_reports.page.assemble import Figure, page
 from radiogs_reports.page.embedding import json_for_script
 from radiogs_reports.page.pictures import album, reduced
-from radiogs_reports.summary import Summary
+from radiogs_reports.summary import PLAIN, Summary
 
 VENDORED = {
     "uPlot.iife.min.js": "19c8d4c6ad88929a79f4ae49d6f7161566dfd0ba3d15cc495e974f787eb78f1f",
@@ -83,11 +84,13 @@ def test_where_zero_is_the_best_values_sort_by_magnitude(tmp_path: Path) -> None
     assert 'aria-label="closer to zero is better"' in text
 
 
-def test_nothing_in_the_page_points_outside_it(text: str) -> None:
+def test_nothing_in_the_page_points_outside_its_folder(text: str) -> None:
+    """Links to files beside it, which are offered to be saved; everything else is in the page."""
     for tag, attributes in Elements(text).elements:
         for name in ("src", "href", "action", "srcset", "data", "poster"):
             value = attributes.get(name)
-            assert value is None or value.startswith(("#", "data:")), (tag, value)
+            beside = tag == "a" and "download" in attributes and PLAIN.fullmatch(value or "") is not None
+            assert value is None or beside or value.startswith(("#", "data:")), (tag, value)
     assert "@import" not in text
     assert not re.search(r"url\((?!data:)", text)
 
@@ -192,3 +195,49 @@ def decoded(address: str) -> np.ndarray:
     packed = base64.b64decode(address.removeprefix("data:image/webp;base64,"))
     with Image.open(io.BytesIO(packed)) as image:
         return np.asarray(image)
+
+
+def test_symbols_are_set_as_the_paper_sets_them(tmp_path: Path) -> None:
+    made = summary()
+    made["rows"][0]["text"] = "Detach L_G^PBR & <λ_rad>"
+    text = write_page(made, write_run(tmp_path, made)).read_text(encoding="utf-8")
+    assert "Detach <i>L</i><sub>G</sub><sup>PBR</sup> &amp; &lt;<i>λ</i><sub>rad</sub>&gt;" in text
+
+
+def test_the_page_says_when_by_what_and_how_it_was_made(tmp_path: Path) -> None:
+    made = summary()
+    for place, run in enumerate(made["runs"]):
+        dates = [f"2026-11-{20 + place}T08:00:00+00:00"]
+        run["sessions"] = {"invert": [{"date": date, "git": {"commit": "abcdef0123456789", "dirty": place == 0}}
+                                      for date in dates]}  # fmt: skip
+    text = write_page(made, write_run(tmp_path, made)).read_text(encoding="utf-8")
+    assert f"2026-11-20 to 2026-11-{19 + len(made['runs'])}" in text
+    assert "abcdef0123, abcdef0123 with changes" in text
+    assert f"radiogs-bench run {made['suite']} --scenes" in text
+    links = re.findall(r'<a href="([^"#]+)" download>', text)
+    assert links == [
+        f"{made['suite']}.csv",
+        f"{made['suite']}.md",
+        f"{made['suite']}.tex",
+        "report.tex",
+        "summary.json",
+    ]
+
+
+def test_every_file_that_the_page_leads_to_is_written(tmp_path: Path) -> None:
+    folder = write_run(tmp_path, summary())
+    write_reports(folder)
+    links = re.findall(r'<a href="([^"#]+)" download>', (folder / "report.html").read_text(encoding="utf-8"))
+    assert links
+    assert all((folder / link).is_file() for link in links)
+
+
+def test_figures_of_images_keep_their_colours_on_a_dark_ground(tmp_path: Path) -> None:
+    made = summary()
+    figures = [
+        Figure("data:image/png;base64,AA==", "a chart", False),
+        Figure("data:image/png;base64,AA==", "maps", True),
+    ]
+    text = page(made, album(made["runs"], write_run(tmp_path, made)), figures)
+    assert re.search(r'<figure class="chart"><img [^>]*alt="a chart"', text)
+    assert re.search(r'<figure><img [^>]*alt="maps"', text)

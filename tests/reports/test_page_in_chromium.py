@@ -225,7 +225,7 @@ def test_everything_is_reached_by_the_tab_key_in_reading_order(opened: Watched) 
         assert wanted in names
     tops = [top for top, _ in order]  # of the part of the page that each stands in
     assert tops == sorted(tops)
-    assert len(set(tops)) == 7
+    assert len(set(tops)) == 8
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

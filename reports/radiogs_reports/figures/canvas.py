@@ -56,23 +56,26 @@ INCHES_PER_CHARACTER = 0.065
 class Sketch:
     """A figure before it is saved: file name without ending, caption in plain text, the figure.
 
-    ``on_page``: whether the page shows it; the page draws scatter plots and maps itself.
+    ``on_page``: whether the page shows it; the page draws scatter plots and maps itself. ``images``: whether it shows
+    images, whose colours the page leaves as they are on a dark ground.
     """
 
     name: str
     caption: str
     figure: Figure
     on_page: bool = False
+    images: bool = False
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A saved figure: its files, its caption, and whether the page shows it."""
+    """A saved figure: its files, and the rest of its sketch."""
 
     png: Path
     pdf: Path
     caption: str
     on_page: bool = False
+    images: bool = False
 
 
 def blank(width: float, height: float) -> Figure:
@@ -94,7 +97,7 @@ def save(sketch: Sketch, out: Path) -> Drawn:
     with rc_context(STYLE):
         sketch.figure.savefig(png, metadata={"Software": None})
         sketch.figure.savefig(pdf, metadata={"Creator": None, "Producer": None, "CreationDate": None})
-    return Drawn(png, pdf, sketch.caption, sketch.on_page)
+    return Drawn(png, pdf, sketch.caption, sketch.on_page, sketch.images)
 
 
 def file_name(*parts: str) -> str:

@@ -85,4 +85,4 @@ def _figure(views: SceneViews) -> Sketch:
         " by the truth's brightness. Each is multiplied by its best-fitting factor per channel, because albedo and"
         " light are determined only up to one."
     )
-    return Sketch(file_name(views.scene, "environment"), caption, figure)
+    return Sketch(file_name(views.scene, "environment"), caption, figure, on_page=True, images=True)

@@ -62,7 +62,7 @@ def _progression(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
         "Fine-tuning the surfels for a new light: metrics by iterations, means over the finished cells; dashed:"
         " without fine-tuning; bars: 95 % interval of the paired difference to that."
     )
-    return [Sketch("finetuning", caption, figure, on_page=True)]
+    return [Sketch("finetuning", caption, figure, on_page=True, images=True)]
 
 
 def _measured(summary: Summary, tuned: list[Tuned]) -> list[ColumnSummary]:

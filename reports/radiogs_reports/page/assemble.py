@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
@@ -17,32 +17,44 @@ from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
 from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
+from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
 from ..write.caption import run_note
 from .embedding import content_security_policy, json_for_script
+from .formula import formula
+from .origin import downloads, origin
 from .pictures import Album, album, scale_bar
 from .tables import cells_table, grid_table, paper_tables, suite_table
 
 SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance", "printing")
 """In the order in which they run; none needs another."""
 
+
+class Figure(NamedTuple):
+    """A figure of the page: its PNG as a data address, its caption, and whether it shows images."""
+
+    address: str
+    caption: str
+    images: bool
+
+
 STYLES = ("page", "tables", "comparison", "printing")
 
 
-def write_page(summary: Summary, out: Path, figures: Sequence[tuple[Path, str]] = ()) -> Path:
+def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = ()) -> Path:
     """Write ``report.html`` into ``out`` and return its path. The same stored results give the same bytes.
 
-    ``figures``: PNG files to show, with their captions.
+    ``figures``: those that it shows.
     """
     path = fresh(out / "report.html")
-    embedded = [(data_address(png), caption) for png, caption in figures]
+    embedded = [Figure(data_address(drawn.png), drawn.caption, drawn.images) for drawn in figures]
     path.write_text(page(summary, album(summary["runs"], out), embedded), encoding="utf-8")
     return path
 
 
-def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] = ()) -> str:
-    """The page as text; ``figures`` are data addresses and captions."""
+def page(summary: Summary, pictures: Album, figures: Sequence[Figure] = ()) -> str:
+    """The page as text."""
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order = order_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
@@ -54,8 +66,11 @@ def page(summary: Summary, pictures: Album, figures: Sequence[tuple[str, str]] =
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    templates.filters["formula"] = formula
     return templates.get_template("page.html").render(
         summary=summary,
+        origin=origin(summary),
+        downloads=downloads(summary),
         tables=[suite_table(summary), cells_table(summary)],
         paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
         sentences=[] if cost is None else cost.sentences,

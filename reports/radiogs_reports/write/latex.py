@@ -1,8 +1,7 @@
 """What every LaTeX report shares: the preamble, escapes, symbols, rank colours, notes, and boxes that fit the page."""
 
-import re
-
 from ..summary import RowSummary
+from ..wording import SYMBOL
 
 RANK_COLOURS = {1: "FF9999", 2: "FFD7D7", 3: "FFFFC7"}
 """First, second and third, as in the paper's tables."""
@@ -72,7 +71,7 @@ def _escaped(character: str) -> str:
 
 def as_formula(text: str) -> str:
     """Plain text as LaTeX with symbols such as L_rad and N_g set as the paper sets them."""
-    parts = re.split(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?", text)
+    parts = SYMBOL.split(text)
     made = escape(parts[0])
     for symbol, lower, upper, rest in zip(parts[1::4], parts[2::4], parts[3::4], parts[4::4], strict=True):
         base = {"λ": r"\lambda"}.get(symbol, symbol)
