@@ -27,12 +27,16 @@ DARKEST = 1e-4
 """Share of the light's maximum below which a texel is raised to it: what is held is its logarithm."""
 
 HELD: Mapping[str, tuple[str, ...]] = {
-    "geometry": ("centre", "rotation", "log_scale", "opacity_logit"),
+    "geometry": ("centre", "rotation"),
     "light": ("log_environment",),
     "albedo": ("albedo_logit",),
     "roughness": ("roughness_logit",),
 }
-"""The raw parameters that each part is. Indirect light is none: it is traced elsewhere."""
+"""The raw parameters that each part is. Indirect light is none: it is traced elsewhere.
+
+How far surfels reach and how opaque they are is not of the true surface but of how it is represented: equal discs reach
+over silhouettes and creases. Both are fitted to the images (``stages.starting_values.rates_of``).
+"""
 
 
 @dataclass(frozen=True)

@@ -51,13 +51,17 @@ def _materials_and_light(
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:
-    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units."""
+    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units.
+
+    Surfels on given surfaces have had no stage 1: their extents and opacities are learnt at its rates.
+    """
     rates, before = variant.materials.rates, variant.geometry.rates
+    share = 1.0 if "geometry" in variant.given else rates.geometry
     return {
         "centre": rates.geometry * (before.position * extent),
         "rotation": rates.geometry * before.rotation,
-        "log_scale": rates.geometry * before.scale,
-        "opacity_logit": rates.geometry * before.opacity,
+        "log_scale": share * before.scale,
+        "opacity_logit": share * before.opacity,
         "sh": rates.radiance,
         "sh_rest": rates.radiance_rest,
         "albedo_logit": rates.albedo,

@@ -13,6 +13,7 @@ from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.starting_values import rates_of
 from radiogs.trained import TrainedRadioGS, _Own, _Relit
 from radiogs.variant import Variant
 from radiogs_bench.suites.cell import Work, cell_of
@@ -71,6 +72,15 @@ def test_what_is_given_is_held_and_the_rest_is_learnt(initialised: dict[str, Any
     held = set(HELD.get(part or "", ()))
     for name, value in stage.optimiser.tensors.items():
         assert torch.equal(value, before[name]) == (name in held), name
+
+
+def test_surfels_on_given_surfaces_learn_their_reach_at_the_rates_of_stage_1() -> None:
+    learnt_rates, given_rates = rates_of(Variant(), 2.0), rates_of(Variant(given=("geometry",)), 2.0)
+    changed = {name for name in learnt_rates if learnt_rates[name] != given_rates[name]}
+    assert changed == {"log_scale", "opacity_logit"}
+    before = Variant().geometry.rates
+    assert (given_rates["log_scale"], given_rates["opacity_logit"]) == (before.scale, before.opacity)
+    assert not changed & set(HELD["geometry"])
 
 
 def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() -> None:
