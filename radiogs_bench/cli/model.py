@@ -37,6 +37,7 @@ def add_to(commands: "Commands") -> None:
     training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
     training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
 
+    training.add_argument("--force", action="store_true", help="also where another model is: its files are moved aside")
     training.add_argument(
         "--no-score", dest="score", action="store_false", help="do not score the test views at the end"
     )
@@ -88,6 +89,7 @@ def train(options: argparse.Namespace) -> int:
     from ..training.progress import progress_for_stderr
     from ..training.stages import Bench, facts_of, trained
     from ..training.trained_folder import write_trained
+    from .earlier import keep_model
     from .reporter import say
 
     device = chosen_device(options)
@@ -97,6 +99,9 @@ def train(options: argparse.Namespace) -> int:
         say(f"{scene.name}: {repair}")
     work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
     cell = cell_of(used, scene, work, options.method)
+    replaced = keep_model(options.out, cell, options.force)
+    if replaced is not None:
+        say(f"the files of the model that was here are in {replaced}")
     held = saying_who_holds(str(options.out))
     with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))

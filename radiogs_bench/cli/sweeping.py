@@ -26,6 +26,7 @@ from ..training.interruption import Interruption
 from ..training.progress import SweepProgress, progress_for_stderr
 from ..training.stages import Bench
 from .device import chosen_device
+from .earlier import keep_reports
 from .events import EventProgress, emit
 from .options import scene_options
 from .reporter import complain, say
@@ -113,7 +114,10 @@ def write_manifest(request: Request, store: Store) -> Sweep:
     with changing_sweep(store) as write_it:
         manifest = request.manifest([place for place, _ in request.cells()])
         manifest, outdated = with_rows_from_files(store, manifest, checksums_of(request))
+        kept = keep_reports(store, manifest)
         write_it(manifest)
+    if kept is not None:
+        complain(f"the reports of the folder's last run, which was another one, are kept in {kept}")
     for name in outdated:
         complain(
             f"row '{name}' was scored from files by another version of the code and is left out."

@@ -1,0 +1,67 @@
+"""What a run or a training finds in its folder is kept: reports of another run, and another model's files."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from radiogs_bench.cli.main import main
+from radiogs_bench.training.trained_folder import read_about
+
+FakeRun = Callable[..., int]
+
+
+def test_reports_under_another_protocol_do_not_replace_the_first(
+    fake_run: FakeRun, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fake_run("ablations")
+    first = {path.name: path.read_bytes() for path in tmp_path.glob("*.*") if path.name != "sweep.json"}
+    assert fake_run("ablations", "--protocol", "radiogs") == 0
+    kept = tmp_path / "earlier" / "ablations-smoke-default-cpu"
+    assert {path.name: path.read_bytes() for path in kept.glob("*.*")} == first
+    assert (kept / "tables" / "ablation.md").is_file()
+    assert (tmp_path / "report.html").read_bytes() != first["report.html"]
+    assert f"are kept in {kept}" in capsys.readouterr().err
+
+
+def test_the_same_run_with_more_seeds_keeps_nothing_apart(fake_run: FakeRun, tmp_path: Path) -> None:
+    fake_run("ablations")
+    fake_run("ablations", "--seeds", "3")
+    assert not (tmp_path / "earlier").exists()
+
+
+def test_files_that_no_record_lists_and_links_stay(fake_run: FakeRun, tmp_path: Path) -> None:
+    fake_run("ablations")
+    outside = tmp_path.parent / "outside.txt"
+    outside.write_text("mine")
+    (tmp_path / "notes.md").write_text("mine")
+    (tmp_path / "report.tex").unlink()
+    (tmp_path / "report.tex").symlink_to(outside)
+    with (tmp_path / "reports.txt").open("a") as record:
+        record.write("0  ../outside.txt\n0  cells/../../outside.txt\n")
+    fake_run("ablations", "--protocol", "radiogs")
+    assert outside.read_text() == "mine"
+    assert (tmp_path / "notes.md").read_text() == "mine"
+    assert not (tmp_path / "earlier" / "ablations-smoke-default-cpu" / "report.tex").exists()
+
+
+def train(folder: Path, *further: str) -> int:
+    return main(["train", "convex", "--preset", "smoke", "--no-score", "--out", str(folder), *further])
+
+
+def test_a_finished_model_is_replaced_only_with_force(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert train(tmp_path) == 0
+    first = read_about(tmp_path)
+    surfels = (tmp_path / "surfels.ply").read_bytes()
+    (tmp_path / "render").mkdir()
+    (tmp_path / "render" / "a.png").write_text("of the first model")
+    capsys.readouterr()
+    assert train(tmp_path, "--seed", "1") == 2
+    assert "holds another trained model: radiogs of scene 'convex', preset smoke, seed 0" in capsys.readouterr().err
+    assert (tmp_path / "surfels.ply").read_bytes() == surfels
+    assert train(tmp_path, "--seed", "1", "--force") == 0
+    kept = tmp_path / f"replaced-{first['training_key']}"
+    assert (kept / "surfels.ply").read_bytes() == surfels
+    assert (kept / "render" / "a.png").is_file()
+    assert not (tmp_path / "render").exists()
+    assert read_about(tmp_path)["seed"] == 1
