@@ -34,8 +34,8 @@ class Variant:
     incident: how V and L_ind enter L_rad: traced in every step with gradient to the surfels met ("traced"), without
     ("detached"), or once, before stage 2 begins, and never again ("precomputed").
     relighting: see ``Relighting``.
-    met_light: how what "pbr" relighting's rays meet is lit: as far as it is open to the light (``openness``), or as if
-    nothing hid it ("unoccluded", the paper's). In a box the latter sends back too much.
+    met_light: how what "pbr" relighting's rays meet is lit: as far as it is open to the light, with what surfaces that
+    hide the light send on (``met_surface.enclosed``), or as if nothing hid it ("unoccluded", the paper's).
     deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
     any other.
     effects: what stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see

@@ -18,6 +18,20 @@ def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Te
     return (cosine * incident.visibility).sum(-1) / torch.where(whole > 0, whole, 1.0)
 
 
+LEAST_LOST = 0.02
+"""Share of the light in an enclosure that is absorbed or leaves it at each bounce, at least, so that sums are finite."""
+
+
+def enclosed(
+    albedo: Float[Tensor, "surfels channels"], is_open: Float[Tensor, "surfels 1"]
+) -> Float[Tensor, "surfels channels"]:
+    """Irradiance over that of an open surfel where all that hides the light sends as much as the surfel itself.
+
+    The sum over bounces o + o a (1 - o) + o (a (1 - o))^2 + ... of an enclosure of one albedo a and openness o.
+    """
+    return is_open / (1 - albedo * (1 - is_open)).clamp(min=LEAST_LOST)
+
+
 def met_features(
     surfels: Surfels, albedo: Float[Tensor, "surfels 3"], is_open: Float[Tensor, " surfels"] | None = None
 ) -> Float[Tensor, "surfels _"]:
@@ -35,13 +49,17 @@ def met_radiance(
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, "rays 3"]]:
     """V, and the linear radiance L_ind that arrives along rays that carried ``met_features``.
 
-    The met surface is lit by ``light`` (one bounce), as far as it is open to it if the rays carried that, unoccluded
-    otherwise, and counts as far as it covers the ray. ``direction``: unit, of travel.
+    The met surface is lit by ``light``: if the rays carried its openness, as far as it is open to it and as much more
+    as surfaces that hide the light send on (``enclosed``, diffuse light alone); unoccluded otherwise. It counts as far
+    as it covers the ray. ``direction``: unit, of travel.
     """
     seen, whole = visibility_of(hits)
     blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
     length = blended[:, :3].square().sum(-1, keepdim=True)
     met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
     diffuse, specular = split_sum_radiance(met_normal, blended[:, 3:6], blended[:, 6], -direction, light)
-    coverage = (1 - hits.transmittance) * whole * (blended[:, 7] if blended.shape[1] > 7 else 1.0)
+    if blended.shape[1] > 7:
+        is_open = blended[:, 7:]
+        diffuse, specular = diffuse * enclosed(blended[:, 3:6], is_open), specular * is_open
+    coverage = (1 - hits.transmittance) * whole
     return seen, (diffuse + specular) * coverage[:, None]

@@ -90,9 +90,10 @@ def seen_of_the_ball() -> tuple[Tensor, Tensor, Tensor]:
 def under(
     light: EnvironmentMap, scale: tuple[float, ...], over_plate: bool, met_light: MetLight = "occluded"
 ) -> tuple[Tensor, Tensor]:
-    """Direct and indirect radiance of those pixels; light that the plate sends on is of one bounce, and constant.
+    """Direct and indirect radiance of those pixels; light that the plate sends on is constant.
 
-    Where the ball is not left out of what the plate sees, it hides cos / distance^2 of its light (its form factor).
+    Where the ball is not left out of what the plate sees, it hides cos / distance^2 of its light (its form factor) and
+    sends as much diffuse light as the plate itself, bounce by bounce.
     """
     _, normal, outgoing = seen_of_the_ball()
     direction, weight = (each.expand(len(normal), *each.shape) for each in sphere_quadrature(48))
@@ -105,21 +106,26 @@ def under(
         hits = (far > 0) & (at[..., :2].abs() < HALF_SIDE).all(-1)
         seen = (~hits).to(F64)
         hidden = -TOP / at.norm(dim=-1) ** 3 if met_light == "occluded" else torch.zeros_like(far)
-        sent = (1 - hidden)[..., None] * sent_by_the_plate(light, scale, -direction[..., 2])
+        hidden = hidden.clamp(0, 1)[..., None]
+        again = hidden * torch.tensor(PAINT.albedo, dtype=F64) * torch.tensor(scale, dtype=F64)
+        bounces = torch.stack([again**number for number in range(40)]).sum(0)
+        diffuse, specular = sent_by_the_plate(light, scale, -direction[..., 2])
+        sent = (1 - hidden) * (bounces * diffuse + specular)
         arrives = torch.where(hits[..., None], sent, 0.0)
     parts = shaded(CLAY, scale, normal, outgoing, direction, weight, seen, arrives, light)
     return parts[:, 0] + parts[:, 2], parts[:, 1] + parts[:, 3]
 
 
-def sent_by_the_plate(light: EnvironmentMap, scale: tuple[float, ...], cosine: Tensor) -> Tensor:
-    """Radiance of the plate under a constant light, unoccluded, by cosine between its normal and the ray."""
+def sent_by_the_plate(light: EnvironmentMap, scale: tuple[float, ...], cosine: Tensor) -> tuple[Tensor, Tensor]:
+    """Diffuse and specular radiance of the plate, unoccluded, under a constant light, by cosine of normal and ray."""
     grid = (torch.arange(32, dtype=F64) + 0.5) / 32
     views = torch.stack([(1 - grid.square()).sqrt(), torch.zeros_like(grid), grid], -1)
     up = torch.tensor([0.0, 0.0, 1.0], dtype=F64).expand_as(views)
     direction, weight = (each.expand(len(grid), *each.shape) for each in sphere_quadrature(96))
     nothing = torch.zeros_like(direction)
-    table = shaded(PAINT, scale, up, views, direction, weight, torch.ones_like(weight), nothing, light).sum(1)
-    return table[(cosine * 32).long().clamp(0, 31)]
+    table = shaded(PAINT, scale, up, views, direction, weight, torch.ones_like(weight), nothing, light)
+    place = (cosine * 32).long().clamp(0, 31)
+    return table[place, 0], table[place, 2]
 
 
 def shaded(

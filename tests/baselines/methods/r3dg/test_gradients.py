@@ -219,3 +219,19 @@ def test_smoothness_of_irradiance_knows_the_normals_and_not_the_image() -> None:
     torch.testing.assert_close(found, smoothness(seen, torch.full_like(image, 0.5)), rtol=0, atol=0)
     creased = replace(seen, normal=seen.normal * torch.linspace(-3, 3, 4, dtype=F64)[:, None, None])
     assert float(smoothness(creased, image)) < 0.9 * float(found)
+
+
+def test_irradiance_does_not_depend_on_where_the_camera_is() -> None:
+    """It is of all surfels: from below, the floor faces away."""
+    below = CAMERA.camera_to_world.clone()
+    below[2, 3] = -5.0
+    model = Model(bounded(surfels_of(given())), given()["local"], given()["raw_environment"])
+    incident = arriving(table(), model.local, "free")
+    seen, unseen = (
+        light_surfels(camera, model.surfels, incident, model.environment)
+        for camera in (CAMERA, replace(CAMERA, camera_to_world=below))
+    )
+    assert float(seen.irradiance[:2].min()) > 0
+    assert float(seen.radiance[:2].min()) > 0
+    assert float(unseen.radiance[:2].abs().max()) == 0
+    torch.testing.assert_close(unseen.irradiance, seen.irradiance)

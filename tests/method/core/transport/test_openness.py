@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.met_surface import openness
+from radiogs_core.transport.met_surface import enclosed, openness
 from radiogs_core.transport.sampling import hemisphere_directions
 
 NORMAL = torch.nn.functional.normalize(torch.tensor([[0.3, -0.5, 0.8], [0.0, 0.0, -1.0]]), dim=-1)
@@ -30,3 +30,16 @@ def test_ends_are_exact_and_half_transparent_counts_half() -> None:
 def test_directions_below_the_horizon_alone_are_no_nan() -> None:
     incident = unoccluded(*hemisphere_directions(-NORMAL, 16, None))
     assert openness(NORMAL, incident).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5, 0.9, 1.0])
+def test_light_in_an_enclosure_is_the_sum_over_its_bounces(share: float) -> None:
+    albedo, is_open = torch.tensor([[0.0, 0.3, 0.9]], dtype=torch.float64), torch.tensor([[share]], dtype=torch.float64)
+    bounces = sum(share * (albedo * (1 - share)) ** number for number in range(400))
+    torch.testing.assert_close(enclosed(albedo, is_open), bounces, rtol=1e-6, atol=1e-12)
+
+
+def test_an_enclosure_that_loses_nothing_stays_finite() -> None:
+    found = enclosed(torch.ones(1, 3), torch.tensor([[1e-6]]))
+    assert bool(torch.isfinite(found).all())
+    assert float(found.max()) < 1
