@@ -19,7 +19,7 @@ def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Te
 
 
 LEAST_LOST = 0.02
-"""Share of the light in an enclosure that is absorbed or leaves it at each bounce, at least, so that sums are finite."""
+"""Share of the light in an enclosure that each bounce absorbs or lets out, at least, so that sums are finite."""
 
 
 def enclosed(
