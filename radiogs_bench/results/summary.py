@@ -49,7 +49,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         scenes=sweep["scenes"],
         seeds=sweep["seeds"],
         reference=sweep["reference"],
-        columns=[column_summary(Metric.of(key), sweep) for key in sweep["columns"]],
+        columns=columns_of(sweep),
         rows=[row_summary(cells, row) for row in sweep["rows"]],
         cells=table_cells(cells, sweep),
         published={row: dict(values) for row, values in published.items()},
@@ -70,17 +70,23 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     )
 
 
-def column_summary(metric: Metric, sweep: Sweep) -> ColumnSummary:
-    """A column's heading, and by which protocol its published values are, if by other conventions."""
-    measure = MEASURES[metric.measure]
-    column = ColumnSummary(
-        key=metric.key, label=metric.label, unit=measure.unit, direction=measure.better, decimals=measure.decimals
-    )
+def columns_of(sweep: Sweep) -> list[ColumnSummary]:
+    """The columns' headings, and by which protocol published values are, where its conventions are others."""
+    columns = [column_summary(Metric.of(key)) for key in sweep["columns"]]
     if sweep["published"]:
         theirs = published_table(sweep["published"]).conditions.protocol
-        if not alike(protocol(sweep["protocol"]), protocol(theirs), metric.key):
-            column["published_by"] = theirs
-    return column
+        for column in columns:
+            if not alike(protocol(sweep["protocol"]), protocol(theirs), column["key"]):
+                column["published_by"] = theirs
+    return columns
+
+
+def column_summary(metric: Metric) -> ColumnSummary:
+    """A column's heading."""
+    measure = MEASURES[metric.measure]
+    return ColumnSummary(
+        key=metric.key, label=metric.label, unit=measure.unit, direction=measure.better, decimals=measure.decimals
+    )
 
 
 def row_summary(cells: Finished, line: Line) -> RowSummary:
