@@ -1,8 +1,11 @@
 """Shared by the commands' options: the parser, and the types of values."""
 
 import argparse
+import re
+from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from radiogs_core.errors import UsageError
 
@@ -21,12 +24,40 @@ LONGEST_COUNT = 18
 """Digits of a whole number: those of 64 bits."""
 
 
+NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choices>.*)\)")
+"""How argparse says that something is not among its choices."""
+
+
+def did_you_mean(given: str, names: Sequence[str]) -> str:
+    """A question with the name that is nearest, or nothing."""
+    near = get_close_matches(given, names, n=1)
+    return f"Did you mean '{near[0]}'?" if near else ""
+
+
 class ExplainingParser(argparse.ArgumentParser):
     """Reports wrong usage like every other error."""
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError instead of printing and exiting."""
-        raise UsageError(message, self.format_usage().strip(), f"All options:  {self.prog} --help")
+        usage, help_is = self.format_usage().strip(), f"All options:  {self.prog} --help"
+        wrong = NO_CHOICE.search(message)
+        if wrong is not None:
+            hint = did_you_mean(wrong["given"], [name.strip(" '") for name in wrong["choices"].split(",")])
+            raise UsageError(message, usage, f"{hint} {help_is}".strip())
+        raise UsageError(message, usage, help_is)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[argparse.Namespace, list[str]]:  # type: ignore[override]
+        """Raise UsageError for what is no option of this command: its own names are known here alone."""
+        options, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            names = [name for action in self._actions for name in action.option_strings]
+            hint = did_you_mean(unknown[0].partition("=")[0], names)
+            raise UsageError(
+                f"{self.prog} does not know {' '.join(unknown):.200}",
+                self.format_usage().strip(),
+                f"{hint} All options:  {self.prog} --help".strip(),
+            )
+        return options, unknown
 
 
 def names(text: str) -> list[str]:

@@ -5,14 +5,14 @@ Those modules import nothing heavy at the top, so that ``--help`` answers at onc
 
 from importlib.metadata import version
 
-from . import bench, datasets, gate, methods, model, probe, rehearse, run, score, stored, view
+from . import bench, completion, datasets, gate, methods, model, probe, rehearse, run, score, status, stored, view
 from .options import ExplainingParser
 
 EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
 3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 6 something else
 ended it: a folder that cannot be read or written, killed processes, an unexpected error; 130 stopped by Ctrl-C"""
 
-COMMANDS = (run, rehearse, stored, gate, methods, model, probe, view, score, datasets, bench)
+COMMANDS = (run, status, rehearse, stored, gate, methods, model, probe, view, score, datasets, bench, completion)
 
 
 def build_parser() -> ExplainingParser:

@@ -1,4 +1,4 @@
-"""``radiogs-bench status``, ``verify``, ``report``, ``export``: a folder's state, damage, reports, metrics or model."""
+"""``radiogs-bench verify``, ``report``, ``export``: a folder's damage, reports, metrics or model."""
 
 import argparse
 from collections.abc import Callable
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
-    _declare(commands, "status", "what a folder of results holds", status)
     _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
     _declare(commands, "report", "rebuild tables and figures from stored results", report)
     exporting = _declare(
@@ -39,30 +38,6 @@ def _declare(
     parser.add_argument("out", type=Path, metavar="OUT")
     add_verbose(parser)
     return parser
-
-
-def status(options: argparse.Namespace) -> int:
-    """Print the state of every cell of the folder's last run."""
-    from rich.table import Table
-
-    from ..store.folder import Store
-    from ..suites.sweep import label, read_sweep, state_of
-    from .aside import say_aside
-    from .reporter import say, show
-
-    store, sweep = Store(options.out), read_sweep(options.out)
-    table = Table("cell", "key", "state", title=f"{sweep['title']}, preset {sweep['preset']}")
-    states = [state_of(store, place) for place in sweep["cells"]]
-    for place, state in zip(sweep["cells"], states, strict=True):
-        table.add_row(label(place), place["key"], state)
-    show(table)
-    say(f"{states.count('finished')} of {len(states)} cells finished")
-    mine = {place["key"] for place in sweep["cells"]}
-    others = sum(1 for result in store.results() if result["key"] not in mine)
-    if others:
-        say(f"{others} finished cells of other runs or versions of the code are kept beside them")
-    say_aside(store)
-    return 0
 
 
 def verify(options: argparse.Namespace) -> int:

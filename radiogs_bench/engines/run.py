@@ -2,7 +2,7 @@
 
 import signal
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import torch
@@ -17,6 +17,7 @@ from ..metrics import protocol
 from ..metrics.weights import complaint
 from ..suites.cell import Cell
 from ..suites.sweep import Place, Request, label
+from ..training.kept_pace import KeptPace
 from ..training.preflight import read_everything
 from ..training.stages import Bench
 from ..training.warm_up import compile_kernels
@@ -24,6 +25,7 @@ from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, run_on_cluster
 from .delegate import Recipe
 from .in_process import Task, run_cells
+from .others import OthersProgress
 from .pool import run_pool, worker_commands
 
 CPU = torch.device("cpu")
@@ -73,13 +75,12 @@ def work_along(request: Request, bench: Bench, number: int, count: int) -> Ended
 def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
     """Run cells in this process; returns the errors of those that failed."""
     experiment = EXPERIMENTS[request.suite.experiment]
-    return run_cells(
-        tasks,
-        lambda cell: experiment(bench, cell, request.scenes[cell.scene]),
-        bench.store,
-        bench.progress,
-        bench.interruption,
-    )
+
+    def run(cell: Cell) -> None:
+        with KeptPace(bench.progress, bench.store, cell.key) as progress:
+            experiment(replace(bench, progress=progress), cell, request.scenes[cell.scene])
+
+    return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
 
 
 def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
@@ -99,9 +100,13 @@ def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> No
 
 
 def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
+    labels = {cell.key: label(place) for place, cell in cells}
+    shown = OthersProgress(bench.progress, bench.store, labels)
+
     def look() -> None:
-        """Show how many cells are finished in the store."""
+        """Show how many cells are finished in the store, and how far the others are."""
         bench.progress.advance("cells", sum(bench.store.has_result(cell.key) for _, cell in cells), len(cells))
+        shown.look()
 
     threads = workers(CPU)
     commands = worker_commands(arguments, engine.workers or threads, threads)

@@ -1,6 +1,5 @@
 """Looks at every stored file of a folder, changes nothing, and says what a rerun would cost."""
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -17,8 +16,9 @@ from ..store.folder import Store, product_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, complaint_of, parsed
 from ..store.tensor_file import read_tensors
-from ..suites.sweep import Sweep, read_sweep
+from ..suites.sweep import read_sweep
 from ..training.trained_folder import read_about
+from .work_left import WorkLeft, work_left
 
 CPU = torch.device("cpu")
 
@@ -34,15 +34,6 @@ class Finding:
     what: str
 
 
-@dataclass(frozen=True)
-class Rerun:
-    """What the folder's last run still has to do: cells to finish, stages among it, and seconds, if they are known."""
-
-    cells: int
-    stages: int
-    seconds: float | None
-
-
 @dataclass
 class Verified:
     """What was found. ``whole`` counts files that agree; ``others`` were written by another version."""
@@ -54,8 +45,8 @@ class Verified:
     """Whole results with whole arrays, by key."""
     products: set[str] = field(default_factory=set)
     """Keys of the stages whose products are whole."""
-    rerun: Rerun | None = None
-    """None for a folder of `train`, and where the manifest cannot be used."""
+    rerun: WorkLeft | None = None
+    """What the last run still has to do; None for a folder of `train`, and where the manifest cannot be used."""
 
     def look(self, path: str, check: Callable[[], object]) -> bool:
         """Whether a file passes a check that raises where it does not agree."""
@@ -102,7 +93,7 @@ def verify(folder: Path) -> Verified:
         if found.look(f"{name}.pt", partial(read_tensors, path, name, CPU)):
             found.products.add(path.stem)
     if "sweep.json" in sound:
-        found.rerun = rerun_of(read_sweep(folder), found.results, found.products)
+        found.rerun = work_left(read_sweep(folder)["cells"], found.results, found.products)
     return found
 
 
@@ -127,31 +118,3 @@ def _look_at_cell(store: Store, found: Verified, key: str) -> None:
         result = store.sealed_result(key)
         if found.look(f"cells/{key}.npz", partial(store.check_arrays, result)):
             found.results[key] = result
-
-
-def rerun_of(sweep: Sweep, results: Mapping[str, Result], products: set[str]) -> Rerun:
-    """What is left of a run: a stage that several cells share counts once.
-
-    Seconds are those that whole results of the same row took, else of any row; None if one of them was never measured.
-    """
-    left = [place for place in sweep["cells"] if place["key"] not in results]
-    stages: set[str] = set()
-    seconds: list[float | None] = []
-    for place in left:
-        like = [
-            results[each["key"]] for each in sweep["cells"] if each["key"] in results and each["row"] == place["row"]
-        ]
-        like = like or list(results.values())
-        names = next((list(each["cell"]["stages"]) for each in like), [])
-        for number, key in enumerate(place["stages"]):
-            if key not in products | stages:
-                stages.add(key)
-                seconds.append(_mean(like, names[number]) if number < len(names) else None)
-        seconds.append(_mean(like, "evaluate"))
-    known = [each for each in seconds if each is not None]
-    return Rerun(len(left), len(stages), math.fsum(known) if len(known) == len(seconds) else None)
-
-
-def _mean(results: list[Result], stage: str) -> float | None:
-    taken = [result["seconds"][stage] for result in results if stage in result["seconds"]]
-    return math.fsum(taken) / len(taken) if taken else None

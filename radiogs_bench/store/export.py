@@ -37,7 +37,9 @@ def export(store: Store, path: Path, form: str) -> int:
             content = table.to_parquet(index=False)
         except ImportError as error:
             raise UsageError(
-                "parquet needs pyarrow, which is not installed", f"{error}".splitlines()[0], "pip install pyarrow"
+                "parquet needs pyarrow, which is not installed",
+                f"{error}".splitlines()[0],
+                "pip install 'radiogs-bench[parquet]'",
             ) from error
     elif form == "csv":
         content = table.to_csv(index=False).encode()

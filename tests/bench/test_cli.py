@@ -118,7 +118,11 @@ def test_help_answers_without_importing_what_is_slow() -> None:
         (["run", "ablations", "--preset", "tin"], "Did you mean 'tiny'?"),
         (["run", "ablations", "--protocol", "defualt"], "Did you mean 'default'?"),
         (["fly"], "invalid choice: 'fly'"),
-        (["run", "ablations", "--speed"], "--speed"),
+        (["rnu"], "Did you mean 'run'?"),
+        (["run", "ablations", "--speed"], "run does not know --speed"),
+        (["run", "ablations", "--sedes=3"], "Did you mean '--seeds'?"),
+        (["datasets", "chekc"], "Did you mean 'check'?"),
+        (["run", "ablations", "extra"], "run does not know extra"),
     ],
 )
 def test_a_wrong_command_ends_with_exit_code_2(
@@ -129,6 +133,42 @@ def test_a_wrong_command_ends_with_exit_code_2(
     assert says in message
     assert message.startswith("error: ")
     assert message.endswith("(exit code 2)\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("run abl", "ablations"),
+        ("run ablations --see", "--seeds"),
+        ("run ablations --preset sm", "smoke small"),
+        ("train cor", "corner corner-128 corner.toml"),
+        ("status o", "out"),
+        ("datasets ch", "check"),
+    ],
+)
+def test_bash_completes_commands_options_names_and_paths(
+    words: str, offered: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "corner.toml").touch()
+    (tmp_path / "out").mkdir()
+    assert main(["completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    asked = (
+        f"COMP_WORDS=(radiogs-bench {words}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); _shtab_radiogs_bench;"
+        ' echo "${COMPREPLY[@]}"'
+    )
+    bash = ["bash", "--norc", "-c", f"{script}\n{asked}"]
+    done = subprocess.run(bash, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == offered.split()
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_get_a_script_with_the_names(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["completion", shell]) == 0
+    script = capsys.readouterr().out
+    assert "--long-side" in script
+    assert "smoke" in script
+    assert ("red_white" in script) == (shell == "zsh")
 
 
 def test_the_suites_are_listed_with_rows_columns_and_scenes(capsys: pytest.CaptureFixture[str]) -> None:

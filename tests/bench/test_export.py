@@ -48,7 +48,7 @@ def test_parquet_without_its_library_says_what_to_install(store: FakeSweep, caps
         import pyarrow  # noqa: F401
     except ImportError:
         assert main(["export", str(store.store.folder), "--to", "parquet"]) == 2
-        assert "pip install pyarrow" in capsys.readouterr().err
+        assert "pip install 'radiogs-bench[parquet]'" in capsys.readouterr().err
     else:
         assert main(["export", str(store.store.folder), "--to", "parquet"]) == 0
         assert len(pd.read_parquet(store.store.folder / "export.parquet")) == 10

@@ -1,0 +1,156 @@
+"""``radiogs-bench status``: where a run stands, now or until it has ended."""
+
+import argparse
+import json
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from .options import add_verbose, positive
+
+if TYPE_CHECKING:
+    from rich.console import Group
+
+    from ..results.standing import CellStanding, Standing
+    from ..store.folder import Store
+    from ..suites.sweep import Sweep
+    from .options import Commands
+
+EVERY_SECONDS = 2
+"""Between two looks of ``--watch``."""
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser("status", help="where a run stands: cells, steps, time left", allow_abbrev=False)
+    parser.set_defaults(command=status)
+    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument(
+        "--watch", type=positive, nargs="?", const=EVERY_SECONDS, metavar="SECONDS",
+        help=f"look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do",
+    )  # fmt: skip
+    add_verbose(parser)
+
+
+def status(options: argparse.Namespace) -> int:
+    """Print the state of every cell of the folder's last run."""
+    from ..results.standing import standing_of
+    from ..store.folder import Store
+    from ..suites.sweep import read_sweep
+    from .aside import say_aside
+
+    store, sweep = Store(options.out), read_sweep(options.out)
+    if options.json:
+        _as_json(store, sweep, options.watch)
+        return 0
+    if options.watch:
+        _watch(store, sweep, options.watch)
+    else:
+        _show(standing_of(store, sweep), store, sweep)
+    say_aside(store)
+    return 0
+
+
+def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
+    """Write one object a line."""
+    from ..results.standing import as_plain_values, standing_of
+
+    while True:
+        standing = standing_of(store, sweep)
+        sys.stdout.write(json.dumps(as_plain_values(standing, sweep), allow_nan=False) + "\n")
+        sys.stdout.flush()
+        if every is None or _ended(standing):
+            return
+        time.sleep(every)
+
+
+def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
+    """Show it again and again, in the same place on a terminal."""
+    from rich.live import Live
+
+    from ..results.standing import standing_of
+    from .reporter import console
+
+    out = console()
+    with Live(console=out, auto_refresh=False, vertical_overflow="visible") as screen:
+        while True:
+            standing = standing_of(store, sweep)
+            ended = _ended(standing)
+            if out.is_terminal or ended:  # a file gets the end alone
+                screen.update(_picture(standing, store, sweep), refresh=True)
+            if ended:
+                return
+            time.sleep(every)
+
+
+def _ended(standing: "Standing") -> bool:
+    """Whether every cell has finished or failed."""
+    from ..suites.sweep import FINISHED
+
+    return all(cell.state == FINISHED or cell.state.startswith("failed") for cell in standing.cells)
+
+
+def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
+    from .reporter import console
+
+    console().print(_picture(standing, store, sweep))
+
+
+def _picture(standing: "Standing", store: "Store", sweep: "Sweep") -> "Group":
+    """The table, and the lines below it."""
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    from ..suites.sweep import FINISHED, label
+
+    table = Table(title=f"{sweep['title']}, preset {sweep['preset']}")
+    table.add_column("cell", overflow="fold")
+    table.add_column("key", overflow="ellipsis", min_width=6)
+    table.add_column("state", overflow="fold")
+    moving = any(cell.pace is not None for cell in standing.cells)
+    if moving:
+        for name in ("step", "a second", "left"):
+            table.add_column(name, justify="right", no_wrap=True)
+    for cell in standing.cells:
+        row = [label(cell.place), cell.place["key"], _state(cell)]
+        table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
+    lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
+    if standing.seconds_left is not None:
+        lines.append(f"about {duration(standing.seconds_left)} left, as cells took that have finished")
+    mine = {place["key"] for place in sweep["cells"]}
+    others = sum(1 for result in store.results() if result["key"] not in mine)
+    if others:
+        lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")
+    return Group(table, *map(Text, lines))
+
+
+def _state(cell: "CellStanding") -> str:
+    """The state in words; of a cell that is worked on, what is done."""
+    if cell.pace is None:
+        return cell.state
+    silent = f", silent for {duration(cell.pace.seconds_silent)}" if cell.silent else ""
+    return f"{cell.pace.task}{silent}"
+
+
+def _pace(cell: "CellStanding") -> tuple[str, str, str]:
+    """Step, speed, and time left of what is done."""
+    pace = cell.pace
+    if pace is None:
+        return "", "", ""
+    speed, left = pace.steps_a_second, pace.seconds_left
+    return (
+        f"{pace.done}/{pace.total}",
+        "" if speed is None else f"{speed:.3g}",
+        "" if left is None else duration(left),
+    )
+
+
+def duration(seconds: float) -> str:
+    """Such as ``41 s``, ``12 min`` or ``3 h 05 min``."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"

@@ -1,0 +1,89 @@
+"""How far the process that works on a cell has come: a small file that it writes anew as it goes.
+
+    OUT/locks/<key>.pace    what it does, the step it is at, and its speed
+
+It is there for those who look on. Nothing is computed from it, it lives as long as the cell is worked on, and one that
+cannot be written or read is as good as none.
+"""
+
+import json
+import time
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from math import isfinite
+from pathlib import Path
+
+from .folder import Store
+from .names import plain_name
+
+LARGEST_BYTES = 10_000
+"""Of the file; a longer one was not written by a process of ours."""
+
+
+@dataclass(frozen=True)
+class Pace:
+    """Where a cell stands. ``task``: what is being done, such as a stage's title; ``done`` of ``total`` steps of it.
+
+    steps_a_second: since this process began the task; None before a second step.
+    written: seconds since 1970, by the clock of the machine that works on the cell.
+    """
+
+    task: str
+    done: int
+    total: int
+    steps_a_second: float | None
+    written: float
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Of the task, at this speed; None while it is not known."""
+        return (self.total - self.done) / self.steps_a_second if self.steps_a_second else None
+
+    @property
+    def seconds_silent(self) -> float:
+        """Since the file was written."""
+        return max(0.0, time.time() - self.written)
+
+
+def put_pace(store: Store, key: str, pace: Pace) -> None:
+    """Write how far a cell has come. A disk that is full says so elsewhere: what is lost here is no result."""
+    path = _path(store, key)
+    temporary = path.with_name(f".{path.name}.tmp")
+    with suppress(OSError):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary.unlink(missing_ok=True)  # a link must not be written through
+        with temporary.open("x") as file:  # not made durable: after a power cut nothing works on the cell
+            json.dump(asdict(pace), file)
+        temporary.replace(path)
+
+
+def drop_pace(store: Store, key: str) -> None:
+    """Nothing works on the cell any more."""
+    with suppress(OSError):
+        _path(store, key).unlink(missing_ok=True)
+
+
+def pace_of(store: Store, key: str) -> Pace | None:
+    """How far the cell has come, or None where nobody says so."""
+    try:
+        with _path(store, key).open("rb") as file:
+            stored = json.loads(file.read(LARGEST_BYTES))
+        return _checked(Pace(**stored))
+    except (OSError, ValueError, TypeError, RecursionError):
+        return None
+
+
+def _checked(pace: Pace) -> Pace:
+    """Raises TypeError or ValueError for values that no process of ours writes."""
+    if not isinstance(pace.task, str) or not pace.task.isprintable():
+        raise TypeError("task")
+    if type(pace.done) is not int or type(pace.total) is not int:
+        raise TypeError("steps")
+    speed = pace.steps_a_second
+    if not 0 <= pace.done <= pace.total or not isfinite(pace.written) or (speed is not None and not 0 < speed < 1e12):
+        raise ValueError("out of bounds")
+    return pace
+
+
+def _path(store: Store, key: str) -> Path:
+    return store.folder / "locks" / f"{plain_name(key, 'the key of a cell')}.pace"

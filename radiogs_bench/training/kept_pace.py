@@ -1,0 +1,46 @@
+"""Passes progress on, and keeps in the store how far the cell has come, for `status` and for the parent of a pool."""
+
+import time
+from collections.abc import Callable
+from types import TracebackType
+
+from ..store.folder import Store
+from ..store.pace import Pace, drop_pace, put_pace
+from .progress import Progress
+
+EVERY_SECONDS = 1.0
+"""Shortest interval between two writings."""
+
+
+class KeptPace:
+    """Progress of the cell ``key``; the file is gone when the context is left."""
+
+    def __init__(self, progress: Progress, store: Store, key: str, clock: Callable[[], float] = time.monotonic) -> None:
+        self.progress, self.store, self.key, self.clock = progress, store, key, clock
+        self.task = ""
+        self.begun = (0, 0.0)
+        self.due = 0.0
+
+    def __enter__(self) -> "KeptPace":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        drop_pace(self.store, self.key)
+
+    def say(self, line: str) -> None:
+        """Pass the line on."""
+        self.progress.say(line)
+
+    def advance(self, task: str, done: int, total: int) -> None:
+        """Pass on, and keep what is due: the first report of every task, and one every EVERY_SECONDS."""
+        self.progress.advance(task, done, total)
+        now = self.clock()
+        if task != self.task:
+            self.task, self.begun, self.due = task, (done, now), now
+        if now >= self.due:
+            steps, seconds = done - self.begun[0], now - self.begun[1]
+            speed = steps / seconds if steps > 0 and seconds > 0 else None
+            put_pace(self.store, self.key, Pace(task, done, total, speed, time.time()))
+            self.due = now + EVERY_SECONDS
