@@ -6,7 +6,7 @@ from typing import Any
 
 import torch
 
-from radiogs.budget import PRESETS
+from radiogs.budget import PRESETS, Budget
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.kernels.surfel.frame import frames
@@ -81,9 +81,9 @@ def tilted(degrees: float) -> Surfels:
 
 
 @cache
-def _begun(variant: Variant) -> Initialisation:
+def _begun(variant: Variant, budget: Budget) -> Initialisation:
     """Most of a test's time would go into starting points that are replaced at once."""
-    return Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    return Initialisation(SCENE, variant, budget, 0, CPU)
 
 
 def _placed(stage: Any, tensors: dict[str, torch.Tensor], share: float) -> Any:
@@ -102,10 +102,14 @@ def _tensors(surfels: Surfels, light: torch.Tensor) -> dict[str, torch.Tensor]:
 
 
 def initialisation(
-    surfels: Surfels, share: float, variant: Variant | None = None, light: torch.Tensor = WHITE
+    surfels: Surfels,
+    share: float,
+    variant: Variant | None = None,
+    light: torch.Tensor = WHITE,
+    budget: Budget = BUDGET,
 ) -> Initialisation:
     """Stage 1 as if it had come as far as ``share`` and had learnt these surfels and this log-radiance of the light."""
-    return _placed(_begun(variant or Variant()), _tensors(surfels, light), share)
+    return _placed(_begun(variant or Variant(), budget), _tensors(surfels, light), share)
 
 
 def inverse_rendering(

@@ -25,7 +25,7 @@ from ..surfels.surroundings import surrounded_surfels
 from ..transport.splatting import Splat, displayed, own_radiance, splat
 from .backward import backward
 from .contribution import largest_contribution
-from .geometry import GeometryLearning
+from .geometry import GeometryLearning, turning
 from .losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
 from .views import TrainingView, chosen_views, load, mean_distance, view_at
 
@@ -52,7 +52,7 @@ class GeometryBudget(Protocol):
 
     @property
     def geometry_rate(self) -> float:
-        """Factor of the rates of position and rotation: short runs take longer steps."""
+        """Factor of the rate of position, and by its root of that of rotation: short runs take longer steps."""
 
 
 GEOMETRY_BUDGET = (
@@ -146,7 +146,7 @@ class FitGeometry:
         rates = self.learning.rates
         return {
             "centre": self._position_rate(),
-            "rotation": rates.rotation * geometry_rate,
+            "rotation": rates.rotation * turning(geometry_rate),
             "log_scale": rates.scale,
             "opacity_logit": rates.opacity,
             "sh": rates.radiance,

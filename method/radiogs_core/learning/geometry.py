@@ -5,6 +5,7 @@ schedule of 2DGS and RadioGS is of 40,000 iterations. Defaults are the paper's (
 else is said.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -63,7 +64,7 @@ class SurfelRates:
     position_end: float = 1.6e-6
     """Rate of centres after ``GeometrySchedule.position_decay_until``; geometric in between."""
     rotation: float = 0.001
-    """Rate of quaternions; times ``geometry_rate`` of the budget."""
+    """Rate of quaternions; times the root of ``geometry_rate`` of the budget (``turning``)."""
     scale: float = 0.005
     """Rate of log-scales."""
     opacity: float = 0.05
@@ -74,6 +75,17 @@ class SurfelRates:
     """Rate of the harmonics of higher degrees."""
     end_share: float = 0.05
     """Share of the rates above (but for positions) that is left at the end."""
+
+
+def turning(geometry_rate: float) -> float:
+    """Factor of the rate of rotations where that of positions is ``geometry_rate``.
+
+    A shorter run takes longer steps to come as far: where images say little, positions arrive late. Rotations are near
+    their aim early, and what limits them is the noise of their steps, which adds up by the root of their number. In
+    2,000 steps, seed 0, normals of ``corner``, ``red_white`` and ``bowl`` are 6.6, 8.8 and 18.6 degrees off where both
+    factors are 6; 6.2, 7.8 and 16.4 at 12 and its root; 7.8, 8.3 and 14.7 at 24 and its root.
+    """
+    return math.sqrt(geometry_rate)
 
 
 @dataclass(frozen=True)

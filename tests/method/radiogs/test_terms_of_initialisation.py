@@ -6,7 +6,7 @@ from dataclasses import fields, replace
 import pytest
 import torch
 
-from known_ball import BALL, COLOUR, SCENE, WHITE, changed, initialisation, noise, tilted
+from known_ball import BALL, BUDGET, COLOUR, SCENE, WHITE, changed, initialisation, noise, tilted
 from radiogs.learning import SplitSumLearning
 from radiogs.variant import Variant
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, GeometryWeights
@@ -230,6 +230,21 @@ def test_by_default_radiance_depends_on_no_direction_at_first_and_on_all_degrees
     for share, shows in ((0.0, False), (LATE, True)):
         found, flat = (initialisation(changed(sh=each), share).step()["radiance"] for each in (sh, BALL.sh))
         assert (found != flat) == shows
+
+
+def test_positions_take_steps_as_long_as_the_budget_says_and_rotations_by_the_root() -> None:
+    """A first step of Adam is as long as its rate."""
+    rates = Variant().geometry.rates
+    for factor in (1.0, 9.0):
+        stage = initialisation(worn(), 0.0, budget=replace(BUDGET, geometry_rate=factor))
+        before = {name: stage.optimiser.tensors[name].detach().clone() for name in ("centre", "rotation", "log_scale")}
+        stage.step()
+        moved = {
+            name: float((stage.optimiser.tensors[name].detach() - value).abs().max()) for name, value in before.items()
+        }
+        assert moved["centre"] == pytest.approx(factor * rates.position * SCENE.extent, rel=1e-3)
+        assert moved["rotation"] == pytest.approx(factor**0.5 * rates.rotation, rel=1e-3)
+        assert moved["log_scale"] == pytest.approx(rates.scale, rel=1e-3)
 
 
 def test_the_scene_is_what_the_ball_shows() -> None:

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.learning.geometry import turning
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 
@@ -39,10 +40,10 @@ def start_of(
 def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float]:
     """Learning rates by raw parameter; those of geometry are what stage 1 ends with. ``extent``: the scene's."""
     rates, before = variant.materials.rates, variant.geometry.rates
-    moving, late = variant.lr_scale * budget.geometry_rate, variant.lr_scale * before.end_share
+    late = variant.lr_scale * before.end_share
     return {
-        "centre": moving * before.position_end * extent,
-        "rotation": moving * before.end_share * before.rotation,
+        "centre": variant.lr_scale * budget.geometry_rate * before.position_end * extent,
+        "rotation": late * turning(budget.geometry_rate) * before.rotation,
         "log_scale": late * before.scale,
         "opacity_logit": late * before.opacity,
         "sh": 0.0,

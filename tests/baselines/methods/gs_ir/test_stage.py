@@ -1,5 +1,6 @@
 """Stage 2 of GS-IR: what its losses change and what they leave, and that it resumes bit for bit."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -89,7 +90,7 @@ def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> 
     # Adam's first step is the rate itself; rotations and centres take longer ones in short runs.
     expected = {
         "centre": BUDGET.geometry_rate * rates.position_end * SCENE.extent,
-        "rotation": BUDGET.geometry_rate * rates.rotation * rates.end_share,
+        "rotation": math.sqrt(BUDGET.geometry_rate) * rates.rotation * rates.end_share,
         "log_scale": rates.scale * rates.end_share,
         "opacity_logit": rates.opacity * rates.end_share,
     }
