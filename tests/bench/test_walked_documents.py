@@ -1,0 +1,111 @@
+"""README and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
+
+What is changed about a command is listed here. What is not executed: commands that need a network (``datasets fetch``,
+``datasets weights``) or a cluster; that the command line takes them is tested in tests/ci.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from captured import write_capture
+
+ROOT = Path(__file__).parents[2]
+LIGHT = ROOT / "datasets" / "radiogs_datasets" / "tiny" / "corner" / "envmaps" / "sunset.hdr"
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
+BLOCK = re.compile(r"^```sh\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |completion")
+"""A network, a cluster, or what `make test` itself is."""
+
+TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--list)")
+
+SMALL = "24"
+"""Pixels of the long side of the scenes that the walks read."""
+
+NAMED_SCENES = ("corner", "convex", "bowl", "red_white")
+DATA_SETS = {"lego": "corner", "hotdog": "bowl", "armadillo": "red_white", "ficus": "niche"}
+"""The miniature that stands for each scene of TensoIR."""
+
+pytestmark = pytest.mark.slow
+
+
+def commands(document: Path) -> list[str]:
+    """Every command of a document's shell blocks, in order, without its comment."""
+    found = []
+    for block in BLOCK.findall(document.read_text()):
+        for line in block.replace("\\\n", " ").splitlines():
+            command = re.split(r"\s#", line)[0].strip()
+            if command:
+                found.append(command.removeprefix(".venv/bin/"))
+    return found
+
+
+def prepared(command: str) -> str | None:
+    """The command as it is executed here; None for what is not."""
+    if NOT_HERE.search(command):
+        return None
+    command = command.replace("--device cuda", "--device cpu").replace("HOST:6379", "")
+    command = re.sub(r"\bPATH\b", "scenes/corner", command)
+    command = re.sub(r"\bFOLDER\b", "out/corner/render", command)
+    command = re.sub(r"\bNAME\b", "'a row'", command)
+    command = re.sub(r"\bROOT\b", "data", command)
+    command = command.replace("path/to/suite.toml", str(ROOT / "docs/examples/rays_or_surfels.toml"))
+    command = command.replace("pip install", "pip install --target site --quiet").replace(" -e docs/", f" {ROOT}/docs/")
+    if TAKES_PRESET.search(command):
+        command = re.sub(r"--preset \w+", "", command) + " --preset smoke"
+    return command
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> Path:
+    """A folder with what the documents take for granted: a capture, a light, data sets, small miniatures by name."""
+    write_capture(tmp_path / "capture")
+    environment = environment_of(tmp_path)
+    for name, miniature in {**{name: name for name in NAMED_SCENES}, **DATA_SETS}.items():
+        place = f"data/tensoir/{name}" if name in DATA_SETS else f"scenes/{name}"
+        run(
+            f"radiogs-bench datasets convert {miniature} --to tensoir --long-side {SMALL} --out {place}",
+            tmp_path,
+            environment,
+        )
+    shutil.copy(LIGHT, tmp_path / "sky.hdr")
+    return tmp_path
+
+
+def environment_of(folder: Path) -> dict[str, str]:
+    """The example of a method is installed into ``site``; the rest is the environment of the tests."""
+    paths = [str(folder / "site"), os.environ.get("PYTHONPATH", "")]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths)), "COLUMNS": "120"}
+
+
+def run(command: str, folder: Path, environment: dict[str, str]) -> None:
+    """Execute a command; it has to end well, and without a traceback."""
+    program, *arguments = shlex.split(command)
+    module = {"radiogs-bench": "radiogs_bench", "pip": "pip"}[program]
+    done = subprocess.run(
+        [sys.executable, "-m", module, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    said = f"{command}\n{done.stdout[-2000:]}\n{done.stderr[-3000:]}"
+    assert done.returncode == 0, said
+    assert "Traceback" not in done.stderr, said
+
+
+@pytest.mark.parametrize("document", TUTORIALS, ids=lambda path: path.stem)
+def test_a_tutorial_is_walked_through(document: Path, walk: Path) -> None:
+    environment = environment_of(walk)
+    executed = [command for given in commands(document) if (command := prepared(given)) is not None]
+    assert len(executed) >= 6
+    for command in executed:
+        run(command, walk, environment)
