@@ -120,6 +120,13 @@ def run(row: str, scene: str, seed: int, key: str, metrics: dict[str, float | No
         "key": key,
         "state": "finished",
         "metrics": metrics,
+        "views": ["test_000", "test_004", "test_008"],
+        "by_view": {
+            column: [value, value + step, value - step]
+            for column, value in metrics.items()
+            if value is not None
+            for step in (0.5 + seed,)
+        },
         "stages": [{"name": "initialise", "title": "stage 1"}, {"name": "invert", "title": "stage 2"}],
         "seconds": {"initialise": seconds, "invert": 1.0, "evaluate": 2.5},
         "work": {"initialise": {"blended_pairs": 10}, "invert": {"rays": 1000 + 10 * len(row)}},

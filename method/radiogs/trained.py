@@ -13,6 +13,7 @@ from radiogs_core.contract import MapKind, Maps, Prepared, Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.ply import write_ply
+from radiogs_core.surfels.surfels import Surfels
 
 from .model import Model
 from .relighting import Relit, relit_under, training_share
@@ -45,6 +46,11 @@ class TrainedRadioGS:
     def light(self) -> EnvironmentMap:
         """The recovered light, on the CPU."""
         return EnvironmentMap(self.model.environment.detach().cpu())
+
+    @property
+    def surfels(self) -> Surfels:
+        """The surfels."""
+        return self.model.surfels
 
     def facts(self) -> dict[str, Any]:
         """``surfels``: how many. ``effects``: the plan when training ended, and the evidence for it, oldest first.

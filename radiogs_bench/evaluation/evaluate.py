@@ -36,6 +36,7 @@ from .scoring import (
     score_view,
     truth,
 )  # fmt: skip
+from .shown_surfels import surfel_arrays
 
 SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
 """Maps of the shown view that are stored with the result."""
@@ -87,7 +88,8 @@ def evaluate(
     float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
     ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
     incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
-    ``light_maps``) if both lights are known. Relighting, light and albedo of a scene without masks are n/a.
+    ``light_maps``) if both lights are known; ``surfels/...`` of a model that is made of surfels (``surfel_arrays``).
+    Relighting, light and albedo of a scene without masks are n/a.
 
     Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
     not keep to its contract, NumericalFailure for an image that is not finite.
@@ -105,7 +107,8 @@ def evaluate(
         shown_view=evaluator.shown.name,
         shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
-        arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()},
+        arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()}
+        | surfel_arrays(trained, [evaluator.shown.camera, *(view.camera for view in scene.test)]),
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
         recovered={"roughness": math.fsum(found) / len(found)} if (found := evaluator.roughness) else {},

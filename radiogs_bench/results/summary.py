@@ -21,7 +21,7 @@ from radiogs_reports.summary import (
 from ..metrics import protocol
 from ..metrics.comparable import alike
 from ..store.folder import Store
-from ..store.schema import Result, training_seconds, values_of
+from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.rows_from_files import is_from_files
 from ..suites.suite import MEASURES, Metric
 from ..suites.sweep import Line, Place, Sweep, state_of
@@ -257,6 +257,7 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
         return run
     metrics, arrays = values_of(result), store.arrays_path(result["key"])
     run["metrics"] = {column: metrics[column]["value"] for column in sweep["columns"] if column in metrics}
+    run["views"], run["by_view"] = result["views"], values_by_view(metrics, sweep["columns"])
     run["stages"] = [StageSummary(name=stage["name"], title=stage["title"]) for stage in result["stages"]]
     run["seconds"] = result["seconds"]
     run["work"], run["losses"], run["guards"] = result["work"], result["losses"], result["guards"]
@@ -272,6 +273,16 @@ def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None)
     run["made_from"] = result["cell"]
     run["sessions"] = {stage: [{**session} for session in sessions] for stage, sessions in result["sessions"].items()}
     return run
+
+
+def values_by_view(metrics: Mapping[str, MetricValue], columns: Sequence[str]) -> dict[str, list[float | None]]:
+    """Values of each view by column, for columns that have any, to six digits."""
+    found = {column: metrics[column]["views"] for column in columns if column in metrics}
+    return {
+        column: [None if value is None else float(f"{value:.6g}") for value in values]
+        for column, values in found.items()
+        if any(value is not None for value in values)
+    }
 
 
 def plan_summary(result: Result) -> PlanSummary | None:

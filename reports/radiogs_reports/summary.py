@@ -144,6 +144,10 @@ class RunSummary(TypedDict):
     """``finished``, or its progress, or why it failed. Unless finished, all keys below are empty or None."""
     metrics: dict[str, float | None]
     """Values by column; None where the value is not finite."""
+    views: NotRequired[list[str]]
+    """Names of the views that were compared; absent in earlier summaries."""
+    by_view: NotRequired[dict[str, list[float | None]]]
+    """Values of each view by column, in the order of ``views``, six digits; columns without one are absent."""
     stages: list[StageSummary]
     """Training stages in the order in which they run."""
     seconds: dict[str, float]

@@ -42,6 +42,17 @@ def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) 
     assert summary["published"] == PUBLISHED
 
 
+def test_values_of_views_are_kept_where_there_are_any(sweep: FakeSweep) -> None:
+    summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
+    result = sweep.store.result(PLACES[0]["key"])
+    assert result is not None
+    run = summary["runs"][0]
+    assert run["views"] == result["views"]
+    assert run["by_view"]["nvs/psnr"] == pytest.approx(result["metrics"]["nvs/psnr"]["views"], rel=1e-5)
+    assert all(any(value is not None for value in values) for values in run["by_view"].values())
+    assert "views" not in summary["runs"][-1], "an unfinished cell has none"
+
+
 def test_the_memory_of_training_is_the_largest_peak_of_its_stages(sweep: FakeSweep) -> None:
     result = sweep.store.result(PLACES[0]["key"])
     assert result is not None

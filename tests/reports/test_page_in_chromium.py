@@ -1,11 +1,13 @@
 """The page in headless Chromium: tables sort, the slider moves, nothing leaves the page, nothing is complained of."""
 
+import io
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from made_up_run import run, summary, write_run
 from radiogs_reports.page import write_page
@@ -22,6 +24,8 @@ MORE_CELLS = 12
 """How many times as long a page of 200 cells may take to open as one of 20 does."""
 
 LARGEST = 25_000_000
+OF_SCREENSHOTS = "GPU stall due to ReadPixels"
+"""What Chromium's software renderer says when a test takes a picture."""
 EVIL = "<img src=x onerror=\"document.title='taken'\">"
 
 
@@ -41,11 +45,15 @@ class Watched:
         self.asked: list[str] = []
         self.page = browser.new_page(**settings)
         self.page.set_default_timeout(10_000)
-        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("console", lambda message: self.heard(message.text))
         self.page.on("pageerror", lambda error: self.said.append(str(error)))
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.goto(path.as_uri())
         self.own = path.as_uri()
+
+    def heard(self, text: str) -> None:
+        if OF_SCREENSHOTS not in text:
+            self.said.append(text)
 
     def column(self, table: str, place: int) -> list[str]:
         return self.page.eval_on_selector_all(
@@ -184,8 +192,8 @@ def test_a_run_that_trained_nothing_and_keeps_no_pictures_has_no_empty_parts(
 ) -> None:
     made = summary()
     made["rows"], made["reference"] = made["rows"][:1], None
-    made["runs"] = made["runs"][:1]
-    made["runs"][0] |= {"seconds": {}, "work": {}, "view": None, "light": None}
+    made["runs"], made["seeds"] = made["runs"][:1], [0]
+    made["runs"][0] |= {"seconds": {}, "work": {}, "view": None, "light": None, "by_view": {}}
     watched = Watched(browser, write_page(made, write_run(tmp_path, made)), viewport=DESK)
     there = watched.page.eval_on_selector_all("main > section", "each => each.map(part => part.id)")
     assert there == ["overview", "table", "cells", "paper", "protocol"]
@@ -225,7 +233,7 @@ def test_everything_is_reached_by_the_tab_key_in_reading_order(opened: Watched) 
         assert wanted in names
     tops = [top for top, _ in order]  # of the part of the page that each stands in
     assert tops == sorted(tops)
-    assert len(set(tops)) == 8
+    assert len(set(tops)) == 10
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -329,3 +337,161 @@ def test_200_cells_open_at_once_in_a_file_that_can_be_sent(browser: "playwright.
 
     few = min(opened_in(5, 2) for _ in range(2))
     assert min(opened_in(10, 10) for _ in range(2)) < MORE_CELLS * few
+
+
+@pytest.fixture
+def of_two_seeds(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
+    """Two rows, two scenes and two seeds; ``ours`` has 31.0, 33.0 and 29.0 dB."""
+    made = made_up()
+    made["scenes"] = ["my_scene", "other"]
+    values = {"normal/mae": 7.4, "nvs/lpips": None}
+    made["runs"][2] = run("ours", "my_scene", 1, "123", {"nvs/psnr": 33.0, **values})
+    made["runs"].append(run("ours", "other", 0, "456", {"nvs/psnr": 29.0, **values}))
+    watched = Watched(browser, write_page(made, write_run(tmp_path, made)), viewport=DESK)
+    yield watched
+    watched.close()
+
+
+def tick(watched: Watched, name: str, value: str) -> None:
+    watched.page.locator(f'#selection input[name="{name}"][value="{value}"]').click()
+
+
+def test_the_table_of_means_is_of_the_cells_that_are_ticked(of_two_seeds: Watched) -> None:
+    page = of_two_seeds.page
+    page.locator("#selection summary").click()
+    assert of_two_seeds.column("means", 1)[0] == "31.23"
+    tick(of_two_seeds, "scene", "other")
+    assert page.locator("#selection-said").text_content() == "3 of 4 cells are shown."
+    assert of_two_seeds.column("means", 1)[:2] == ["32.00", "30.00"], "31 and 33 of ours, 30 of the other row"
+    tick(of_two_seeds, "seed", "1")
+    assert of_two_seeds.column("means", 1)[:2] == ["31.00", "30.00"]
+    assert not page.locator("#means-partial").is_hidden()
+    assert page.locator('table[data-name="means"] .difference').count() == 0
+    hidden = 'table[data-name="cells"] tbody tr[hidden]'
+    assert page.locator(hidden).count() == 2
+    page.locator('table[data-name="means"] thead button').nth(1).click()
+    assert of_two_seeds.column("means", 1)[:2] == ["31.00", "30.00"], "sorted by what is shown"
+    tick(of_two_seeds, "seed", "1")
+    tick(of_two_seeds, "scene", "other")
+    assert page.locator("#means-partial").is_hidden()
+    assert page.locator(hidden).count() == 0
+    assert of_two_seeds.column("means", 1)[:2] == ["31.23", "30.00"]
+    assert page.locator('table[data-name="means"] .difference').count() > 0
+
+
+def test_rows_that_are_not_ticked_leave_tables_plots_and_images(of_two_seeds: Watched) -> None:
+    page = of_two_seeds.page
+    page.locator("#selection summary").click()
+    tick(of_two_seeds, "row", "no-rad")
+    assert page.locator('table[data-name="means"] tbody tr:visible').count() == 2
+    assert "lambda_rad = 0" not in page.locator("#compare-cell").inner_text()
+    assert "lambda_rad = 0" not in page.locator("#views-legend").inner_text()
+    assert "lambda_rad = 0" not in page.locator("#scatter-legend").inner_text()
+    page.locator('#selection button[value="row"]').click()
+    assert "lambda_rad = 0" in page.locator("#views-legend").inner_text()
+    page.locator('#selection button[value="row"]').click()
+    assert page.locator("#selection-said").text_content() == "0 of 4 cells are shown."
+    assert page.locator("#views-said").text_content() == "No ticked cell of this scene has it by view."
+    assert not page.locator("#compare-none").is_hidden()
+
+
+def test_a_metric_is_shown_view_by_view_with_the_best_row_first(of_two_seeds: Watched) -> None:
+    page, said = of_two_seeds.page, of_two_seeds.page.locator("#views-said")
+    plot = page.locator("#views-plot")
+    plot.press("ArrowRight")
+    assert said.text_content() == "test_000: Ours 32.00, lambda_rad = 0 30.00"
+    plot.press("ArrowLeft")  # round to the last view: 31 - 0.5 and 33 - 1.5 of ours, 30 - 0.5
+    assert said.text_content() == "test_008: Ours 31.00, lambda_rad = 0 29.50"
+    page.locator("#views-order").select_option("value")
+    plot.press("ArrowRight")
+    assert str(said.text_content()).startswith("test_008")
+    page.locator("#views-scene").select_option("other")
+    page.locator("#views-order").select_option("stored")
+    plot.press("ArrowRight")
+    assert said.text_content() == "test_000: Ours 29.00"
+    frame = plot.locator(".u-over").bounding_box()
+    assert frame is not None
+    page.mouse.move(frame["x"] + frame["width"] / 2, frame["y"] + frame["height"] / 2)
+    assert said.text_content() == "test_004: Ours 29.50"
+
+
+def two_discs() -> dict[str, np.ndarray]:
+    """A green disc through the middle and a red one before it, seen along X; the rest only spans the scene."""
+    corners = np.repeat(np.concatenate([np.eye(3), -np.eye(3)]), 10, 0)
+    discs = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
+    centre = np.concatenate([corners, discs]).astype(np.float32)
+    tangents = np.tile(np.array([[0.0, 5.0, 0.0], [0.0, 0.0, 5.0]], np.float32), (len(centre), 1, 1))
+    colour = np.zeros((len(centre), 3), np.float16)
+    colour[-2:] = [[0, 1, 0], [1, 0, 0]]
+    opacity = np.zeros(len(centre), np.float16)
+    opacity[-2:] = [0.6, 0.8]
+    return {
+        "surfels/centre": centre,
+        "surfels/tangents": tangents,
+        "surfels/opacity": opacity,
+        "surfels/radiance": colour,
+        "surfels/albedo": colour,
+        "surfels/roughness": opacity,
+        "surfels/count": np.array([100.0], np.float32),
+        "surfels/eye": np.array([0.62, -0.78, 0.48], np.float32),
+        "surfels/up": np.array([0.0, 0.0, 1.0], np.float32),
+    }
+
+
+@pytest.fixture
+def with_surfels(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
+    made = made_up()
+    out = write_run(tmp_path, made)
+    path = out / str(made["runs"][0]["arrays"])
+    with np.load(path) as stored:
+        np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
+    watched = Watched(browser, write_page(made, out), viewport=DESK)
+    yield watched
+    watched.close()
+
+
+def picture_of(canvas: "playwright.Locator") -> np.ndarray:
+    """8-bit sRGB of what is shown, without its border."""
+    canvas.page.wait_for_timeout(300)  # two frames of a software renderer
+    return np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB"))[20:-20, 20:-20]
+
+
+def middle_of(canvas: "playwright.Locator") -> list[int]:
+    image = picture_of(canvas)
+    return image[image.shape[0] // 2, image.shape[1] // 2].tolist()
+
+
+def test_surfels_are_sorted_and_blended_in_linear_light(with_surfels: Watched) -> None:
+    page, canvas = with_surfels.page, with_surfels.page.locator(".turnable").first
+    page.locator("#theme").click()  # light
+    page.locator("#surfels-head").scroll_into_view_if_needed()
+    assert page.locator("#surfels-said").text_content() == "Surfels: the 62 that cover most of 100."
+    # 0.8 of red, 0.6 of green in the rest of 0.2, and white paper behind: 0.88, 0.2, 0.08 in sRGB
+    assert middle_of(canvas) == pytest.approx([241, 124, 80], abs=2)
+    for _ in range(31):
+        canvas.press("ArrowRight")
+    # from behind, green is the nearer one: 0.32 + 0.08, 0.6 + 0.08, 0.08
+    assert middle_of(canvas) == pytest.approx([170, 215, 80], abs=2)
+    page.locator("#surfels-shown").select_option("normal")  # X is (1, 0.5, 0.5) in display colour
+    red, green, blue = middle_of(canvas)
+    assert red > 250
+    assert green == blue
+    canvas.press("0")
+    page.locator("#surfels-shown").select_option("albedo")
+    assert middle_of(canvas) == pytest.approx([241, 124, 80], abs=2)
+
+
+def test_two_models_turn_together(with_surfels: Watched) -> None:
+    page = with_surfels.page
+    left, right = page.locator(".turnable").nth(0), page.locator(".turnable").nth(1)
+    assert not right.is_visible()
+    page.locator("#surfels-right").select_option(index=1)
+    assert right.is_visible()
+    before = picture_of(left)
+    right.press("ArrowUp")
+    right.press("-")
+    after = picture_of(left)
+    assert (after == picture_of(right)).all()
+    assert (after != before).any()
+    page.locator("#surfels summary").click()
+    assert not left.is_visible()

@@ -69,11 +69,11 @@ class TrainedOnSurfels(ABC, Generic[Model]):
     def export(self, folder: Path) -> list[Path]:
         """Write ``surfels.ply``. Raises OSError."""
         path = folder / "surfels.ply"
-        write_ply(self.exported, path)
+        write_ply(self.surfels, path)
         return [path]
 
     @property
-    def exported(self) -> Surfels:
+    def surfels(self) -> Surfels:
         """The surfels that other programs get."""
         return self.model.surfels
 

@@ -1,7 +1,7 @@
 """Assembles the page from template, style, script, plotting library, data and pictures."""
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -25,10 +25,23 @@ from .embedding import content_security_policy, json_for_script
 from .formula import formula
 from .origin import downloads, origin
 from .pictures import Album, album, scale_bar
+from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, paper_tables, suite_table
 
-SCRIPTS = ("theme", "sorting", "scatter", "comparison", "provenance", "printing")
-"""In the order in which they run; none needs another."""
+SCRIPTS = (
+    "shared",
+    "theme",
+    "sorting",
+    "means",
+    "scatter",
+    "views",
+    "comparison",
+    "surfels",
+    "provenance",
+    "printing",
+    "selection",
+)
+"""In the order in which they run: all may use the first, and the last tells the others what is selected."""
 
 
 class Figure(NamedTuple):
@@ -49,12 +62,15 @@ def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = ()) -> Pa
     """
     path = fresh(out / "report.html")
     embedded = [Figure(data_address(drawn.png), drawn.caption, drawn.images) for drawn in figures]
-    path.write_text(page(summary, album(summary["runs"], out), embedded), encoding="utf-8")
+    runs = summary["runs"]
+    path.write_text(page(summary, album(runs, out), embedded, packed_surfels(runs, out)), encoding="utf-8")
     return path
 
 
-def page(summary: Summary, pictures: Album, figures: Sequence[Figure] = ()) -> str:
-    """The page as text."""
+def page(
+    summary: Summary, pictures: Album, figures: Sequence[Figure] = (), surfels: Mapping[str, Packed] | None = None
+) -> str:
+    """The page as text. ``surfels``: of cells by key, for its 3-D view."""
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order = order_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
@@ -86,10 +102,13 @@ def page(summary: Summary, pictures: Album, figures: Sequence[Figure] = ()) -> s
         missing=missing(summary),
         scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
         finished=sum(run["state"] == "finished" for run in summary["runs"]),
+        selectable=selectable(summary),
+        by_view=any(run.get("by_view") for run in summary["runs"]),
         kinds=maps.KINDS,
         costs=COSTS,
         scale_bar=scale_bar(),
         pictures=pictures,
+        surfels=surfels or {},
         data=json_for_script(data(summary, pictures)),
         json_for_script=json_for_script,
         policy=content_security_policy(script, style),
@@ -115,6 +134,7 @@ def data(summary: Summary, pictures: Album) -> dict[str, Any]:
                for run in summary["runs"])]  # fmt: skip
     return {
         "columns": columns,
+        "table": summary["columns"],
         "costs": COSTS,
         "rows": [{"key": row["key"], "text": row["text"]} for row in summary["rows"]],
         "reference": summary["reference"],
@@ -129,6 +149,16 @@ def data(summary: Summary, pictures: Album) -> dict[str, Any]:
         "kinds": {name: {"label": kind.label, "unit": kind.error_unit} for name, kind in maps.KINDS.items()},
         "conventions": summary["conventions"],
     }
+
+
+def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]:
+    """Groups by which cells can be selected: name, heading, and values with their texts; those with several values."""
+    groups = [
+        ("scene", "Scenes", [(scene, scene) for scene in summary["scenes"]]),
+        ("seed", "Seeds", [(str(seed), str(seed)) for seed in summary["seeds"]]),
+        ("row", "Rows", [(row["key"], row["text"]) for row in summary["rows"]]),
+    ]
+    return [group for group in groups if len(group[2]) > 1]
 
 
 def missing(summary: Summary) -> dict[str, list[str]]:

@@ -38,7 +38,7 @@ class Head:
 class Entry:
     """An entry of a table: its text and the value that it sorts by, with the difference and published value below it.
 
-    ``opens``: key of the cell whose provenance the entry opens.
+    ``opens``: key of the cell whose provenance the entry opens. ``row``: key of the row that it names.
     """
 
     text: str
@@ -50,6 +50,7 @@ class Entry:
     reason: str = ""
     rank: int = 0
     opens: str = ""
+    row: str = ""
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def suite_table(summary: Summary) -> Table:
             )
             for column in summary["columns"]
         ]
-        rows.append([Entry(row["text"], row["text"]), *values, seconds_entry(row)])
+        rows.append([Entry(row["text"], row["text"], row=row["key"]), *values, seconds_entry(row)])
     heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
     return Table("means", summary["title"], heads, rows, footnotes=footnotes(summary), remarks=remarks(summary))
 

@@ -29,7 +29,7 @@ class TrainedSVGIR(TrainedOnSurfels[Model]):
         return super().facts() | {"ratio": float(self.model.ratio)}
 
     @property
-    def exported(self) -> Surfels:
+    def surfels(self) -> Surfels:
         """Each surfel with the mean material of its vertices."""
         return self.model.averaged()
 

@@ -1,6 +1,6 @@
 // Two pictures under one slider with their error beside them; all zoom and move together.
 (() => {
-  const data = JSON.parse(document.getElementById("data").textContent);
+  const { data, fill, nameOf } = shared;
   const found = (name) => document.getElementById(name);
   if (!found("images")) return; // no cell keeps pictures, or none is finished
   const [cellSelect, mapSelect, leftSelect] = ["compare-cell", "compare-map", "compare-left"].map(found);
@@ -9,8 +9,8 @@
   const layers = [leftImage, rightImage, errorImage];
   const LARGEST = 32;
   const TRUTH = "truth";
-  const texts = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
-  const runs = data.runs.filter((run) => found(`view-${run.key}`));
+  const kept = data.runs.filter((run) => found(`view-${run.key}`));
+  let runs = kept;
   const opened = new Map();
   let zoom = { scale: 1, across: 0, down: 0 }; // shift in shares of the stage's width and height
 
@@ -19,21 +19,7 @@
     return opened.get(id);
   }
 
-  const nameOf = (run) => `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
   const chosen = () => runs[cellSelect.selectedIndex];
-
-  function fill(select, entries) {
-    const before = select.value;
-    select.replaceChildren(
-      ...entries.map(([value, text]) => {
-        const option = document.createElement("option");
-        option.value = value;
-        option.textContent = text;
-        return option;
-      }),
-    );
-    if (entries.some(([value]) => value === before)) select.value = before;
-  }
 
   function source(image, address, text) {
     image.hidden = address === undefined;
@@ -158,7 +144,16 @@
     for (const each of [stage, errorStage]) each.style.aspectRatio = `${rightImage.naturalWidth} / ${rightImage.naturalHeight}`;
   }
 
-  fill(cellSelect, runs.map((run) => [run.key, nameOf(run)]));
+  function follow() {
+    const ticked = kept.filter((run) => shared.selection().holds(run));
+    found("compare-none").hidden = ticked.length > 0;
+    runs = ticked.length ? ticked : kept;
+    fill(cellSelect, runs.map((run) => [run.key, nameOf(run)]));
+    offer();
+    show();
+  }
+
+  document.addEventListener("selection", follow);
   cellSelect.addEventListener("change", () => {
     offer();
     show();
@@ -171,14 +166,14 @@
   found("zoom-none").addEventListener("click", whole);
   [stage, errorStage].forEach(watch);
   document.addEventListener("showcell", (event) => {
-    if (!runs.some((run) => run.key === event.detail)) return;
+    if (!runs.some((run) => run.key === event.detail)) runs = kept;
+    fill(cellSelect, runs.map((run) => [run.key, nameOf(run)]));
     cellSelect.value = event.detail;
     cellSelect.dispatchEvent(new Event("change"));
     found("images").scrollIntoView();
     cellSelect.focus();
   });
-  offer();
-  show();
+  follow();
   slide();
   apply();
 })();

@@ -1,16 +1,8 @@
 // A cell's provenance in a dialog, the protocol's conventions in the page. Text nodes only: names never become markup.
 (() => {
-  const data = JSON.parse(document.getElementById("data").textContent);
+  const { data, element, nameOf } = shared;
   const dialog = document.getElementById("provenance");
-  const texts = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
   const runs = new Map(data.runs.map((run) => [run.key, run]));
-
-  function element(name, text, className) {
-    const made = document.createElement(name);
-    if (text !== undefined) made.textContent = text;
-    if (className) made.className = className;
-    return made;
-  }
 
   function shown(value) {
     if (value === null) return "none";
@@ -41,7 +33,7 @@
   }
 
   function open(run) {
-    document.getElementById("provenance-head").textContent = `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
+    document.getElementById("provenance-head").textContent = nameOf(run);
     const body = document.getElementById("provenance-body");
     body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
     if (document.getElementById(`view-${run.key}`)) {

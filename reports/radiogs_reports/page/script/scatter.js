@@ -1,6 +1,6 @@
 // Quality against cost: rows as large marks with intervals and the Pareto front, cells as small marks; hover or arrow keys.
 (() => {
-  const data = JSON.parse(document.getElementById("data").textContent);
+  const { data, fill, colour, colourOf, hollow, legend, mean, numbers } = shared;
   const box = document.getElementById("scatter");
   if (!box) return; // nothing was trained
   const said = document.getElementById("scatter-said");
@@ -9,26 +9,25 @@
   const HOVER = 28; // pixels from a mark within which it is hovered
   const LOGARITHMIC_FROM = 8; // ratio of the largest to the smallest cost
 
-  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const colourOf = (place) => colour(`--row-${place % 8}`);
-  const hollow = (place) => Math.floor(place / 8) % 2 === 1; // colours come round again after eight rows
-  const textOf = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
+  const textOf = shared.texts;
 
   let plot = null;
   let marks = [];
   let current = -1;
 
-  function option(value, text) {
-    const made = document.createElement("option");
-    made.value = value;
-    made.textContent = text;
-    return made;
+  function partial(column, cost, holds) { // means of the ticked cells, which have neither interval nor front
+    return data.rows.flatMap((row) => {
+      const held = data.runs.filter((run) => run.row === row.key && holds(run));
+      const [quality, spent] = [held.map((run) => run.metrics[column.key]), held.map((run) => run.cost[cost])].map((each) => mean(numbers(each)));
+      return quality === null || spent === null ? [] : [{ row: row.key, cost: spent, quality, half_width: null, on_front: false }];
+    });
   }
 
   function collect(column, cost) {
-    const rows = data.points[column.key][cost].map((point) => ({ ...point, large: true }));
+    const { whole, holds } = shared.selection();
+    const rows = (whole ? data.points[column.key][cost] : partial(column, cost, holds)).map((point) => ({ ...point, large: true }));
     const cells = data.runs
-      .filter((run) => typeof run.metrics[column.key] === "number" && run.cost[cost] !== null)
+      .filter((run) => holds(run) && typeof run.metrics[column.key] === "number" && run.cost[cost] !== null)
       .map((run) => ({ row: run.row, cost: run.cost[cost], quality: run.metrics[column.key], run, large: false }));
     return [...rows, ...cells].sort((one, other) => one.cost - other.cost);
   }
@@ -47,15 +46,15 @@
   }
 
   function seriesOf(large) {
-    return data.rows.map((row, place) => ({
+    return data.rows.map((row) => ({
       label: row.text,
       paths: () => null,
       points: {
         show: true,
         size: large ? 12 : 6,
         width: large ? 3 : 1,
-        stroke: colourOf(place),
-        fill: large && !hollow(place) ? colourOf(place) : "transparent",
+        stroke: colourOf(row.key),
+        fill: large && !hollow(row.key) ? colourOf(row.key) : "transparent",
       },
     }));
   }
@@ -95,7 +94,7 @@
       const [middle] = place(mark);
       const low = chart.valToPos(mark.quality - mark.half_width, "y", true);
       const high = chart.valToPos(mark.quality + mark.half_width, "y", true);
-      context.strokeStyle = colourOf(data.rows.findIndex((row) => row.key === mark.row));
+      context.strokeStyle = colourOf(mark.row);
       context.beginPath();
       context.moveTo(middle, low);
       context.lineTo(middle, high);
@@ -138,6 +137,7 @@
     const cost = costSelect.value;
     plot?.destroy();
     plot = null;
+    legend(document.getElementById("scatter-legend"), data.rows.filter((row) => shared.selection().rows(row.key)));
     said.textContent = "";
     if (!column) return;
     marks = collect(column, cost);
@@ -196,35 +196,16 @@
     };
   }
 
-  function legend() {
-    const list = document.getElementById("scatter-legend");
-    list.replaceChildren(
-      ...data.rows.map((row, place) => {
-        const item = document.createElement("li");
-        const dot = document.createElement("span");
-        dot.className = "dot";
-        dot.style.borderColor = colourOf(place);
-        dot.style.backgroundColor = hollow(place) ? "transparent" : colourOf(place);
-        item.append(dot, row.text);
-        return item;
-      }),
-    );
-  }
-
-  qualitySelect.append(...data.columns.map((column) => option(column.key, column.label)));
-  costSelect.append(...Object.entries(data.costs).map(([key, text]) => option(key, text)));
+  fill(qualitySelect, data.columns.map((column) => [column.key, column.label]));
+  fill(costSelect, Object.entries(data.costs));
   qualitySelect.addEventListener("change", draw);
   costSelect.addEventListener("change", draw);
-  document.addEventListener("themechange", () => {
-    legend();
-    draw();
-  });
+  for (const name of ["themechange", "selection"]) document.addEventListener(name, draw);
   let width = box.clientWidth;
   new ResizeObserver(() => {
     if (box.clientWidth === width) return;
     width = box.clientWidth;
     draw();
   }).observe(box);
-  legend();
   draw();
 })();

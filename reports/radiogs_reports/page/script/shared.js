@@ -1,0 +1,57 @@
+// What several scripts use: the data of the page, elements, and the colours of rows.
+const shared = (() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const texts = Object.fromEntries(data.rows.map((row) => [row.key, row.text]));
+  const places = Object.fromEntries(data.rows.map((row, place) => [row.key, place]));
+  const ALL = { whole: true, holds: () => true, rows: () => true };
+  let selection = ALL;
+
+  function element(name, text, className) {
+    const made = document.createElement(name);
+    if (text !== undefined) made.textContent = text;
+    if (className) made.className = className;
+    return made;
+  }
+
+  function fill(select, entries) { // keeps the choice where it is still offered
+    const before = select.value;
+    select.replaceChildren(
+      ...entries.map(([value, text]) => {
+        const option = element("option", text);
+        option.value = value;
+        return option;
+      }),
+    );
+    if (entries.some(([value]) => value === before)) select.value = before;
+  }
+
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  const colourOf = (row) => colour(`--row-${places[row] % 8}`);
+  const hollow = (row) => Math.floor(places[row] / 8) % 2 === 1; // colours come round again after eight rows
+  const nameOf = (run) => `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
+
+  function legend(list, rows) {
+    list.replaceChildren(
+      ...rows.map((row) => {
+        const item = element("li");
+        const dot = element("span", undefined, "dot");
+        dot.style.borderColor = colourOf(row.key);
+        dot.style.backgroundColor = hollow(row.key) ? "transparent" : colourOf(row.key);
+        item.append(dot, row.text);
+        return item;
+      }),
+    );
+  }
+
+  const mean = (values) => (values.length ? values.reduce((sum, each) => sum + each, 0) / values.length : null);
+  const numbers = (values) => values.filter((each) => typeof each === "number");
+
+  return {
+    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, mean, numbers,
+    selection: () => selection,
+    select(chosen) {
+      selection = chosen ?? ALL;
+      document.dispatchEvent(new Event("selection"));
+    },
+  };
+})();

@@ -1,0 +1,76 @@
+"""Surfels of every cell packed for the page's 3-D view, within a budget of bytes.
+
+A surfel takes 26 bytes, little-endian: its centre as three uint16 between the lowest and the highest of the cell, its
+two tangents as six int16 in shares of the longest component, and as bytes its opacity, radiance and albedo (both sRGB)
+and roughness.
+"""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .. import maps
+from ..summary import RunSummary
+
+BUDGET = 12 * 2**20
+"""Bytes of the packed surfels of all cells, as text."""
+
+PACKED = np.dtype(
+    [
+        ("centre", "<u2", 3),
+        ("tangents", "<i2", 6),
+        ("opacity", "u1"),
+        ("radiance", "u1", 3),
+        ("albedo", "u1", 3),
+        ("roughness", "u1"),
+    ]
+)
+
+Packed = dict[str, Any]
+"""``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye`` and ``up`` [3], where it is first seen from,
+``count`` of the whole model, ``surfels`` in base64."""
+
+
+def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> dict[str, Packed]:
+    """By cell key, those of first seeds first, as many cells as the budget allows."""
+    found: dict[str, Packed] = {}
+    for run in sorted((run for run in runs if run["arrays"]), key=lambda run: run["seed"]):
+        arrays = maps.read_maps(out / str(run["arrays"]))
+        if "surfels/centre" not in arrays:
+            continue
+        made = packed(arrays)
+        budget -= len(made["surfels"])
+        if budget < 0:
+            break
+        found[run["key"]] = made
+    return found
+
+
+def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
+    """The surfels of a cell's arrays."""
+    centre, tangents = arrays["surfels/centre"], arrays["surfels/tangents"]
+    low, high = centre.min(0), centre.max(0)
+    step, reach = np.maximum(high - low, 1e-30) / 65535, max(np.abs(tangents).max(), 1e-30)
+    surfels = np.zeros(len(centre), PACKED)
+    surfels["centre"] = np.rint((centre - low) / step)
+    surfels["tangents"] = np.rint(tangents.reshape(-1, 6) / reach * 32767)
+    for name in ("opacity", "roughness"):
+        surfels[name] = _bytes(arrays[f"surfels/{name}"])
+    for name in ("radiance", "albedo"):
+        surfels[name] = _bytes(maps.display(np.clip(arrays[f"surfels/{name}"], 0, 1)))
+    return {
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "reach": float(reach),
+        "eye": arrays["surfels/eye"].tolist(),
+        "up": arrays["surfels/up"].tolist(),
+        "count": int(arrays["surfels/count"][0]),
+        "surfels": base64.b64encode(surfels.tobytes()).decode("ascii"),
+    }
+
+
+def _bytes(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.rint(np.clip(values, 0, 1) * 255)
