@@ -1,5 +1,6 @@
 """What a phase takes at another size of the model than those that were measured: a line through the last two."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -44,6 +45,8 @@ class Rung:
 def extended(rungs: Sequence[Rung], size: int) -> list[Phase]:
     """The phases at another size: seconds and bytes on the line through the last two rungs, never falling with size.
 
+    The standard error of seconds is that of a line through two measured means.
+
     It takes two rungs: images and libraries take memory whatever the size, and one rung does not tell how much.
     """
     earlier, last = rungs[-2], rungs[-1]
@@ -57,7 +60,8 @@ def extended(rungs: Sequence[Rung], size: int) -> list[Phase]:
             where: round(_line(float(before[name].peaks[where]), float(amount), further))
             for where, amount in phase.peaks.items()
         }
-        found.append(Phase(phase.title, phase.key, (seconds,), phase.whole, peaks))
+        error = math.hypot(further * before[name].error, (1 + further) * phase.error)
+        found.append(Phase(phase.title, phase.key, (seconds,), phase.whole, peaks, extended_error=error))
     return found
 
 

@@ -21,13 +21,15 @@ MEMORY_MESSAGES = ("out of memory", "can't allocate memory", "not enough memory"
 class Phase:
     """A kind of work. seconds: of each time that it was done. whole: how often the whole run does it. peaks: bytes by
     place ("host": resident set of the process, "device": CUDA allocator). key: the stage or model that it belongs to;
-    rows that share one do this work once."""
+    rows that share one do this work once. extended_error: of seconds that were not measured, but extended from others;
+    None for what was measured."""
 
     title: str
     key: str
     seconds: tuple[float, ...]
     whole: int
     peaks: Mapping[str, int]
+    extended_error: float | None = None
 
     @property
     def mean(self) -> float:
@@ -37,6 +39,8 @@ class Phase:
     @property
     def error(self) -> float:
         """Standard error of the mean, seconds; zero where it was done once, because nothing is known of it."""
+        if self.extended_error is not None:
+            return self.extended_error
         count = len(self.seconds)
         return statistics.stdev(self.seconds) / math.sqrt(count) if count > 1 else 0.0
 

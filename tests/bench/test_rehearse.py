@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import numpy as np
 import pytest
 import torch
 
@@ -233,6 +234,22 @@ def test_another_size_lies_on_the_line_through_the_last_two() -> None:
     assert both.mean == pytest.approx(3.5)
     assert both.peaks["host"] / GIB == pytest.approx(4.5)
     assert extended([rung(100, 2.0, 3.0), rung(200, 1.0, 2.0)], 400)[0].mean == pytest.approx(1.0)
+
+
+def test_a_line_is_as_uncertain_as_its_ends_are_the_further_the_more() -> None:
+    generator = np.random.default_rng(3)
+    ends = [[rung(size, 0.0, 1.0) for size in (100, 200)] for _ in range(2000)]
+    errors = []
+    for pair in ends:
+        steps = [tuple(mean + generator.normal(size=4)) for mean in (10.0, 20.0)]
+        noisy = [
+            replace(each, phases=[replace(each.phases[0], seconds=step)])
+            for each, step in zip(pair, steps, strict=True)
+        ]
+        far = extended(noisy, 400)[0]
+        errors.append((far.mean - 40.0, far.error))
+    spread, told = np.std([off for off, _ in errors]), np.sqrt(np.mean([error**2 for _, error in errors]))
+    assert told == pytest.approx(spread, rel=0.06)
 
 
 def test_sizes_that_would_not_fit_or_take_too_long_are_not_tried() -> None:
