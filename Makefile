@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help venv ablations test test-slow mutants lint clean
+.PHONY: help venv ablations test test-slow mutants lint site clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -35,6 +35,9 @@ test: lint ## lint, then every test that is fast, in two processes (those for a 
 
 test-slow: $(READY) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow
+
+site: $(READY) ## the documentation as a site, in out/site
+	$(BIN)/python -m mkdocs build --strict --quiet
 
 mutants: $(READY) ## break copies of the sources in known ways, and say which of them no test notices
 	$(BIN)/python .ci/mutants.py
