@@ -28,6 +28,7 @@ from .image_structure import (
     require_size,
 )
 from .jpeg_decoding import decode_jpeg
+from .unnamed_file import path_of, unnamed_file
 
 HALF_MAX = 65504.0
 
@@ -109,11 +110,11 @@ def read_exr(path: Path) -> NDArray[np.float32]:
 
 @contextmanager
 def _named(data: bytes) -> Iterator[str]:
-    """A path of a file in memory that holds these bytes: OpenEXR reads paths, and the file at ours may change."""
-    with open(os.memfd_create("exr"), "wb") as file:
+    """A path at which these bytes are read: OpenEXR reads paths, and the file at ours may change."""
+    with unnamed_file() as file:
         file.write(data)
         file.flush()
-        yield f"/proc/self/fd/{file.fileno()}"
+        yield path_of(file)
 
 
 def write_exr(path: Path, image: NDArray[np.floating]) -> None:

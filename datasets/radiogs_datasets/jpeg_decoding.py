@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .image_structure import damaged
+from .unnamed_file import unnamed_file
 
 WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS parameters", b"Inconsistent progression")
 """How libjpeg's warnings (``jerror.h``) begin; they are all that OpenCV lets through of damage to pixels."""
@@ -26,21 +27,22 @@ def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
     with _stderr:
         if sys.stderr is not None:
             sys.stderr.flush()
-        caught = os.memfd_create("libjpeg", os.MFD_CLOEXEC)
+        caught = unnamed_file()
         try:
             kept = os.dup(2)
         except OSError:  # the process was started without a standard error
             kept = os.open(os.devnull, os.O_WRONLY)
         try:
-            os.dup2(caught, 2)
+            os.dup2(caught.fileno(), 2)
             image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
         except cv2.error as error:
             raise damaged(path, f"OpenCV says: {error.err}") from error
         finally:
             os.dup2(kept, 2)
             os.close(kept)
-            printed = os.pread(caught, os.fstat(caught).st_size, 0)
-            os.close(caught)
+            caught.seek(0)
+            printed = caught.read()
+            caught.close()
     warnings = [line for line in printed.splitlines(keepends=True) if line.startswith(WARNINGS)]
     others = b"".join(line for line in printed.splitlines(keepends=True) if line not in warnings)
     if others and not (image is None or warnings):

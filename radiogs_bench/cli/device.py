@@ -20,5 +20,10 @@ def chosen_device(options: argparse.Namespace) -> "torch.device":
         raise UsageError(
             "no CUDA device was found", "torch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
         )
-    use_threads(options.threads or len(os.sched_getaffinity(0)))
+    use_threads(options.threads or usable_cores())
     return torch.device(options.device)
+
+
+def usable_cores() -> int:
+    """Cores that this process may use; where the system does not say, those that there are."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

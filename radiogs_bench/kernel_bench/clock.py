@@ -7,6 +7,8 @@ from pathlib import Path
 
 import torch
 
+from radiogs_core.errors import UsageError
+
 STATUS = Path("/proc/self/status")
 CLEAR_PEAK = Path("/proc/self/clear_refs")
 
@@ -38,6 +40,10 @@ def peak_bytes(work: Callable[[], object], device: torch.device) -> int:
         before = torch.cuda.memory_allocated(device)
         work()
         return torch.cuda.max_memory_allocated(device) - before
+    if not CLEAR_PEAK.exists():
+        raise UsageError(
+            "peak memory cannot be measured here", "Only Linux resets a process's peak (/proc/self/clear_refs)."
+        )
     ctypes.CDLL(None).malloc_trim(0)
     CLEAR_PEAK.write_text("5")  # Linux: sets the peak of the resident set back to its present size
     before = _status("VmRSS")

@@ -1,11 +1,14 @@
 """What memory there is, and how fast this machine is beside another one."""
 
+import os
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import torch
+
+from ..store.provenance import PROCESS_STATUS, resident_peak
 
 MEMORY_INFORMATION = Path("/proc/meminfo")
 
@@ -48,7 +51,7 @@ KNOWN_DEVICES: Mapping[str, KnownDevice] = {
 
 def memory_there(device: torch.device) -> dict[str, int]:
     """Bytes that this process can have by place: of the machine what is free beside what it has already."""
-    found = {"host": _of_file(MEMORY_INFORMATION, "MemAvailable:") + resident()}
+    found = {"host": _free() + resident()}
     if device.type == "cuda":
         free, _ = torch.cuda.mem_get_info(device)
         found["device"] = free + torch.cuda.memory_reserved(device)
@@ -57,7 +60,14 @@ def memory_there(device: torch.device) -> dict[str, int]:
 
 def resident() -> int:
     """Resident set of this process, bytes."""
-    return _of_file(Path("/proc/self/status"), "VmRSS:")
+    return _of_file(PROCESS_STATUS, "VmRSS:") if PROCESS_STATUS.exists() else resident_peak()
+
+
+def _free() -> int:
+    """Bytes that are free; where the system does not say, all that the machine has."""
+    if MEMORY_INFORMATION.exists():
+        return _of_file(MEMORY_INFORMATION, "MemAvailable:")
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") - resident()
 
 
 def in_use(device: torch.device) -> dict[str, int]:

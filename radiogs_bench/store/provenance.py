@@ -4,6 +4,7 @@ import os
 import platform
 import resource
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
@@ -117,12 +118,13 @@ def _peaks(device: torch.device) -> dict[str, int]:
 
 
 def resident_peak() -> int:
-    """Peak resident set, bytes. VmHWM, because getrusage cannot be reset."""
+    """Peak resident set, bytes. VmHWM where there is one, because getrusage cannot be reset."""
     if PROCESS_STATUS.exists():
         for line in PROCESS_STATUS.read_text().splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024  # kibibytes
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def session(device: torch.device) -> Session:
