@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from .options import Commands
 
 
+FORMATS = ("csv", "json", "parquet", "tensorboard")
+
+
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
@@ -22,9 +25,11 @@ def add_to(commands: "Commands") -> None:
     exporting = _declare(
         commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
     )
-    exporting.add_argument("--to", choices=["csv", "json", "parquet"], default="csv", help="(default: csv)")
+    exporting.add_argument("--to", choices=FORMATS, default="csv", help="(default: csv)")
     exporting.add_argument(
-        "--file", type=Path, help="(default: OUT/export.csv and so on; OUT/mesh.ply; folder OUT/CODE)"
+        "--file",
+        type=Path,
+        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/mesh.ply, OUT/CODE)",
     )
     mesh.add_options(exporting)
     layout.add_options(exporting)
@@ -81,14 +86,20 @@ def export(options: argparse.Namespace) -> int:
         return mesh.export_mesh(options)
     if options.layout_of is not None:
         return layout.export_layout(options)
+    from ..results.event_files import write_event_files
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep
     from .aside import say_aside
     from .reporter import say
 
-    read_sweep(options.out)  # says what to do where there is no run
-    store, path = Store(options.out), options.file or options.out / f"export.{options.to}"
+    sweep = read_sweep(options.out)  # says what to do where there is no run
+    store = Store(options.out)
+    if options.to == "tensorboard":
+        folder = options.file or options.out / options.to
+        say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
+        return 0
+    path = options.file or options.out / f"export.{options.to}"
     say(f"{path}: {write(store, path, options.to)} values")
     say_aside(store)
     return 0

@@ -14,8 +14,6 @@ from .atomic import write_atomically
 from .folder import Store
 from .schema import Result
 
-FORMATS = ("csv", "json", "parquet")
-
 
 def rows(store: Store) -> Iterator[dict[str, Any]]:
     """Every metric of every finished cell, with the cell's settings and costs.

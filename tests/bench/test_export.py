@@ -54,5 +54,30 @@ def test_parquet_without_its_library_says_what_to_install(store: FakeSweep, caps
         assert len(pd.read_parquet(store.store.folder / "export.parquet")) == 10
 
 
+def test_event_files_hold_the_trail_of_every_cell(store: FakeSweep, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = store.store.folder
+    arguments = ["export", str(folder), "--to", "tensorboard"]
+    try:
+        from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+    except ImportError:
+        assert main(arguments) == 2
+        assert "pip install 'radiogs-bench[tensorboard]'" in capsys.readouterr().err
+        return
+    assert main(arguments) == 0
+    assert len(list((folder / "tensorboard").rglob("events.*"))) == 10
+    place = REQUEST.manifest([place for place, _ in REQUEST.cells()])["cells"][0]
+    result = store.store.result(place["key"])
+    assert result is not None
+    read = EventAccumulator(
+        str(folder / "tensorboard" / place["row"] / f"{place['scene']}-seed-{place['seed']}")
+    ).Reload()
+    for stage, points in result["trail"].items():
+        for name in points[-1]["losses"]:
+            found = [(event.step, event.value) for event in read.Scalars(f"{stage}/loss/{name}")]
+            assert found == [(point["iteration"], pytest.approx(point["losses"][name])) for point in points]
+    (end,) = read.Scalars("end/nvs/psnr")
+    assert end.value == pytest.approx(result["metrics"]["nvs/psnr"]["value"])
+
+
 def test_a_folder_without_a_run_is_an_error(tmp_path: Path) -> None:
     assert main(["export", str(tmp_path)]) == 3

@@ -1,0 +1,61 @@
+"""Progress of every cell as TensorBoard's event files, which W&B reads as well (`wandb sync`)."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.errors import UsageError
+
+from ..store.folder import Store
+from ..store.schema import Result
+from ..suites.sweep import Place, Sweep
+
+END = "end"
+"""The group of the finished model's metrics, at the last step of the last stage."""
+
+
+def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
+    """Write a folder ROW/SCENE-seed-N for each finished cell of the run; returns how many.
+
+    Scalars are ``STAGE/loss/NAME``, ``STAGE/TASK/MEASURE`` where the model was scored during training, both by the
+    steps of their stage, and ``end/TASK/MEASURE``. Raises UsageError without the library `tensorboard`.
+    """
+    writer = _writer()
+    finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
+    for place, result in finished:
+        cell = f"{place['scene']}-seed-{place['seed']}"
+        with writer(log_dir=str(folder / _plain(place["row"], place) / _plain(cell, place))) as events:
+            _write(events, result)
+    return len(finished)
+
+
+def _plain(name: str, place: Place) -> str:
+    """A name of a folder; one that had to be changed gets the cell's key, so that no two are the same."""
+    changed = re.sub(r"[^\w-]", "_", name)[:80]
+    return name if changed == name else f"{changed}-{place['key'][:8]}"
+
+
+def _write(events: Any, result: Result) -> None:
+    last = 0
+    for stage, points in result["trail"].items():
+        for point in points:
+            last = point["iteration"]
+            for name, value in point["losses"].items():
+                events.add_scalar(f"{stage}/loss/{name}", value, last)
+            for name, value in point["metrics"].items():
+                events.add_scalar(f"{stage}/{name}", value, last)
+    for name, metric in result["metrics"].items():
+        if metric["value"] is not None:
+            events.add_scalar(f"{END}/{name}", metric["value"], last)
+
+
+def _writer() -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise UsageError(
+            "event files need tensorboard, which is not installed",
+            f"{error}".splitlines()[0],
+            "pip install 'radiogs-bench[tensorboard]'",
+        ) from error
+    return SummaryWriter
