@@ -495,3 +495,19 @@ def test_two_models_turn_together(with_surfels: Watched) -> None:
     assert (after != before).any()
     page.locator("#surfels summary").click()
     assert not left.is_visible()
+
+
+def test_two_rows_of_a_scene_stand_side_by_side_from_the_beginning(
+    browser: "playwright.Browser", tmp_path: Path
+) -> None:
+    made = made_up()
+    out = write_run(tmp_path, made)
+    for cell in made["runs"][:2]:
+        path = out / str(cell["arrays"])
+        with np.load(path) as stored:
+            np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
+    watched = Watched(browser, write_page(made, out), viewport=DESK)
+    chosen = [watched.page.locator(f"#surfels-{side}").input_value() for side in ("left", "right")]
+    assert chosen == [made["runs"][0]["key"], made["runs"][1]["key"]]
+    assert watched.page.locator(".turnable").nth(1).is_visible()
+    watched.close()

@@ -296,4 +296,10 @@
   found("surfels-shown-here").addEventListener("toggle", tell);
   new ResizeObserver(repaint).observe(stages[0]);
   follow();
+  const [first] = kept;
+  const beside = kept.find((run) => run.scene === first.scene && run.seed === first.seed && run.row !== first.row);
+  if (beside) {
+    rightSelect.value = beside.key;
+    tell();
+  }
 })();
