@@ -422,7 +422,7 @@ def two_discs() -> dict[str, np.ndarray]:
     centre = np.concatenate([corners, discs]).astype(np.float32)
     tangents = np.tile(np.array([[0.0, 5.0, 0.0], [0.0, 0.0, 5.0]], np.float32), (len(centre), 1, 1))
     colour = np.zeros((len(centre), 3), np.float16)
-    colour[-2:] = [[0, 1, 0], [1, 0, 0]]
+    colour[-2:] = [[0, 1, 0], [0.5, 0, 0]]
     opacity = np.zeros(len(centre), np.float16)
     opacity[-2:] = [0.6, 0.8]
     return {
@@ -466,19 +466,19 @@ def test_surfels_are_sorted_and_blended_in_linear_light(with_surfels: Watched) -
     page.locator("#theme").click()  # light
     page.locator("#surfels-head").scroll_into_view_if_needed()
     assert page.locator("#surfels-said").text_content() == "Surfels: the 62 that cover most of 100."
-    # 0.8 of red, 0.6 of green in the rest of 0.2, and white paper behind: 0.88, 0.2, 0.08 in sRGB
-    assert middle_of(canvas) == pytest.approx([241, 124, 80], abs=2)
+    # 0.8 of red (0.5), 0.6 of green in the rest of 0.2, and white paper behind: 0.48, 0.2, 0.08 in sRGB
+    assert middle_of(canvas) == pytest.approx([184, 124, 80], abs=2)
     for _ in range(31):
         canvas.press("ArrowRight")
-    # from behind, green is the nearer one: 0.32 + 0.08, 0.6 + 0.08, 0.08
-    assert middle_of(canvas) == pytest.approx([170, 215, 80], abs=2)
+    # from behind, green is the nearer one: 0.16 + 0.08, 0.6 + 0.08, 0.08
+    assert middle_of(canvas) == pytest.approx([135, 215, 80], abs=2)
     page.locator("#surfels-shown").select_option("normal")  # X is (1, 0.5, 0.5) in display colour
     red, green, blue = middle_of(canvas)
     assert red > 250
     assert green == blue
     canvas.press("0")
     page.locator("#surfels-shown").select_option("albedo")
-    assert middle_of(canvas) == pytest.approx([241, 124, 80], abs=2)
+    assert middle_of(canvas) == pytest.approx([184, 124, 80], abs=2)
 
 
 def test_two_models_turn_together(with_surfels: Watched) -> None:
