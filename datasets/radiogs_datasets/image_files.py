@@ -28,6 +28,7 @@ from .image_structure import (
     require_size,
 )
 from .jpeg_decoding import decode_jpeg
+from .native_output import ERROR, OUT, caught_output
 from .unnamed_file import path_of, unnamed_file
 
 HALF_MAX = 65504.0
@@ -84,25 +85,35 @@ def read_jpeg(path: Path) -> NDArray[np.float32]:
     return image.astype(np.float32) / np.float32(255)
 
 
+COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
+"""What OpenEXR's complaints of damaged pixels hold."""
+
+
 def read_exr(path: Path) -> NDArray[np.float32]:
     """Linear values of the channels that are the image (``exr_channels``): R, G, B(, A), X, Y, Z or one of values.
 
+    OpenEXR prints what it finds wrong with pixels; it is caught, as JPEG's warnings are (``native_output``).
     Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
     whole image, or says that it is no image in sRGB's primaries.
     """
     data = read_bytes(path)
     height, width = exr_size(path, data)
     try:
-        with _named(data) as name, OpenEXR.File(name, separate_channels=True, header_only=True) as file:
-            header, parts = file.header(), [part.name() for part in file.parts]
-            require_plain(path, parts, header)
-            names = [channel.name for channel in header["channels"]]
-        wanted = chosen(path, names)
-        require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
-        with _named(data) as name, OpenEXR.File(name, separate_channels=True) as file:
-            channels = {name: np.asarray(file.channels()[name].pixels, np.float32) for name in wanted}
+        with caught_output(OUT, ERROR) as printed, _named(data) as name:
+            with OpenEXR.File(name, separate_channels=True, header_only=True) as file:
+                header, parts = file.header(), [part.name() for part in file.parts]
+                require_plain(path, parts, header)
+                names = [channel.name for channel in header["channels"]]
+            wanted = chosen(path, names)
+            require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
+            with OpenEXR.File(name, separate_channels=True) as file:
+                channels = {name: np.asarray(file.channels()[name].pixels, np.float32) for name in wanted}
     except (RuntimeError, ValueError, TypeError, KeyError, OSError, MemoryError) as error:
         raise damaged(path, f"OpenEXR says: {error}") from error
+    complaints = printed.taken(COMPLAINTS)
+    printed.pass_on()
+    if complaints:
+        raise damaged(path, f"OpenEXR says: {complaints[0].decode(errors='replace').strip()}")
     if any(channels[name].shape != (height, width) for name in wanted):
         raise damaged(path, f"its channels ({', '.join(wanted)}) are not all {width} x {height} pixels")
     return _finite(path, np.stack([channels[name] for name in wanted], -1))

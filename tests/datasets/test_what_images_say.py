@@ -6,6 +6,7 @@ import struct
 import zlib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -175,6 +176,39 @@ def test_what_others_print_while_a_jpeg_is_decoded_is_not_lost(
     read_jpeg(tmp_path / "a.jpg")
     os.write(2, b"step 4 of 5\n")
     assert capfd.readouterr().err == "step 3 of 5\nstep 4 of 5\n"
+
+
+def test_damaged_pixels_of_an_exr_are_an_error_and_nothing_is_printed(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """OpenEXR prints its complaints to both streams, and may still return pixels."""
+    generator = np.random.default_rng(0)
+    write_exr(tmp_path / "a.exr", generator.random((64, 64, 3)).astype(np.float32))
+    whole = (tmp_path / "a.exr").read_bytes()
+    for _ in range(40):
+        damage = bytearray(whole)
+        for place in generator.integers(len(whole) // 4, len(whole), 3):
+            damage[place] ^= 0x5A
+        (tmp_path / "b.exr").write_bytes(bytes(damage))
+        with pytest.raises(DataError, match=r"damaged: OpenEXR says|NaN|infin"):
+            read_exr(tmp_path / "b.exr")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_what_openexr_complains_of_is_an_error_even_if_it_returns_pixels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_exr(tmp_path / "a.exr", np.ones((4, 4, 3), np.float32))
+    opened = OpenEXR.File
+
+    def complaining(*arguments: Any, **options: Any) -> Any:
+        os.write(2, b"step 3 of 5\nb.exr: (EXR_ERR_CORRUPT_CHUNK) Unable to decompress\n")
+        return opened(*arguments, **options)
+
+    monkeypatch.setattr(OpenEXR, "File", complaining)
+    with pytest.raises(DataError, match="EXR_ERR_CORRUPT_CHUNK"):
+        read_exr(tmp_path / "a.exr")
+    assert capfd.readouterr() == ("", 2 * "step 3 of 5\n"), "the file is opened twice"
 
 
 def test_an_animated_png_is_refused(tmp_path: Path) -> None:
