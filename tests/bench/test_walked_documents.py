@@ -110,9 +110,11 @@ def abridged(command: str) -> str:
     if not WHOLE_SUITES.search(command):
         return command
     command = re.sub(r"--seeds \d+", "", command)
-    scored_into = "ablations" in command  # by `score FOLDER --scene corner`, which names the miniature itself
-    place = "lego" if "--data" in command else "corner" if scored_into else "scenes/corner"
-    return command if "--scenes" in command else f"{command} --scenes {place}"
+    if "--data" in command:
+        return f"{command} --scenes lego"
+    scored_into = "ablations" in command  # by `score FOLDER --scene corner`, which is the whole miniature
+    small = "" if scored_into else f" --long-side {SMALL}"
+    return f"{command}{small}" if "--scenes" in command else f"{command} --scenes corner{small}"
 
 
 def test_every_command_of_the_readme_is_executed(walk: Path) -> None:
