@@ -1,6 +1,8 @@
 """``radiogs-bench view``: the surfels of a trained model in three dimensions."""
 
 import argparse
+import os
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,12 +11,15 @@ from radiogs_core.errors import DataError, UsageError
 from .options import add_verbose, pixels, positive
 
 if TYPE_CHECKING:
+    from PIL.Image import Image
+    from torch import Tensor
+
     from radiogs_core.surfels.surfels import Surfels
     from radiogs_reports.figures.surfel_view import Disks
 
     from .options import Commands
 
-COLOURS = ("radiance", "albedo", "normal")
+COLOURS = ("radiance", "albedo", "normal", "roughness")
 
 
 def add_to(commands: "Commands") -> None:
@@ -26,34 +31,65 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--row", metavar="ROW", help="of a run: the row whose model is shown (default: the first)")
     parser.add_argument("--frames", type=positive, default=36, metavar="N", help="of the turntable (default: 36)")
     parser.add_argument("--size", type=pixels, default=640, metavar="PIXELS", help="(default: 640)")
+    parser.add_argument("--window", action="store_true", help="also open a window, in which the surfels are lit discs")
     add_verbose(parser)
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write figures/surfels.png and figures/surfels.gif into the folder.
+    """Write figures/surfels.html, which turns in a browser, surfels.png and surfels.gif into the folder.
 
-    Raises UsageError where VTK cannot draw, DataError where there are no surfels.
+    Raises UsageError where no window can be opened, DataError where there are no surfels.
     """
-    from radiogs_reports.figures.surfel_view import draw, why_not
+    from radiogs_reports.page.viewer import write_viewer
 
+    from ..evaluation.shown_surfels import arrays_of
+    from ..training.progress import progress_for_stderr
+    from ..viewing.turntable import cameras_around, pictures
     from .reporter import say
 
+    if options.window:
+        require_screen()
     surfels = surfels_in(options.folder, options.row)
     if not len(surfels):
         raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
-    reason = why_not()
-    if reason is not None:
-        raise UsageError(
-            "the surfels cannot be drawn here",
-            f"VTK says: {reason}",
-            "It draws without a display by EGL or OSMesa:  apt-get install libegl1 libgl1 libosmesa6",
-        )
     folder = options.folder / "figures"
     folder.mkdir(exist_ok=True)
-    places = folder / "surfels.png", folder / "surfels.gif"
-    for path in draw(disks_of(surfels, options.colour), *places, options.frames, options.size):
-        say(f"wrote {path}")
+    cameras = cameras_around(surfels, options.frames, options.size)
+    title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
+    say(f"wrote {write_viewer(arrays_of(surfels, cameras), title, folder / 'surfels.html')}")
+    with progress_for_stderr() as bar:
+        frames = []
+        for done, picture in enumerate(pictures(surfels, cameras, options.colour), 1):
+            frames.append(as_image(picture))
+            bar.advance("turntable", done, len(cameras))
+    frames[0].save(folder / "surfels.png")
+    frames[0].save(
+        folder / "surfels.gif", save_all=True, append_images=frames[1:], duration=3600 // len(frames), loop=0
+    )
+    for name in ("surfels.png", "surfels.gif"):
+        say(f"wrote {folder / name}")
+    if options.window:
+        from radiogs_reports.figures.surfel_view import show
+
+        show(disks_of(surfels, options.colour), lit=options.colour == "albedo")
     return 0
+
+
+def require_screen() -> None:
+    """Raise UsageError where there is no screen to open a window on."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise UsageError(
+            "there is no screen to open a window on",
+            "Neither DISPLAY nor WAYLAND_DISPLAY is set.",
+            "Leave --window out, and open figures/surfels.html in a browser.",
+        )
+
+
+def as_image(picture: "Tensor") -> "Image":
+    """A picture in [0, 1], [height, width, 3], with 8 bits."""
+    from PIL import Image as images
+
+    return images.fromarray((picture * 255).round().byte().numpy())
 
 
 def surfels_in(folder: Path, row: str | None) -> "Surfels":
@@ -98,13 +134,13 @@ def disks_of(surfels: "Surfels", colour: str) -> "Disks":
 
     with torch.no_grad():
         frame = surfels.frame
-        if colour == "albedo":
-            shown = srgb_encode(surfels.albedo)
-        elif colour == "normal":
-            shown = frame[..., 2] * 0.5 + 0.5
-        else:
-            up = torch.tensor([0.0, 0.0, 1.0]).expand_as(surfels.centre)
-            shown = srgb_encode(surfel_radiance(surfels.sh[:, :1], up))
+        up = torch.tensor([0.0, 0.0, 1.0]).expand_as(surfels.centre)
+        shown = {
+            "albedo": lambda: srgb_encode(surfels.albedo),
+            "normal": lambda: frame[..., 2] * 0.5 + 0.5,
+            "roughness": lambda: surfels.roughness[:, None].expand(-1, 3),
+            "radiance": lambda: srgb_encode(surfel_radiance(surfels.sh[:, :1], up)),
+        }[colour]()
         tangents = frame[..., :2].mT * surfels.scale[..., None]
         arrays = (surfels.centre, tangents, surfels.opacity, shown.clamp(0, 1))
         return Disks(*(each.double().numpy() for each in arrays))

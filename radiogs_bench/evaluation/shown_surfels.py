@@ -29,8 +29,13 @@ def surfel_arrays(model: Trained, cameras: Sequence[Camera]) -> dict[str, np.nda
     """
     if not isinstance(model, MadeOfSurfels) or not len(model.surfels):
         return {}
+    return arrays_of(model.surfels, cameras)
+
+
+def arrays_of(surfels: Surfels, cameras: Sequence[Camera]) -> dict[str, np.ndarray]:
+    """The arrays of ``surfel_arrays`` of at least one surfel."""
     with torch.no_grad():
-        return {f"surfels/{name}": values for name, values in {**_arrays(model.surfels), **_stand(cameras)}.items()}
+        return {f"surfels/{name}": values for name, values in {**_arrays(surfels), **_stand(cameras)}.items()}
 
 
 def _arrays(surfels: Surfels) -> dict[str, np.ndarray]:

@@ -1,10 +1,13 @@
 """``radiogs-bench view``: models of runs are found, and what is missing is said with the right exit code."""
 
+import json
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
@@ -34,21 +37,44 @@ def test_the_first_trained_model_is_found_and_a_row_that_has_none_is_named(run: 
         surfels_in(run, "our")
 
 
-def test_where_vtk_cannot_draw_it_is_a_wrong_command_with_what_to_install(
+def test_a_page_that_turns_a_still_and_a_film_are_written(run: Path) -> None:
+    assert main(["view", str(run), "--frames", "3", "--size", "16"]) == 0
+    figures = run / "figures"
+    with Image.open(figures / "surfels.png") as still, Image.open(figures / "surfels.gif") as film:
+        assert still.size == film.size == (16, 16)
+        assert film.n_frames >= 2, "equal frames are stored once"
+    page = (figures / "surfels.html").read_text(encoding="utf-8")
+    stored = json.loads(page.split('id="surfels-model">')[1].split("</script>")[0])
+    assert stored["count"] == 4
+
+
+def test_without_a_screen_a_window_is_refused_before_any_work(
     run: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(surfel_view, "why_not", lambda: "no EGL here")
-    assert main(["view", str(run)]) == 2
-    said = capsys.readouterr().err
-    assert "no EGL here" in said
-    assert "apt-get install" in said
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert main(["view", str(run), "--window"]) == 2
+    assert "open figures/surfels.html in a browser" in capsys.readouterr().err
+    assert not (run / "figures").exists()
+
+
+def test_a_window_shows_the_discs_lit_where_they_have_no_light_of_their_own(
+    run: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = []
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(surfel_view, "show", lambda disks, lit: shown.append((len(disks.centres), lit)))
+    for colour in ("radiance", "albedo"):
+        assert main(["view", str(run), "--window", "--colour", colour, "--frames", "1", "--size", "16"]) == 0
+    assert shown == [(4, False), (4, True)]
 
 
 def test_a_folder_without_a_run_is_missing_data(tmp_path: Path) -> None:
     assert main(["view", str(tmp_path)]) == 3
 
 
-@pytest.mark.parametrize("colour", ["radiance", "albedo", "normal"])
+@pytest.mark.parametrize("colour", ["radiance", "albedo", "normal", "roughness"])
 def test_disks_are_the_surfels_as_plain_arrays(run: Path, colour: str) -> None:
     surfels = surfels_in(run, None)
     disks = disks_of(surfels, colour)

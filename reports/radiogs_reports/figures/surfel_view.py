@@ -1,14 +1,10 @@
-"""Surfels in 3D, drawn by pyvista: a still picture and a turntable. Needs no display if VTK can render offscreen."""
+"""Surfels as opaque discs in a window of pyvista, to turn: their places and normals, which blending hides."""
 
-import subprocess
-import sys
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pyvista
 from numpy.typing import NDArray
-from PIL import Image
 
 FACETS = 12
 """Corners of the polygon that stands for a disk."""
@@ -18,9 +14,6 @@ RADIUS = 2.0
 
 SMALLEST_OPACITY = 0.1
 """Surfels below it are left out: drawn as opaque disks, they would hide what they hardly cover."""
-
-ELEVATION = 25.0
-"""Elevation of the camera in degrees."""
 
 Floats = NDArray[np.float64]
 
@@ -53,40 +46,15 @@ def mesh_of(disks: Disks) -> pyvista.PolyData:
     return mesh
 
 
-def draw(disks: Disks, still: Path, turntable: Path, frames: int = 36, size: int = 640) -> list[Path]:
-    """Write a PNG, and a GIF of one turn around the Z axis (up); returns both paths. ``size`` is in pixels."""
-    mesh = mesh_of(disks)
-    plotter = pyvista.Plotter(off_screen=True, window_size=[size, size], lighting="none")
+def plotted(disks: Disks, lit: bool, off_screen: bool = False, size: int = 800) -> pyvista.Plotter:
+    """A window of the surfels as opaque discs. ``lit``: shaded by lamps of the window."""
+    plotter = pyvista.Plotter(off_screen=off_screen, window_size=[size, size], lighting="light kit" if lit else "none")
     plotter.background_color = pyvista.Color("white")
-    plotter.add_mesh(mesh, scalars="colour", rgb=True)
-    middle = np.median(disks.centres, axis=0)
-    radius = float(np.quantile(np.linalg.norm(disks.centres - middle, axis=1), 0.98))
-    plotter.show(auto_close=False)
-    pictures = []
-    for frame in range(frames):
-        turn, tilt = 2 * np.pi * frame / frames, np.radians(ELEVATION)
-        away = np.array([np.cos(turn) * np.cos(tilt), np.sin(turn) * np.cos(tilt), np.sin(tilt)])
-        plotter.camera_position = [tuple(middle + 4 * radius * away), tuple(middle), (0.0, 0.0, 1.0)]
-        plotter.reset_camera_clipping_range()
-        plotter.render()  # without it, a screenshot shows the first frame again
-        pictures.append(Image.fromarray(np.asarray(plotter.screenshot(return_img=True))))
-    plotter.close()
-    pictures[0].save(still)
-    pictures[0].save(turntable, save_all=True, append_images=pictures[1:], duration=3600 // frames, loop=0)
-    return [still, turntable]
+    plotter.add_mesh(mesh_of(disks), scalars="colour", rgb=True, lighting=lit)
+    plotter.renderer.view_vector((1.0, -1.0, 0.6), (0.0, 0.0, 1.0))
+    return plotter
 
 
-def why_not() -> str | None:
-    """VTK's error message if it cannot draw on this machine; None if it can.
-
-    Tried in a separate process, because VTK may end the process in which it fails.
-    """
-    program = (
-        "import pyvista; plotter = pyvista.Plotter(off_screen=True, window_size=[16, 16]);"
-        " plotter.add_mesh(pyvista.Disc()); assert plotter.screenshot(return_img=True).max() > 0"
-    )
-    tried = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    if tried.returncode == 0:
-        return None
-    messages = tried.stderr.strip().splitlines()
-    return messages[-1] if messages else f"VTK ended with {tried.returncode}"
+def show(disks: Disks, lit: bool) -> None:
+    """Open a window and wait until it is closed."""
+    plotted(disks, lit).show(title="radiogs-bench")

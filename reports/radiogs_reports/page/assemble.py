@@ -2,8 +2,6 @@
 
 import base64
 from collections.abc import Mapping, Sequence
-from importlib import resources
-from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +19,7 @@ from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
 from ..write.caption import run_note
+from .assets import part
 from .embedding import content_security_policy, json_for_script
 from .formula import formula
 from .origin import downloads, origin
@@ -120,12 +119,6 @@ def page(
 def data_address(path: Path) -> str:
     """A PNG file as a data address."""
     return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
-
-
-def part(*path: str) -> str:
-    """Text of a file in this module's folder."""
-    place: Traversable = resources.files(__package__)
-    return place.joinpath(*path).read_text(encoding="utf-8")
 
 
 def data(summary: Summary, pictures: Album) -> dict[str, Any]:

@@ -28,7 +28,7 @@ const shared = (() => {
   const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const colourOf = (row) => colour(`--row-${places[row] % 8}`);
   const hollow = (row) => Math.floor(places[row] / 8) % 2 === 1; // colours come round again after eight rows
-  const nameOf = (run) => `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
+  const nameOf = (run) => run.name ?? `${texts[run.row]}, ${run.scene}, seed ${run.seed}`;
 
   function legend(list, rows) {
     list.replaceChildren(
