@@ -1,0 +1,35 @@
+"""What is left of a run takes what the same row took, and shared stages are trained once."""
+
+from typing import Any, cast
+
+import pytest
+
+from radiogs_bench.results.work_left import work_left
+from radiogs_bench.store.schema import Result
+from radiogs_bench.suites.sweep import Place
+
+
+def place(row: str, seed: int, stages: list[str]) -> Place:
+    return cast(Place, {"row": row, "scene": "s", "seed": seed, "key": f"{row}-{seed}", "stages": stages})
+
+
+def result(first: tuple[str, float], second: tuple[str, float], scored: float) -> Result:
+    keys = {"one": first[0], "two": second[0]}
+    seconds = {"one": first[1], "two": second[1], "evaluate": scored}
+    return cast(Result, cast(Any, {"cell": {"stages": keys}, "seconds": seconds}))
+
+
+def test_seconds_are_those_of_the_same_row_and_without_one_of_all_rows() -> None:
+    places = [
+        place(row, seed, [f"shared-{seed}", f"{row}-{seed}"]) for seed in (0, 1) for row in ("slow", "fast", "new")
+    ]
+    finished = {
+        "slow-0": result(("shared-0", 100.0), ("slow-0", 50.0), 7.0),
+        "fast-0": result(("shared-0", 100.0), ("fast-0", 10.0), 3.0),
+    }
+    trained = {"shared-0", "slow-0", "fast-0"}
+    left = work_left(places, finished, trained)
+    # slow 1: 100 + 50 + 7; fast 1: 10 + 3; new 0 and new 1: 30 + 5, the means of both rows
+    assert (left.cells, left.stages) == (4, 5)
+    assert left.seconds == pytest.approx(157 + 13 + 35 + 35)
+    assert work_left(places[3:4], finished, trained).seconds is None
