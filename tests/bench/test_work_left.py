@@ -20,16 +20,15 @@ def result(first: tuple[str, float], second: tuple[str, float], scored: float) -
 
 
 def test_seconds_are_those_of_the_same_row_and_without_one_of_all_rows() -> None:
-    places = [
-        place(row, seed, [f"shared-{seed}", f"{row}-{seed}"]) for seed in (0, 1) for row in ("slow", "fast", "new")
-    ]
+    wanted = [("slow", 0), ("fast", 0), ("new", 0), ("slow", 1), ("fast", 1), ("new", 1), ("slow", 2)]
+    places = [place(row, seed, [f"shared-{seed}", f"{row}-{seed}"]) for row, seed in wanted]
     finished = {
         "slow-0": result(("shared-0", 100.0), ("slow-0", 50.0), 7.0),
         "fast-0": result(("shared-0", 100.0), ("fast-0", 10.0), 3.0),
     }
     trained = {"shared-0", "slow-0", "fast-0"}
     left = work_left(places, finished, trained)
-    # slow 1: 100 + 50 + 7; fast 1: 10 + 3; new 0 and new 1: 30 + 5, the means of both rows
-    assert (left.cells, left.stages) == (4, 5)
-    assert left.seconds == pytest.approx(157 + 13 + 35 + 35)
+    # slow 1 and slow 2: 100 + 50 + 7; fast 1: 10 + 3; new 0 and new 1: 30 + 5, the means of both rows
+    assert (left.cells, left.stages) == (5, 7)
+    assert left.seconds == pytest.approx(2 * 157 + 13 + 2 * 35)
     assert work_left(places[3:4], finished, trained).seconds is None
