@@ -51,6 +51,7 @@ def wanted(options: argparse.Namespace, suite: Suite) -> tuple[Request, torch.de
         places,
         cache(method),
         opened,
+        options.arguments,
     )
     request.cells()  # a method or preset that is not there shows now
     return request, device

@@ -40,7 +40,7 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     """
     cells = [(place, store.result(place["key"])) for place in sweep["cells"]]
     finished = [(place, result) for place, result in cells if result is not None]
-    return Summary(
+    made = Summary(
         schema=SCHEMA,
         suite=sweep["suite"],
         title=sweep["title"],
@@ -68,6 +68,9 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
+    if "command" in sweep:
+        made["command"] = sweep["command"]
+    return made
 
 
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:

@@ -73,6 +73,8 @@ class Sweep(TypedDict):
     seeds: list[int]
     scenes: list[str]
     cells: list[Place]
+    command: NotRequired[list[str]]
+    """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 
@@ -82,7 +84,8 @@ class Request:
     """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
 
     ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
-    method by its name; ``options`` are those that the scenes were opened with.
+    method by its name; ``options`` are those that the scenes were opened with. ``command``:
+    what was typed to ask for it.
     """
 
     suite: Suite
@@ -95,6 +98,7 @@ class Request:
     places: Mapping[str, str] = field(default_factory=dict)
     method: Callable[[str], Method] = find_method
     options: SceneOptions = AS_STORED
+    command: Sequence[str] = ()
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.
@@ -156,7 +160,7 @@ class Request:
     def manifest(self, places: Sequence[Place]) -> Sweep:
         """The request as stored in the folder."""
         suite = self.suite
-        return {
+        made: Sweep = {
             "schema": SWEEP_SCHEMA,
             "suite": suite.name,
             "title": suite.title,
@@ -171,6 +175,9 @@ class Request:
             "scenes": list(self.scenes),
             "cells": list(places),
         }
+        if self.command:
+            made["command"] = list(self.command)
+        return made
 
 
 def label(place: Place) -> str:

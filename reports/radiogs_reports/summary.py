@@ -251,6 +251,8 @@ class Summary(TypedDict):
     """Tables of the paper with at least one measured value, those of other suites included."""
     doubts: NotRequired[list[Doubt]]
     """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
+    command: NotRequired[list[str]]
+    """What was typed after the program's name to ask for the run; absent where nothing was."""
     conventions: dict[str, Any]
     """Every convention of the metric protocol; empty before the first result."""
     seal: NotRequired[str]

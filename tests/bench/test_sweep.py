@@ -8,6 +8,7 @@ import pytest
 
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of
 from radiogs.budget import PRESETS
+from radiogs_bench.results.summary import summarise
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed
 from radiogs_bench.suites.paper import ABLATIONS
@@ -31,6 +32,14 @@ def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
     manifest = request().manifest([place for place, _ in request().cells()])
     write_sweep(Store(tmp_path), manifest)
     assert read_sweep(tmp_path) == sealed(manifest)
+
+
+def test_what_was_typed_is_kept_and_shown_by_the_summary(tmp_path: Path) -> None:
+    places = [place for place, _ in request().cells()]
+    typed = ["run", "ablations", "--scenes", "a b", "--long-side", "48"]
+    write_sweep(Store(tmp_path), replace(request(), command=typed).manifest(places))
+    assert summarise(Store(tmp_path), read_sweep(tmp_path), {}, "")["command"] == typed
+    assert "command" not in summarise(Store(tmp_path), request().manifest(places), {}, "")
 
 
 @pytest.mark.parametrize("content", ["{", '{"schema": "other/1"}'])

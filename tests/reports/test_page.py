@@ -204,6 +204,12 @@ def test_symbols_are_set_as_the_paper_sets_them(tmp_path: Path) -> None:
     assert "Detach <i>L</i><sub>G</sub><sup>PBR</sup> &amp; &lt;<i>λ</i><sub>rad</sub>&gt;" in text
 
 
+def test_the_page_shows_the_command_as_it_was_typed(tmp_path: Path) -> None:
+    made = summary()
+    made["command"] = ["run", "ablations", "--scenes", "my scene", "--long-side", "48"]
+    assert "radiogs-bench run ablations --scenes &#39;my scene&#39; --long-side 48" in page_of(tmp_path, made)
+
+
 def test_the_page_says_when_by_what_and_how_it_was_made(tmp_path: Path) -> None:
     made = summary()
     for place, run in enumerate(made["runs"]):

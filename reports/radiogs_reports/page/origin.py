@@ -29,7 +29,9 @@ def _commit(git: dict[str, Any]) -> str:
 
 
 def command(summary: Summary) -> str:
-    """The command that repeats the run, for a suite and scenes of these names."""
+    """The command that asked for the run; where it was not kept, one for a suite and scenes of these names."""
+    if summary.get("command"):
+        return shlex.join(["radiogs-bench", *summary["command"]])
     words = [
         "radiogs-bench", "run", summary["suite"], "--scenes", ",".join(summary["scenes"]),
         "--seeds", str(len(summary["seeds"])), "--preset", summary["preset"], "--protocol", summary["protocol"],
