@@ -90,8 +90,10 @@ def error(kind: str, mine: Image, theirs: Image) -> Image:
     return difference(*(np.clip(KINDS[kind].shown(image), 0, 1) for image in (mine, theirs)))
 
 
-def read_maps(path: Path) -> dict[str, Image]:
-    """A cell's arrays by name, ``render/<map>`` and ``truth/<map>``, in float64.
+def read_maps(path: Path, start: str = "") -> dict[str, Image]:
+    """A cell's arrays by name, ``render/<map>``, ``truth/<map>`` and ``surfels/<part>``, in float64.
+
+    ``start``: only those whose names begin with it.
 
     Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
     """
@@ -99,7 +101,7 @@ def read_maps(path: Path) -> dict[str, Image]:
         if sum(part.file_size for part in parts.infolist()) > MOST_BYTES:
             raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     with np.load(path) as archive:
-        return {name: archive[name].astype(np.float64) for name in archive.files}
+        return {name: archive[name].astype(np.float64) for name in archive.files if name.startswith(start)}
 
 
 def false_colour(values: Image) -> Image:

@@ -18,6 +18,8 @@ CHROMIUM = shutil.which("chromium")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: chromium)")
 
 DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
+SMALL_DESK = {"width": 640, "height": 600}
+"""Where surfels are drawn: without a graphics card, pixels take time."""
 SHEET = {"width": 1032, "height": 703}
 """A4 on its side within its margins, in CSS pixels."""
 MORE_CELLS = 12
@@ -318,7 +320,7 @@ def test_names_that_are_markup_stay_text(browser: "playwright.Browser", tmp_path
 @pytest.mark.slow
 def test_200_cells_open_at_once_in_a_file_that_can_be_sent(browser: "playwright.Browser", tmp_path: Path) -> None:
     def opened_in(scenes: int, seeds: int) -> float:
-        """Milliseconds until a page with so many scenes and seeds, of two rows, is there."""
+        """Milliseconds until a page with so many scenes and seeds, of two rows, is there: the shorter time of two."""
         made = summary()
         made["runs"] = [
             run(row["key"], f"scene_{scene}", seed, f"{row['key']}{scene}x{seed}", {"nvs/psnr": 30 + seed / 10})
@@ -328,15 +330,16 @@ def test_200_cells_open_at_once_in_a_file_that_can_be_sent(browser: "playwright.
         ]
         path = write_page(made, write_run(tmp_path, made, size=64))
         assert path.stat().st_size < LARGEST
-        watched = Watched(browser, path, viewport=DESK)
-        assert watched.page.locator('table[data-name="cells"] tbody tr').count() == 2 * scenes * seeds
-        assert watched.page.locator("#compare-right-image").evaluate("each => each.naturalWidth") > 0
-        taken = watched.page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd")
-        watched.close()
-        return float(taken)
+        times = []
+        for _ in range(2):
+            watched = Watched(browser, path, viewport=DESK)
+            assert watched.page.locator('table[data-name="cells"] tbody tr').count() == 2 * scenes * seeds
+            assert watched.page.locator("#compare-right-image").evaluate("each => each.naturalWidth") > 0
+            times.append(watched.page.evaluate("performance.getEntriesByType('navigation')[0].loadEventEnd"))
+            watched.close()
+        return float(min(times))
 
-    few = min(opened_in(5, 2) for _ in range(2))
-    assert min(opened_in(10, 10) for _ in range(2)) < MORE_CELLS * few
+    assert opened_in(10, 10) < MORE_CELLS * opened_in(5, 2)
 
 
 @pytest.fixture
@@ -445,7 +448,7 @@ def with_surfels(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watc
     path = out / str(made["runs"][0]["arrays"])
     with np.load(path) as stored:
         np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
-    watched = Watched(browser, write_page(made, out), viewport=DESK)
+    watched = Watched(browser, write_page(made, out), viewport=SMALL_DESK)
     yield watched
     watched.close()
 

@@ -38,8 +38,8 @@ def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> d
     """By cell key, those of first seeds first, as many cells as the budget allows."""
     found: dict[str, Packed] = {}
     for run in sorted((run for run in runs if run["arrays"]), key=lambda run: run["seed"]):
-        arrays = maps.read_maps(out / str(run["arrays"]))
-        if "surfels/centre" not in arrays:
+        arrays = maps.read_maps(out / str(run["arrays"]), "surfels/")
+        if not arrays:
             continue
         made = packed(arrays)
         budget -= len(made["surfels"])
