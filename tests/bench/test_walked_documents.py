@@ -111,7 +111,7 @@ def abridged(command: str) -> str:
         return command
     command = re.sub(r"--seeds \d+", "", command)
     if "--data" in command:
-        return f"{command} --scenes lego"
+        return f"{command} --scenes tensoir/lego"
     scored_into = "ablations" in command  # by `score FOLDER --scene corner`, which is the whole miniature
     small = "" if scored_into else f" --long-side {SMALL}"
     return f"{command}{small}" if "--scenes" in command else f"{command} --scenes corner{small}"
