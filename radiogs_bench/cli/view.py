@@ -31,7 +31,7 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--row", metavar="ROW", help="of a run: the row whose model is shown (default: the first)")
     parser.add_argument("--frames", type=positive, default=36, metavar="N", help="of the turntable (default: 36)")
     parser.add_argument("--size", type=pixels, default=640, metavar="PIXELS", help="(default: 640)")
-    parser.add_argument("--window", action="store_true", help="also open a window, in which the surfels are lit discs")
+    parser.add_argument("--window", action="store_true", help="also open a window, with surfels as opaque discs")
     add_verbose(parser)
 
 

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
 from .. import maps
@@ -19,9 +18,8 @@ from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
 from ..write.caption import run_note
-from .assets import part
+from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
-from .formula import formula
 from .origin import downloads, origin
 from .pictures import Album, album, scale_bar
 from .surfels import Packed, packed_surfels
@@ -72,47 +70,43 @@ def page(
     """The page as text. ``surfels``: of cells by key, for its 3-D view."""
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
     order = order_report(summary)
-    script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), *(part("script", f"{n}.js") for n in SCRIPTS)])
-    style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), *(part("style", f"{n}.css") for n in STYLES)])
-    templates = Environment(
-        loader=FunctionLoader(lambda name: part("templates", name)),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    templates.filters["formula"] = formula
-    return templates.get_template("page.html").render(
-        summary=summary,
-        origin=origin(summary),
-        downloads=downloads(summary),
-        tables=[suite_table(summary), cells_table(summary)],
-        paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
-        sentences=[] if cost is None else cost.sentences,
-        grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
-        audit=audit,
-        audit_table=None if audit is None else grid_table(audit.grid),
-        ladder=ladder,
-        ladder_table=None if ladder is None else grid_table(ladder.grid),
-        order=order,
-        order_table=None if order is None else grid_table(order.grid),
-        figures=figures,
-        note=run_note(summary),
-        missing=missing(summary),
-        scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
-        finished=sum(run["state"] == "finished" for run in summary["runs"]),
-        selectable=selectable(summary),
-        by_view=any(run.get("by_view") for run in summary["runs"]),
-        kinds=maps.KINDS,
-        costs=COSTS,
-        scale_bar=scale_bar(),
-        pictures=pictures,
-        surfels=surfels or {},
-        data=json_for_script(data(summary, pictures)),
-        json_for_script=json_for_script,
-        policy=content_security_policy(script, style),
-        script=Markup(script),
-        style=Markup(style),
+    script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
+    style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
+    return (
+        templates()
+        .get_template("page.html")
+        .render(
+            summary=summary,
+            origin=origin(summary),
+            downloads=downloads(summary),
+            tables=[suite_table(summary), cells_table(summary)],
+            paper=[each for table in summary["paper"] for each in paper_tables(table, summary)],
+            sentences=[] if cost is None else cost.sentences,
+            grids=[] if cost is None else [grid_table(grid) for grid in cost.grids],
+            audit=audit,
+            audit_table=None if audit is None else grid_table(audit.grid),
+            ladder=ladder,
+            ladder_table=None if ladder is None else grid_table(ladder.grid),
+            order=order,
+            order_table=None if order is None else grid_table(order.grid),
+            figures=figures,
+            note=run_note(summary),
+            missing=missing(summary),
+            scattered=any(points(summary, column, cost) for column in summary["columns"] for cost in COSTS),
+            finished=sum(run["state"] == "finished" for run in summary["runs"]),
+            selectable=selectable(summary),
+            by_view=any(run.get("by_view") for run in summary["runs"]),
+            kinds=maps.KINDS,
+            costs=COSTS,
+            scale_bar=scale_bar(),
+            pictures=pictures,
+            surfels=surfels or {},
+            data=json_for_script(data(summary, pictures)),
+            json_for_script=json_for_script,
+            policy=content_security_policy(script, style),
+            script=Markup(script),
+            style=Markup(style),
+        )
     )
 
 

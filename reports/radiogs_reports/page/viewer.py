@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 from numpy.typing import NDArray
 
-from .assets import part
+from ..files import fresh
+from .assets import scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
 from .surfels import packed
 
@@ -17,24 +17,21 @@ MODEL = "model"
 
 def write_viewer(arrays: dict[str, NDArray], title: str, path: Path) -> Path:
     """Write the page of a model's arrays (``surfels/...``, as cells keep them); returns its path. Raises OSError."""
-    script = "\n".join(part("script", f"{name}.js") for name in SCRIPTS)
-    style = "\n".join(part("style", f"{name}.css") for name in STYLES)
-    templates = Environment(
-        loader=FunctionLoader(lambda name: part("templates", name)),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    script, style = scripts(SCRIPTS), styles(STYLES)
     run = {"key": MODEL, "row": MODEL, "name": title}
-    text = templates.get_template("viewer.html").render(
-        title=title,
-        surfels={MODEL: packed(arrays)},
-        data=json_for_script({"rows": [{"key": MODEL, "text": title}], "runs": [run]}),
-        json_for_script=json_for_script,
-        policy=content_security_policy(script, style),
-        script=Markup(script),
-        style=Markup(style),
+    text = (
+        templates()
+        .get_template("viewer.html")
+        .render(
+            title=title,
+            surfels={MODEL: packed(arrays)},
+            data=json_for_script({"rows": [{"key": MODEL, "text": title}], "runs": [run]}),
+            json_for_script=json_for_script,
+            policy=content_security_policy(script, style),
+            script=Markup(script),
+            style=Markup(style),
+        )
     )
+    path = fresh(path)
     path.write_text(text, encoding="utf-8")
     return path

@@ -200,12 +200,5 @@
   fill(costSelect, Object.entries(data.costs));
   qualitySelect.addEventListener("change", draw);
   costSelect.addEventListener("change", draw);
-  for (const name of ["themechange", "selection"]) document.addEventListener(name, draw);
-  let width = box.clientWidth;
-  new ResizeObserver(() => {
-    if (box.clientWidth === width) return;
-    width = box.clientWidth;
-    draw();
-  }).observe(box);
-  draw();
+  shared.drawnAnew(box, draw);
 })();

@@ -43,11 +43,22 @@ const shared = (() => {
     );
   }
 
+  function drawnAnew(box, draw) { // now, and when the width, the colours or the ticked cells change
+    let width = box.clientWidth;
+    for (const name of ["themechange", "selection"]) document.addEventListener(name, draw);
+    new ResizeObserver(() => {
+      if (box.clientWidth === width) return;
+      width = box.clientWidth;
+      draw();
+    }).observe(box);
+    draw();
+  }
+
   const mean = (values) => (values.length ? values.reduce((sum, each) => sum + each, 0) / values.length : null);
   const numbers = (values) => values.filter((each) => typeof each === "number");
 
   return {
-    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, mean, numbers,
+    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, drawnAnew, mean, numbers,
     selection: () => selection,
     select(chosen) {
       selection = chosen ?? ALL;

@@ -79,12 +79,5 @@
   fill(metricSelect, columns.map((column) => [column.key, column.label]));
   fill(sceneSelect, scenes.map((scene) => [scene, scene]));
   for (const select of [metricSelect, sceneSelect, orderSelect]) select.addEventListener("change", draw);
-  for (const name of ["themechange", "selection"]) document.addEventListener(name, draw);
-  let width = box.clientWidth;
-  new ResizeObserver(() => {
-    if (box.clientWidth === width) return;
-    width = box.clientWidth;
-    draw();
-  }).observe(box);
-  draw();
+  shared.drawnAnew(box, draw);
 })();
