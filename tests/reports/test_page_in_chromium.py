@@ -1,84 +1,25 @@
 """The page in headless Chromium: tables sort, the slider moves, nothing leaves the page, nothing is complained of."""
 
-import io
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
 
+from chromium import DESK, PHONE, Watched, browser, made_up, needed, playwright
 from made_up_run import run, summary, write_run
 from radiogs_reports.page import write_page
-from radiogs_reports.summary import Summary
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed (extra dev)")
-CHROMIUM = shutil.which("chromium")
-pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed (Debian: chromium)")
+pytestmark = needed
+__all__ = ["browser"]
 
-DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
-SMALL_DESK = {"width": 640, "height": 600}
-"""Where surfels are drawn: without a graphics card, pixels take time."""
 SHEET = {"width": 1032, "height": 703}
 """A4 on its side within its margins, in CSS pixels."""
 MORE_CELLS = 12
 """How many times as long a page of 200 cells may take to open as one of 20 does."""
 
 LARGEST = 25_000_000
-OF_SCREENSHOTS = "GPU stall due to ReadPixels"
-"""What Chromium's software renderer says when a test takes a picture."""
 EVIL = "<img src=x onerror=\"document.title='taken'\">"
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator["playwright.Browser"]:
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
-class Watched:
-    """An opened page, and what it said and asked for."""
-
-    def __init__(self, browser: "playwright.Browser", path: Path, **settings: object) -> None:
-        self.said: list[str] = []
-        self.asked: list[str] = []
-        self.page = browser.new_page(**settings)
-        self.page.set_default_timeout(10_000)
-        self.page.on("console", lambda message: self.heard(message.text))
-        self.page.on("pageerror", lambda error: self.said.append(str(error)))
-        self.page.on("request", lambda request: self.asked.append(request.url))
-        self.page.goto(path.as_uri())
-        self.own = path.as_uri()
-
-    def heard(self, text: str) -> None:
-        if OF_SCREENSHOTS not in text:
-            self.said.append(text)
-
-    def column(self, table: str, place: int) -> list[str]:
-        return self.page.eval_on_selector_all(
-            f'table[data-name="{table}"] tbody tr',
-            f"rows => rows.map(row => row.cells[{place}].firstChild.textContent)",
-        )
-
-    def close(self) -> None:
-        """Leave, having checked that the page was quiet."""
-        self.page.close()
-        assert self.said == []
-        assert [url for url in self.asked if url != self.own and not url.startswith("data:")] == []
-
-
-def made_up() -> Summary:
-    made = summary()
-    made["rows"].append({"key": "third", "latex": "Third", "text": "third", "seconds": 9.5})
-    made["cells"]["third"] = {
-        key: {**value, "mean": None, "difference": None} for key, value in made["cells"]["ours"].items()
-    }
-    made["cells"]["third"]["normal/mae"] = {"mean": 11.0, "count": 1, "difference": None, "reason": None}
-    made["published"]["third"] = {"nvs/psnr": 40.0}
-    return made
 
 
 @pytest.fixture
@@ -416,101 +357,3 @@ def test_a_metric_is_shown_view_by_view_with_the_best_row_first(of_two_seeds: Wa
     assert frame is not None
     page.mouse.move(frame["x"] + frame["width"] / 2, frame["y"] + frame["height"] / 2)
     assert said.text_content() == "test_004: Ours 29.50"
-
-
-def two_discs() -> dict[str, np.ndarray]:
-    """A green disc through the middle and a red one before it, seen along X; the rest only spans the scene."""
-    corners = np.repeat(np.concatenate([np.eye(3), -np.eye(3)]), 10, 0)
-    discs = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]])
-    centre = np.concatenate([corners, discs]).astype(np.float32)
-    tangents = np.tile(np.array([[0.0, 5.0, 0.0], [0.0, 0.0, 5.0]], np.float32), (len(centre), 1, 1))
-    colour = np.zeros((len(centre), 3), np.float16)
-    colour[-2:] = [[0, 1, 0], [0.5, 0, 0]]
-    opacity = np.zeros(len(centre), np.float16)
-    opacity[-2:] = [0.6, 0.8]
-    return {
-        "surfels/centre": centre,
-        "surfels/tangents": tangents,
-        "surfels/opacity": opacity,
-        "surfels/radiance": colour,
-        "surfels/albedo": colour,
-        "surfels/roughness": opacity,
-        "surfels/count": np.array([100.0], np.float32),
-        "surfels/eye": np.array([0.62, -0.78, 0.48], np.float32),
-        "surfels/up": np.array([0.0, 0.0, 1.0], np.float32),
-    }
-
-
-@pytest.fixture
-def with_surfels(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
-    made = made_up()
-    out = write_run(tmp_path, made)
-    path = out / str(made["runs"][0]["arrays"])
-    with np.load(path) as stored:
-        np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
-    watched = Watched(browser, write_page(made, out), viewport=SMALL_DESK)
-    yield watched
-    watched.close()
-
-
-def picture_of(canvas: "playwright.Locator") -> np.ndarray:
-    """8-bit sRGB of what is shown, without its border."""
-    canvas.page.wait_for_timeout(300)  # two frames of a software renderer
-    return np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB"))[20:-20, 20:-20]
-
-
-def middle_of(canvas: "playwright.Locator") -> list[int]:
-    image = picture_of(canvas)
-    return image[image.shape[0] // 2, image.shape[1] // 2].tolist()
-
-
-def test_surfels_are_sorted_and_blended_in_linear_light(with_surfels: Watched) -> None:
-    page, canvas = with_surfels.page, with_surfels.page.locator(".turnable").first
-    page.locator("#theme").click()  # light
-    page.locator("#surfels-head").scroll_into_view_if_needed()
-    assert page.locator("#surfels-said").text_content() == "Surfels: the 62 that cover most of 100."
-    # 0.8 of red (0.5), 0.6 of green in the rest of 0.2, and white paper behind: 0.48, 0.2, 0.08 in sRGB
-    assert middle_of(canvas) == pytest.approx([184, 124, 80], abs=2)
-    for _ in range(31):
-        canvas.press("ArrowRight")
-    # from behind, green is the nearer one: 0.16 + 0.08, 0.6 + 0.08, 0.08
-    assert middle_of(canvas) == pytest.approx([135, 215, 80], abs=2)
-    page.locator("#surfels-shown").select_option("normal")  # X is (1, 0.5, 0.5) in display colour
-    red, green, blue = middle_of(canvas)
-    assert red > 250
-    assert green == blue
-    canvas.press("0")
-    page.locator("#surfels-shown").select_option("albedo")
-    assert middle_of(canvas) == pytest.approx([184, 124, 80], abs=2)
-
-
-def test_two_models_turn_together(with_surfels: Watched) -> None:
-    page = with_surfels.page
-    left, right = page.locator(".turnable").nth(0), page.locator(".turnable").nth(1)
-    assert not right.is_visible()
-    page.locator("#surfels-right").select_option(index=1)
-    assert right.is_visible()
-    before = picture_of(left)
-    right.press("ArrowUp")
-    right.press("-")
-    after = picture_of(left)
-    assert (after == picture_of(right)).all()
-    assert (after != before).any()
-    page.locator("#surfels summary").click()
-    assert not left.is_visible()
-
-
-def test_two_rows_of_a_scene_stand_side_by_side_from_the_beginning(
-    browser: "playwright.Browser", tmp_path: Path
-) -> None:
-    made = made_up()
-    out = write_run(tmp_path, made)
-    for cell in made["runs"][:2]:
-        path = out / str(cell["arrays"])
-        with np.load(path) as stored:
-            np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
-    watched = Watched(browser, write_page(made, out), viewport=DESK)
-    chosen = [watched.page.locator(f"#surfels-{side}").input_value() for side in ("left", "right")]
-    assert chosen == [made["runs"][0]["key"], made["runs"][1]["key"]]
-    assert watched.page.locator(".turnable").nth(1).is_visible()
-    watched.close()

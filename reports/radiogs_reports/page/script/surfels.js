@@ -1,4 +1,4 @@
-// Surfels in 3-D: sorted by depth and blended in linear light as Gaussians on their own planes, two models side by side.
+// Surfels in 3-D: those that face the eye, sorted by distance and blended in linear light as Gaussians on their own planes.
 (() => {
   const { data, fill, nameOf } = shared;
   const found = (name) => document.getElementById(name);
@@ -22,12 +22,15 @@
     layout(location = 3) in vec3 second;
     layout(location = 4) in vec4 colour;
     uniform mat4 projection;
+    uniform vec3 eye;
     out vec2 place;
     flat out vec4 shade;
+    const vec4 NOWHERE = vec4(2.0, 2.0, 2.0, 1.0);
     void main() {
+      bool faces = dot(cross(first, second), eye - centre) > 0.0;
       place = corner;
       shade = colour;
-      gl_Position = projection * vec4(centre + corner.x * first + corner.y * second, 1.0);
+      gl_Position = faces ? projection * vec4(centre + corner.x * first + corner.y * second, 1.0) : NOWHERE;
     }`;
   const FRAGMENT = `#version 300 es
     precision highp float;
@@ -160,6 +163,7 @@
       gl.clear(gl.COLOR_BUFFER_BIT);
       gl.useProgram(blending);
       gl.uniformMatrix4fv(gl.getUniformLocation(blending, "projection"), false, matrix(size[0] / size[1]));
+      gl.uniform3fv(gl.getUniformLocation(blending, "eye"), eye);
       gl.bindBuffer(gl.ARRAY_BUFFER, instances);
       gl.bufferData(gl.ARRAY_BUFFER, sorted, gl.DYNAMIC_DRAW);
       [[1, 3, 0], [2, 3, 3], [3, 3, 6], [4, 4, 9]].forEach((each) => place(...each));
