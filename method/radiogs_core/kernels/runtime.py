@@ -14,6 +14,7 @@ import warp as wp
 
 from ..errors import UsageError
 from ..instruments import fire
+from .arrangement import as_on_cuda
 
 
 @cache
@@ -105,7 +106,7 @@ def workers(device: torch.device) -> int:
 
     Each worker owns its gradient buffers, because Warp's atomics on the CPU are plain read-modify-write.
     """
-    if device.type != "cpu":
+    if as_on_cuda(device):
         return 1
     return _team or torch.get_num_threads()
 

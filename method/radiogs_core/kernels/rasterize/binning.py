@@ -9,6 +9,7 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from ...scene.camera import Camera
+from ..arrangement import as_on_cuda
 from ..runtime import as_array, launch_in_parallel, require_countable
 from ..surfel.geometry import SplatGeometry, cull, support_radius
 from .binning_source import binning_kernels
@@ -38,7 +39,7 @@ def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
     require_countable(entries, "pairs of a surfel and a tile", "Render a smaller image, or fewer surfels.")
     drawn = torch.nonzero(touched)[:, 0]
     nearest_first = drawn[depth[drawn].argsort(stable=True)]
-    gather = counted_lists if depth.device.type == "cpu" else sorted_lists
+    gather = sorted_lists if as_on_cuda(depth.device) else counted_lists
     starts, members = gather(camera, tiles, nearest_first, entries)
     return TileLists(starts, members, touched)
 

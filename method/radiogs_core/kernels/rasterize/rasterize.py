@@ -10,6 +10,7 @@ from torch import Tensor
 from ...instruments import count
 from ...instruments.finite import require_finite_blend
 from ...scene.camera import Camera
+from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import SplatGeometry, support_radius
 from .binning import TileLists, tile_lists
@@ -94,7 +95,7 @@ class _Blend(torch.autograd.Function):
     ) -> tuple[Tensor, Tensor]:
         splats = tuple(value.detach().contiguous() for value in splats)
         like, channels = splats[0], splats[-1].shape[1]
-        kernels = blend_kernels(like.dtype, channels)
+        kernels = blend_kernels(like.dtype, channels, as_on_cuda(like.device))
         pixels = camera.width * camera.height
         images = like.new_empty(pixels, channels)
         sums = like.new_empty(pixels, PIXEL_SUMS)
@@ -111,7 +112,7 @@ class _Blend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, grad_images: Tensor, grad_sums: Tensor) -> Any:
         images, sums, ends, *splats = ctx.saved_tensors
-        kernels = blend_kernels(images.dtype, images.shape[1])
+        kernels = blend_kernels(images.dtype, images.shape[1], as_on_cuda(images.device))
         gradients = WorkerSums(splats, images.device)
         saved = list(map(_flat, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
         launch_in_parallel(
@@ -137,7 +138,7 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
 def _items(camera: Camera, device: torch.device) -> int:
     """Items of the kernels in whole tiles."""
     tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
-    return tiles * TILE * TILE // pixels_an_item(device)
+    return tiles * TILE * TILE // pixels_an_item(as_on_cuda(device))
 
 
 def _flat(value: Tensor) -> Any:

@@ -9,7 +9,7 @@ so a hit costs three dot products, and the chain rule to centre, axes and normal
 
 Both passes are native snippets whose item on the CPU is a tile: each step is taken for all its pixels before the next,
 in plain loops over the lanes, which the CPU compiler turns into vector code; a lane that a surfel does not reach
-blends it with weight zero. On CUDA an item is a pixel: the same text with one lane.
+blends it with weight zero. Arranged for CUDA, an item is a pixel: the same text with one lane.
 """
 
 from functools import cache
@@ -19,6 +19,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
 
@@ -35,17 +36,16 @@ SERIES_TERMS = {torch.float32: 7, torch.float64: 13}
 """Terms of the series of exp on [-log(2) / 2, log(2) / 2] that reach the last digit of each type."""
 
 
-def pixels_an_item(device: torch.device) -> int:
+def pixels_an_item(on_cuda: bool) -> int:
     """How many pixels of a tile one item of the kernels blends."""
-    return TILE * TILE if device.type == "cpu" else 1
+    return 1 if on_cuda else TILE * TILE
 
 
 _TILE = """
-#if defined(__CUDA_ARCH__)
-    constexpr int LANES = 1;
+    constexpr int LANES = PIXELS_AN_ITEM;
+#if ON_CUDA
     auto bell = [](SCALAR square) -> SCALAR { return SCALAR(exp(SCALAR(-0.5) * square)); };
 #else
-    constexpr int LANES = TILE * TILE;
     // exp(-square / 2) = 2^-n e^r with |r| <= log(2) / 2; supports end at n = 8.
     auto bell = [](SCALAR square) -> SCALAR {
         const SCALAR n = wp::floor(square * SCALAR(0.5 / 0.69314718055994530942) + SCALAR(0.5));
@@ -245,7 +245,7 @@ _BACKWARD = (
 
 
 @cache
-def blend_kernels(dtype: torch.dtype, channels: int) -> Any:
+def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and a number of feature channels; all arrays are flat."""
     start_warp()
     scalar = scalar_type(dtype)
@@ -270,7 +270,7 @@ def blend_kernels(dtype: torch.dtype, channels: int) -> Any:
         records: flat
         features: flat
 
-    @wp.func_native(_written_for(_FORWARD, dtype, channels))
+    @wp.func_native(_written_for(_FORWARD, dtype, channels, on_cuda))
     def blend_item(
         item: wp.int32,
         image: Image,
@@ -281,7 +281,7 @@ def blend_kernels(dtype: torch.dtype, channels: int) -> Any:
         out_blended: integers,
     ): ...
 
-    @wp.func_native(_written_for(_BACKWARD, dtype, channels))
+    @wp.func_native(_written_for(_BACKWARD, dtype, channels, on_cuda))
     def pull_item(
         item: wp.int32,
         image: Image,
@@ -328,11 +328,11 @@ def blend_kernels(dtype: torch.dtype, channels: int) -> Any:
     return SimpleNamespace(Image=Image, Splats=Splats, forward=forward, backward=backward)
 
 
-def _written_for(snippet: str, dtype: torch.dtype, channels: int) -> str:
+def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool) -> str:
     # log(2) in two parts: a product of the first with n up to 8 is exact.
     high = 0.693359375
     words = {
-        "SCALAR": "wp::float32" if dtype == torch.float32 else "wp::float64",
+        "PIXELS_AN_ITEM": str(pixels_an_item(on_cuda)),
         "TILE": str(TILE),
         "RECORD": str(RECORD),
         "CHANNELS": str(channels),
@@ -343,6 +343,4 @@ def _written_for(snippet: str, dtype: torch.dtype, channels: int) -> str:
         "LOG2_HIGH": repr(high),
         "LOG2_LOW": "-2.121944400546905827679e-4",
     }
-    for word, text in words.items():
-        snippet = snippet.replace(word, text)
-    return snippet
+    return native_text(snippet, dtype, on_cuda, words)

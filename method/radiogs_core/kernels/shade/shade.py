@@ -7,6 +7,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ...instruments import count
+from ..arrangement import as_on_cuda
 from ..runtime import MOST_ENTRIES, as_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 
@@ -53,7 +54,7 @@ class _Shade(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.detach().contiguous() for value in inputs)
         outgoing, direction, specular_at = inputs[3], inputs[4], inputs[9]
-        kernels = shade_kernels(outgoing.dtype)
+        kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device))
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
         given, result = _inputs(kernels, inputs), _flat(out)
@@ -69,7 +70,7 @@ class _Shade(torch.autograd.Function):
     def backward(ctx: Any, grad_out: Tensor) -> Any:
         inputs = ctx.saved_tensors
         normal, albedo, roughness, _, _, _, visibility, indirect, environment, _ = inputs
-        kernels = shade_kernels(normal.dtype)
+        kernels = shade_kernels(normal.dtype, as_on_cuda(normal.device))
         wants_incident = ctx.needs_input_grad[6] or ctx.needs_input_grad[7]
         wants_environment = ctx.needs_input_grad[8]
         own = [torch.empty_like(value) for value in (normal, albedo, roughness)]

@@ -8,7 +8,8 @@ to the four sums. The backward pass evaluates the same terms again and keeps not
 
 Both passes are native snippets that take the samples in blocks of LANES and finish each step for a whole block
 before the next: plain loops over the lanes, which the CPU compiler turns into vector code (one sample at a time, with
-the mathematical library's atan2 and pow, measured 4 times slower). CUDA compiles the same text with one lane.
+the mathematical library's atan2 and pow, measured 4 times slower). Arranged for CUDA, it is the same text with one
+lane.
 A lane without a sample, or with one below the horizon, looks along the normal with weight zero: finite, and nothing.
 """
 
@@ -19,21 +20,18 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from .brdf import FRESNEL_NORMAL
 
-CPU_LANES = 16
+LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
 
 SERIES_TERMS = {torch.float32: (6, 8), torch.float64: (11, 15)}
 """Terms of the series of atan up to tan(pi/16) and of exp down to -0.55 that reach the last digit of each type."""
 
 _SURFEL = """
-#if defined(__CUDA_ARCH__)
-    constexpr int LANES = 1;
-#else
-    constexpr int LANES = CPU_LANES;
-#endif
+    constexpr int LANES = SAMPLES_IN_A_BLOCK;
     const int views = given.views, samples = given.samples, height = given.height, width = given.width;
     // A surfel without a specular part has no view that a lobe is evaluated for.
     const int specular_views = given.specular_at.data[surfel] ? views : 0;
@@ -303,7 +301,7 @@ _BACKWARD = (
 
 
 @cache
-def shade_kernels(dtype: torch.dtype) -> Any:
+def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat."""
     start_warp()
     scalar = scalar_type(dtype)
@@ -326,10 +324,10 @@ def shade_kernels(dtype: torch.dtype) -> Any:
         environment: flat
         specular_at: wp.array(dtype=wp.int32)
 
-    @wp.func_native(_written_for(_FORWARD, dtype))
+    @wp.func_native(_written_for(_FORWARD, dtype, on_cuda))
     def shade_surfel(surfel: wp.int32, given: Inputs, out: flat): ...
 
-    @wp.func_native(_written_for(_BACKWARD, dtype))
+    @wp.func_native(_written_for(_BACKWARD, dtype, on_cuda))
     def pull_surfel(
         surfel: wp.int32,
         given: Inputs,
@@ -370,15 +368,12 @@ def shade_kernels(dtype: torch.dtype) -> Any:
     return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward)
 
 
-def _written_for(snippet: str, dtype: torch.dtype) -> str:
+def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
     atan_terms, exp_terms = SERIES_TERMS[dtype]
     words = {
-        "SCALAR": "wp::float32" if dtype == torch.float32 else "wp::float64",
-        "CPU_LANES": str(CPU_LANES),
+        "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
         "ATAN_TERMS": str(atan_terms),
         "EXP_TERMS": str(exp_terms),
         "F0": repr(FRESNEL_NORMAL),
     }
-    for word, text in words.items():
-        snippet = snippet.replace(word, text)
-    return snippet
+    return native_text(snippet, dtype, on_cuda, words)

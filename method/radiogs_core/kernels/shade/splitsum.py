@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
 from .splitsum_source import splitsum_kernels
 
@@ -38,7 +39,7 @@ class _SplitSum(torch.autograd.Function):
     def forward(ctx: Any, first_level: float, table: Tensor, *inputs: Tensor) -> Tensor:
         inputs = tuple(value.detach().contiguous() for value in inputs)
         normal, albedo, roughness, outgoing, diffuse, glossy, sharp = inputs
-        kernels = splitsum_kernels(normal.dtype, len(glossy), first_level)
+        kernels = splitsum_kernels(normal.dtype, len(glossy), first_level, as_on_cuda(normal.device))
         given = kernels.Inputs()
         given.grid_height, given.table_size = len(diffuse), len(table)
         given.sharp_height, given.sharp_width = sharp.shape[:2]

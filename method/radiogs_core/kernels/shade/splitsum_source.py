@@ -12,11 +12,12 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..native_text import native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 from .brdf import FRESNEL_NORMAL
 
 _POINT = """
-#if defined(__CUDA_ARCH__)
+#if ON_CUDA
     #define ADD(address, value) atomicAdd(address, value)
 #else
     #define ADD(address, value) *(address) += (value)
@@ -202,7 +203,7 @@ _BACKWARD = (
 
 
 @cache
-def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float) -> Any:
+def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat.
 
     ``levels`` filtered maps, the first at roughness ``first_level``, the others at its multiples.
@@ -210,15 +211,8 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float) -> Any
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    words = {
-        "SCALAR": f"wp::{scalar.__name__}",
-        "FIRST_LEVEL": repr(first_level),
-        "LEVELS": str(levels),
-        "F0": repr(FRESNEL_NORMAL),
-    }
-    forward_text, backward_text = _FORWARD, _BACKWARD
-    for word, text in words.items():
-        forward_text, backward_text = forward_text.replace(word, text), backward_text.replace(word, text)
+    words = {"FIRST_LEVEL": repr(first_level), "LEVELS": str(levels), "F0": repr(FRESNEL_NORMAL)}
+    forward_text, backward_text = (native_text(text, dtype, on_cuda, words) for text in (_FORWARD, _BACKWARD))
 
     @wp.struct
     class Inputs:

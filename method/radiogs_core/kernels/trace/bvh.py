@@ -10,6 +10,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..arrangement import as_on_cuda
 from ..surfel.geometry import SplatGeometry, can_be_met, cull, support_extent, support_radius
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
@@ -95,7 +96,7 @@ def _topology(geometry: SplatGeometry) -> Topology:
     """Surfels that no ray can meet now have a place too: they may return while the tree is refitted."""
     with torch.no_grad():
         centre = torch.where(torch.isfinite(geometry.centre).all(-1, keepdim=True), geometry.centre, 0.0)
-        if centre.device.type != "cpu":
+        if as_on_cuda(centre.device):
             return kd_topology(centre)
         extent = torch.where(can_be_met(geometry)[:, None], support_extent(geometry), 0.0)
         return sah_topology(centre - extent, centre + extent)

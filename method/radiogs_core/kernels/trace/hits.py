@@ -10,12 +10,13 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ...instruments import count
+from ..arrangement import as_on_cuda
 from ..runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, require_countable, workers
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, hit_kernels
 from .ray_order import coherent_order
 
-RAYS_AT_ONCE = {"cpu": 1 << 14, "cuda": 1 << 20}
+RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
 """Rays gathered together at most: bounds the buffers (BUFFER times 12 bytes a ray in float32)."""
 
 FEWEST_RAYS = 2048
@@ -64,13 +65,14 @@ def find_hits(
 
     Surfels are met from their visible side, and beyond ``back_from`` from behind, too.
     """
-    kernels = hit_kernels(origin.dtype)
+    on_cuda = as_on_cuda(origin.device)
+    kernels = hit_kernels(origin.dtype, on_cuda)
     compile_for(origin.device, kernels.gather, kernels.pack)
     order = coherent_order(origin, direction)
     rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
     tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
     start, backs = t_min.index_select(0, order), as_array(back_from.contiguous())
-    at_once = RAYS_AT_ONCE[origin.device.type]
+    at_once = RAYS_AT_ONCE_ON_CUDA if on_cuda else RAYS_AT_ONCE
     if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
         at_once = max(FEWEST_RAYS, min(at_once, share))

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
 
@@ -20,7 +21,7 @@ STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
 _GATHER = """
-#if defined(__CUDA_ARCH__)
+#if ON_CUDA
     #define LOWEST_BYTE(bits) ((__ffsll(bits) - 1) >> 3)
     #define FETCH(address)
 #else
@@ -175,15 +176,12 @@ done:
 
 
 @cache
-def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
+def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """Kernels ``code``, ``gather`` and ``pack`` for float32 or float64, and the vector type that they take."""
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    snippet = _GATHER
-    name = f"wp::{scalar.__name__}"
-    for word, text in (("SCALAR", name), ("BUFFER", str(BUFFER)), ("STACK", str(STACK)), ("MAX_ALPHA", str(MAX_ALPHA))):
-        snippet = snippet.replace(word, text)
+    words = {"BUFFER": str(BUFFER), "STACK": str(STACK), "MAX_ALPHA": str(MAX_ALPHA)}
 
     @wp.func
     def spread(bits: wp.int32):
@@ -213,7 +211,7 @@ def hit_kernels(dtype: torch.dtype) -> SimpleNamespace:
                 found += 1 << (27 + axis)
         out[ray] = found
 
-    @wp.func_native(snippet)
+    @wp.func_native(native_text(_GATHER, dtype, on_cuda, words))
     def gather_hits(
         slot: wp.int32,
         origin: vector,

@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from ..arrangement import as_on_cuda
 from ..runtime import as_array, launch_in_parallel
 from .hits_source import hit_kernels
 
@@ -17,7 +18,7 @@ def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "ra
 
     Measured against random order: 1.3 to 1.8 times as fast, of which the octant is 2 to 5 %.
     """
-    kernels = hit_kernels(origin.dtype)
+    kernels = hit_kernels(origin.dtype, as_on_cuda(origin.device))
     count, device = len(origin), origin.device
     code = torch.zeros(count, dtype=torch.int32, device=device)
     if count > 0:

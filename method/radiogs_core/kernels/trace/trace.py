@@ -9,6 +9,7 @@ from torch import Tensor
 
 from ...instruments import count, fire
 from ...instruments.finite import require_finite_blend
+from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .bvh import SurfelBVH
@@ -68,7 +69,7 @@ class _Blend(torch.autograd.Function):
         inputs = tuple(value.detach().contiguous() for value in inputs)
         direction = direction.detach().contiguous()
         origin, _, _, features = inputs
-        kernels = trace_kernels(origin.dtype)
+        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         rays = len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
         arguments = [_hits(kernels, lists, direction, inputs), *map(_flat, outputs)]
@@ -82,7 +83,7 @@ class _Blend(torch.autograd.Function):
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor) -> Any:
         origin, surface, sh, features = ctx.saved_tensors[:4]
-        kernels = trace_kernels(origin.dtype)
+        kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         grad_origin = torch.empty_like(origin)
         sums = WorkerSums((surface, sh, features), origin.device)
         arguments = [*ctx.arguments, *(_flat(pull.contiguous()) for pull in pulls), _flat(grad_origin)]

@@ -11,13 +11,14 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
 from ..surfel.harmonics_source import HARMONICS
 
 _RAY = (
     """
-#if defined(__CUDA_ARCH__)
+#if ON_CUDA
     #define FETCH(address)
     #define ADD(address, value) atomicAdd(address, value)
 #else
@@ -179,17 +180,15 @@ _BACKWARD = (
 
 
 @cache
-def trace_kernels(dtype: torch.dtype) -> SimpleNamespace:
+def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """Kernels ``forward`` and ``backward`` for float32 or float64, and the struct ``Hits`` that both take.
 
     All arrays are flat; ``coefficients`` of the harmonics and ``channels`` of the features are numbers.
     """
     start_warp()
     scalar = scalar_type(dtype)
-    words = {"SCALAR": f"wp::{scalar.__name__}", "MAX_ALPHA": str(MAX_ALPHA)}
-    forward_text, backward_text = _FORWARD, _BACKWARD
-    for word, text in words.items():
-        forward_text, backward_text = forward_text.replace(word, text), backward_text.replace(word, text)
+    words = {"MAX_ALPHA": str(MAX_ALPHA)}
+    forward_text, backward_text = (native_text(text, dtype, on_cuda, words) for text in (_FORWARD, _BACKWARD))
 
     @wp.struct
     class Hits:

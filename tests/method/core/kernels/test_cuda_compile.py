@@ -20,14 +20,14 @@ from radiogs_core.kernels.trace.trace_source import trace_kernels
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
     splitsum, frames, binning, harmonics, shading, hits, tracing, blending = (
-        splitsum_kernels(dtype, 5, 0.2),
+        splitsum_kernels(dtype, 5, 0.2, on_cuda=True),
         frame_kernels(dtype),
         binning_kernels(dtype),
         harmonics_kernels(dtype),
-        shade_kernels(dtype),
-        hit_kernels(dtype),
-        trace_kernels(dtype),
-        blend_kernels(dtype, 13),
+        shade_kernels(dtype, on_cuda=True),
+        hit_kernels(dtype, on_cuda=True),
+        trace_kernels(dtype, on_cuda=True),
+        blend_kernels(dtype, 13, on_cuda=True),
     )
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,

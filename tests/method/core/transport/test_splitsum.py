@@ -127,6 +127,7 @@ def test_nothing_is_seen_from_behind() -> None:
         assert bool((part[~behind] > 0).all())
 
 
+@pytest.mark.usefixtures("arrangement")
 @pytest.mark.parametrize("height", [8, 16, 32])
 def test_float64_equals_the_dense_expression_and_its_gradients(height: int) -> None:
     radiance = torch.rand(height, 2 * height, 3, dtype=F64)
