@@ -7,6 +7,7 @@ import pytest
 import torch
 from jaxtyping import install_import_hook
 
+from elsewhere import registered
 from radiogs_core.kernels.runtime import use_threads
 
 ROOT = Path(__file__).parents[1]
@@ -26,6 +27,7 @@ def _checked_modules() -> list[str]:
 
 
 install_import_hook(_checked_modules(), "beartype.beartype")
+registered()  # autograd counts the devices once, in a process's first backward pass
 
 
 @pytest.fixture

@@ -75,10 +75,10 @@ class InverseRendering:
         model = self._seen_model()
         losses = {"consistency": self._consistency(model, view)}
         losses |= self._image_losses(model, view)
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def _initial_model(self) -> Model:
         light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)

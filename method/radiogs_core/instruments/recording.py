@@ -9,8 +9,9 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
 from typing import TypedDict
+
+from .tally import Amount, Tally
 
 
 class Recorded(TypedDict):
@@ -21,9 +22,8 @@ class Recorded(TypedDict):
     parts: dict[str, float]
 
 
-@dataclass
 class Instruments:
-    """What was recorded.
+    """What was recorded. Work and guards that lie on a device are read from it when they are asked for.
 
     work: deterministic counters. rays; probe_rays, those of them that probes of effects traced; node_visits and
     leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels. shaded_samples: surfels
@@ -33,9 +33,26 @@ class Instruments:
     parts: wall-clock seconds of named parts of the work (see ``part``), which no two runs share.
     """
 
-    work: Counter[str] = field(default_factory=Counter)
-    guards: Counter[str] = field(default_factory=Counter)
-    parts: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
+    def __init__(self) -> None:
+        self.work_done, self.guards_fired = Tally(), Tally()
+        self.parts: defaultdict[str, float] = defaultdict(float)
+
+    @property
+    def work(self) -> Counter[str]:
+        """The work counters."""
+        return self.work_done.read()
+
+    @property
+    def guards(self) -> Counter[str]:
+        """The guards that acted."""
+        return +self.guards_fired.read()
+
+    @guards.setter
+    def guards(self, fired: Counter[str]) -> None:
+        self.guards_fired = Tally(fired)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Instruments) and self.plain() == other.plain()
 
     def plain(self) -> Recorded:
         """What was recorded as plain dictionaries, as it is stored."""
@@ -43,7 +60,7 @@ class Instruments:
 
     def restore(self, stored: Recorded) -> None:
         """Go on from what was stored, in place of what was recorded so far."""
-        self.work, self.guards = Counter(stored["work"]), Counter(stored["guards"])
+        self.work_done, self.guards_fired = Tally(stored["work"]), Tally(stored["guards"])
         self.parts = defaultdict(float, stored["parts"])
 
     @classmethod
@@ -77,16 +94,16 @@ def recording(into: Instruments | None = None) -> Iterator[Instruments]:
         _current.reset(token)
 
 
-def count(**amounts: int) -> None:
+def count(**amounts: Amount) -> None:
     """Add to the work counters of the current recording."""
     if (instruments := current()) is not None:
-        instruments.work.update(amounts)
+        instruments.work_done.add(amounts)
 
 
-def fire(**amounts: int) -> None:
+def fire(**amounts: Amount) -> None:
     """Add to the guards of the current recording; what did not happen leaves no entry."""
     if (instruments := current()) is not None:
-        instruments.guards.update({name: amount for name, amount in amounts.items() if amount})
+        instruments.guards_fired.add(amounts)
 
 
 @contextmanager
@@ -99,9 +116,10 @@ def part(name: str) -> Iterator[None]:
     if instruments is None:
         yield
         return
-    started, rays = time.perf_counter(), instruments.work["rays"]
+    work = instruments.work_done.known
+    started, rays = time.perf_counter(), work["rays"]
     try:
         yield
     finally:
         instruments.parts[name] += time.perf_counter() - started
-        instruments.work[f"{name}_rays"] += instruments.work["rays"] - rays
+        work[f"{name}_rays"] += work["rays"] - rays

@@ -181,7 +181,7 @@ class FitGeometry:
         surfels = self.optimiser.surfels
         surfels.sh = surfels.sh[:, : self._coefficients()]
         losses, seen = self._losses(surfels, view)
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         centre = self.optimiser.tensors["centre"]
         if centre.grad is not None:
             self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
@@ -191,7 +191,7 @@ class FitGeometry:
         if changed is not None:
             require_some(changed[0], self.iteration)
             self.optimiser.replace(*changed)
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def _move(self) -> None:
         """A step of the optimiser; what lies beyond the cameras moves as far as it looks."""

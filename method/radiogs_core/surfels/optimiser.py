@@ -60,7 +60,7 @@ class SurfelOptimiser:
         """Put ``surfels`` in the place of the present ones; ``origin`` says whose moments each inherits (-1: none)."""
         old = dict(self.tensors)
         self._adopt(surfels)
-        kept = origin >= 0
+        kept, inherited = origin >= 0, origin.clamp(min=0)
         for group in self.adam.param_groups:
             name = group["name"]
             if name in self.further:
@@ -69,9 +69,8 @@ class SurfelOptimiser:
             group["params"] = [self.tensors[name]]
             if moments:
                 for key in ("exp_avg", "exp_avg_sq"):
-                    fresh = torch.zeros_like(self.tensors[name])
-                    fresh[kept] = moments[key][origin[kept]]
-                    moments[key] = fresh
+                    moment = moments[key][inherited]
+                    moments[key] = torch.where(kept.view(-1, *(1,) * (moment.dim() - 1)), moment, 0.0)
                 self.adam.state[self.tensors[name]] = moments
 
     def forget(self, name: str) -> None:

@@ -52,10 +52,10 @@ class InverseRendering:
         """One optimisation step; returns the weighted losses by name."""
         self.optimiser.set_rate("albedo_logit", self._albedo_rate())
         losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def _albedo_rate(self) -> float:
         rates, progress = self.variant.materials.rates, self.iteration / self.iterations

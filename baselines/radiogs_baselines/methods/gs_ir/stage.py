@@ -77,10 +77,10 @@ class InverseRendering:
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
         losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``."""

@@ -64,10 +64,10 @@ class InverseRendering:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
         losses = self.losses(view)
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``; draws pixels and directions."""

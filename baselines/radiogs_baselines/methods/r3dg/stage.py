@@ -56,10 +56,10 @@ class InverseRendering:
             order = torch.randperm(len(self.table.normal), generator=self.generator, device=self.table.normal.device)
             self.table.retrace(order[: self.budget.retraced_surfels], self.generator)
         losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``."""

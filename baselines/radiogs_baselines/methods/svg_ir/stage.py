@@ -59,10 +59,10 @@ class InverseRendering:
         if self.iteration >= self.variant.materials.ratio_until * self.iterations:
             self.optimiser.set_rate("ratio", 0.0)
         losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``; draws surfels."""

@@ -161,8 +161,9 @@ def _meet(
     met = (now.first < 0) | (way >= walk.gap)
     ends = met & ((way > walk.hop) | (surfel == now.own))
     met = met & ~ends
-    rays.going[ray[ends]] = False
-    ray, now, surfel, depth, alpha = ray[met], now.among(met), surfel[met], depth[met], alpha[met]
+    rays.going[ray] = ~ends
+    kept = torch.nonzero(met)[:, 0]
+    ray, now, surfel, depth, alpha = ray[kept], now.among(kept), surfel[kept], depth[kept], alpha[kept]
     outgoing = torch.nn.functional.normalize(now.origin - geometry.centre[surfel], dim=-1)
     radiance = surfel_radiance(surfels.sh[surfel], outgoing[:, None])[:, 0]
     rays.radiance[ray] += (now.left * alpha)[:, None] * radiance
@@ -172,5 +173,5 @@ def _meet(
     fresh = now.first < 0
     offset = now.origin + depth[:, None] * now.direction - geometry.centre[surfel]
     place = torch.stack([(offset * axis[surfel]).sum(-1) for axis in (geometry.axis_u, geometry.axis_v)], -1)
-    rays.first[ray[fresh]] = surfel[fresh]
-    rays.place[ray[fresh]] = place[fresh]
+    rays.first[ray] = torch.where(fresh, surfel, now.first)
+    rays.place[ray] = torch.where(fresh[:, None], place, now.place)

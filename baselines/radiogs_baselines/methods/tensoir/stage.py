@@ -57,10 +57,10 @@ class _Learning:
     def step(self) -> Mapping[str, float]:
         """One optimisation step; returns the weighted losses by name."""
         losses = self.losses(self.drawn())
-        backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
         self.optimiser.step()
         self.iteration += 1
-        return {name: float(value.detach()) for name, value in losses.items()}
+        return values
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""

@@ -103,7 +103,7 @@ class _Blend(torch.autograd.Function):
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
         outputs = list(map(_flat, (images, sums, ends, blended)))
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
-        pairs = int(blended.sum())
+        pairs = blended.sum()
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
         ctx.camera, ctx.arguments = camera, arguments
         ctx.save_for_backward(images, sums, ends, *splats)

@@ -60,7 +60,7 @@ class _Shade(torch.autograd.Function):
         given, result = _inputs(kernels, inputs), _flat(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         samples = surfels * views * direction.shape[1]
-        lobes = int(specular_at.sum()) * views * direction.shape[1]
+        lobes = specular_at.sum() * views * direction.shape[1]
         count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
         ctx.given = given
         ctx.save_for_backward(*inputs)

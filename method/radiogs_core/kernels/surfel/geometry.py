@@ -86,9 +86,9 @@ def cull(geometry: SplatGeometry) -> Bool[Tensor, " surfels"]:
         finite = _is_finite(geometry) & ~torch.isnan(geometry.opacity)
         strong = geometry.opacity >= ALPHA_THRESHOLD
         fire(
-            degenerate_surfels=int((~finite).sum()),
-            faint_surfels=int((finite & ~strong).sum()),
-            saturable_surfels=int((finite & (geometry.opacity > MAX_ALPHA)).sum()),
+            degenerate_surfels=(~finite).sum(),
+            faint_surfels=(finite & ~strong).sum(),
+            saturable_surfels=(finite & (geometry.opacity > MAX_ALPHA)).sum(),
         )
         return finite & strong
 

@@ -70,7 +70,7 @@ class SurfelBVH:
         low, high = self.boxes.view(-1, 2, 3, WIDTH).unbind(1)
         half_area = _half_area((high - low).clamp(min=0).mT)
         whole = _half_area((high[0].amax(1) - low[0].amin(1)).clamp(min=0))
-        return float(half_area.sum() / whole) if whole > 0 else 0.0
+        return float(torch.where(whole > 0, half_area.sum() / whole, 0.0))
 
     @torch.no_grad()
     def _fit(self, geometry: SplatGeometry) -> None:

@@ -46,7 +46,7 @@ class _Found:
     surfel: Int[Tensor, " hits"]
     depth: Float[Tensor, " hits"]
     alpha: Float[Tensor, " hits"]
-    visits: tuple[int, int]
+    visits: tuple[Tensor, Tensor]
 
 
 JOINED = ("counts", "surfel", "depth", "alpha")
@@ -80,10 +80,11 @@ def find_hits(
     tasks = [partial(_find, kernels, [*rays, backs, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
     found = in_parallel(tasks, origin.device)
     counts, surfel, depth, alpha = (torch.cat([getattr(part, name) for part in found]) for name in JOINED)
-    nodes, leaves = (sum(part.visits[kind] for part in found) for kind in range(2))
+    nodes, leaves = (torch.stack(kind).sum() for kind in zip(*(part.visits for part in found), strict=True))
     read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
     count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
-    return HitLists(order, _offsets(counts), surfel, depth, alpha)
+    require_countable(len(surfel), "hits of rays and surfels", "Trace fewer rays together.")
+    return HitLists(order, _begins(counts), surfel, depth, alpha)
 
 
 def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
@@ -94,7 +95,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
     rest = torch.ones_like(start_t)
     counts = torch.zeros_like(rays)
     rounds = []
-    nodes_visited = leaves_visited = 0
+    nodes_visited, leaves_visited = (counts.new_zeros((), dtype=torch.int64) for _ in range(2))
     while len(rays):
         hits_t, hits_alpha = (start_t.new_empty(len(rays), BUFFER) for _ in range(2))
         hits_id = torch.empty(len(rays), BUFFER, dtype=torch.int32, device=device)
@@ -103,15 +104,15 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         buffers = [as_array(value.view(-1)) for value in (hits_t, hits_id, hits_alpha)]
         arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), backs, stop, *tree]
         launch(kernels.gather, len(rays), device, [*arguments, *buffers, *map(as_array, (found, left, nodes, leaves))])
-        nodes_visited += int(nodes.sum())
-        leaves_visited += int(leaves.sum())
+        nodes_visited += nodes.sum()
+        leaves_visited += leaves.sum()
         rounds.append((slots, counts[slots], found, buffers))
         counts[slots] += found
         more = torch.nonzero((found == BUFFER) & (left >= stop))[:, 0]
         start_t, start_id = hits_t[more, -1].contiguous(), hits_id[more, -1].contiguous()
         slots, rays, rest = slots[more], rays[more].contiguous(), left[more].contiguous()
-    begin = _offsets(counts)
-    entries = int(begin[-1])
+    begin, entries = _begins(counts), int(counts.sum())
+    require_countable(entries, "hits of rays and surfels", "Trace fewer rays together.")
     depth, alpha = (start_t.new_empty(entries) for _ in range(2))
     surfel = torch.empty(entries, dtype=torch.int32, device=device)
     packed = [as_array(value) for value in (depth, surfel, alpha)]
@@ -121,10 +122,8 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
     return _Found(counts, surfel, depth, alpha, (nodes_visited, leaves_visited))
 
 
-def _offsets(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
+def _begins(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
+    """Where each ray's list begins, and where the last one ends."""
     begin = counts.new_zeros(len(counts) + 1)
-    ends = counts.cumsum(0, dtype=torch.int64)
-    if len(ends):
-        require_countable(int(ends[-1]), "hits of rays and surfels", "Trace fewer rays together.")
-    begin[1:] = ends
+    begin[1:] = counts.cumsum(0, dtype=torch.int64)
     return begin

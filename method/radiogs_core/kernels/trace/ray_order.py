@@ -22,10 +22,9 @@ def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "ra
     count, device = len(origin), origin.device
     code = torch.zeros(count, dtype=torch.int32, device=device)
     if count > 0:
-        bounds = torch.stack([torch.stack(torch.aminmax(column)) for column in origin.unbind(-1)])
-        span = float((bounds[:, 1] - bounds[:, 0]).max())
-        low = kernels.vector(*bounds[:, 0].tolist())
+        low, high = torch.stack([origin.amin(0), origin.amax(0)]).tolist()
+        span = max(end - begin for begin, end in zip(low, high, strict=True))
         rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
         cells = (CELLS - 1) / span if span > 0 else 0.0
-        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, low, cells, as_array(code)])
+        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, kernels.vector(*low), cells, as_array(code)])
     return code.argsort(stable=True).int()

@@ -57,7 +57,7 @@ def trace(
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal, geometry.opacity[:, None]]
     radiance, scalars, blended = _Blend.apply(lists, direction, origin, torch.cat(columns, -1), sh, features)
-    fire(full_rays=int((scalars[:, 0].detach() < stop).sum()))
+    fire(full_rays=(scalars[:, 0].detach() < stop).sum())
     require_finite_blend("traced radiance", radiance, {"sh": sh})
     require_finite_blend("traced features", blended, {"features": features})
     return Hits(radiance, scalars[:, 0], blended, scalars[:, 1])

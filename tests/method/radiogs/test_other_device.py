@@ -1,0 +1,100 @@
+"""Both stages on a device that is not the host: they learn what the host does, and hardly ever wait for it."""
+
+from dataclasses import replace
+from typing import get_args
+
+import pytest
+import torch
+
+from elsewhere import Account, There, elsewhere, registered
+from radiogs.model import Model
+from radiogs.relighting import relight
+from radiogs.stages import Initialisation, InverseRendering
+from radiogs.variant import Relighting, Variant
+from radiogs_core.contract import Run
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.kernels.arrangement import cpu_as_cuda
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
+from scenes import surfels_over
+from short_training import BUDGET, CPU, SCENE, through_a_file
+
+SHORT = replace(BUDGET, initialise_iterations=10, densify_interval=4, inverse_iterations=6, refresh_interval=4)
+MOST_WAITS = {"initialise": 3, "invert": 7}
+"""Of a step without a density round or a look for hidden surfels; docs/gpu.md says what for."""
+
+
+def trained(device: torch.device) -> dict[str, torch.Tensor]:
+    first = Initialisation(SCENE, Variant(), SHORT, 0, device)
+    while first.iteration < first.iterations:
+        first.step()
+    second = InverseRendering(SCENE, Variant(), SHORT, 0, device, through_a_file(first.state()))
+    while second.iteration < second.iterations:
+        second.step()
+    learnt = second.optimiser.tensors
+    return {name: value.held if isinstance(value, There) else value.detach() for name, value in learnt.items()}
+
+
+def test_both_stages_learn_what_they_learn_on_the_host() -> None:
+    with cpu_as_cuda():
+        expected = trained(CPU)
+    with elsewhere():
+        found = trained(registered())
+    for name, value in expected.items():
+        torch.testing.assert_close(found[name], value, rtol=1e-5, atol=1e-6, msg=name)
+
+
+def test_a_step_rarely_waits_for_the_device() -> None:
+    def fewest(stage: Initialisation | InverseRendering, account: Account) -> int:
+        found = []
+        for _ in range(3):
+            before = account.waits
+            stage.step()
+            found.append(account.waits - before)
+        return min(found)
+
+    long = replace(SHORT, initialise_iterations=1000, densify_interval=500)
+    with elsewhere() as account:
+        first = Initialisation(SCENE, Variant(), long, 0, registered())
+        assert fewest(first, account) == MOST_WAITS["initialise"], account.awaited
+        second = InverseRendering(SCENE, Variant(), SHORT, 0, registered(), through_a_file(first.state()))
+        assert fewest(second, account) == MOST_WAITS["invert"], account.awaited
+
+
+@pytest.mark.parametrize("mode", get_args(Relighting))
+def test_every_way_to_relight(mode: Relighting) -> None:
+    device = registered()
+    with elsewhere():
+        ball = surfels_over([Sphere((0.0, 0.0, 0.0), 1.0, Material((0.5, 0.4, 0.3), 0.5))], 0.4)
+        there = Surfels.of({name: value.to(device) for name, value in ball.plain().items()})
+        model = Model(there, torch.zeros(8, 16, 3, device=device))
+        run = Run(SCENE, Variant(relighting=mode), replace(SHORT, finetune_iterations=2), 0, device)
+        relit = relight(model, EnvironmentMap(torch.ones(8, 16, 3)), torch.ones(3), run)
+        image = relit.render(SCENE.test[0].camera.to(device, torch.float32))["image"]
+        assert image.device.type == device.type
+        assert bool(torch.isfinite(image).all())
+
+
+def test_a_tensor_of_the_host_is_refused() -> None:
+    with elsewhere():
+        there = torch.ones(3, device=registered())
+        with pytest.raises(AssertionError, match="of the device and of the host"):
+            there + torch.ones(3)
+        with pytest.raises(AssertionError, match="with a generator of cpu"):
+            torch.rand(3, device=registered(), generator=torch.Generator())
+        with pytest.raises(RuntimeError, match="numpy"):
+            there.numpy()
+        assert (there + 1).cpu().tolist() == [2.0, 2.0, 2.0]
+
+
+def test_what_is_not_finite_is_named_on_a_device_too() -> None:
+    with elsewhere():
+        stage = Initialisation(SCENE, Variant(), SHORT, 0, registered())
+        with torch.no_grad():
+            stage.optimiser.tensors["opacity_logit"][3] = torch.nan
+            stage.optimiser.tensors["centre"][5] = torch.nan
+            stage.optimiser.tensors["sh"][7] = torch.nan
+        with pytest.raises(NumericalFailure, match=r"'\w+' is not finite in stage 'initialise' at iteration 0"):
+            stage.step()
