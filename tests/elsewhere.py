@@ -6,6 +6,7 @@ of the other, ``numpy()``, a kernel that is given arrays of both. What a GPU wou
 the line of the program that asks for it.
 """
 
+import math
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -176,12 +177,21 @@ class _Functions(TorchFunctionMode):
         if func is torch.Tensor.new_tensor:
             like = args[0]
             return torch.tensor(args[1], dtype=kwargs.get("dtype", like.dtype)).to(kwargs.get("device", like.device))
+        if func is torch.Tensor.quantile and isinstance(args[0], There):
+            return _quantile(*args, **kwargs)
         if func in (torch.Tensor.__getitem__, torch.Tensor.__setitem__):
             args = (args[0], _index_on(args[0].device, args[1]), *args[2:])
         if func is torch.Tensor.tolist and isinstance(args[0], There):
             self.account.wait("tolist")
             return args[0].held.tolist()
         return func(*args, **kwargs)
+
+
+def _quantile(values: torch.Tensor, share: float) -> torch.Tensor:
+    """PyTorch's own changes the shape of a tensor in place, which a wrapped one cannot follow."""
+    ordered, place = values.flatten().sort().values, share * (values.numel() - 1)
+    below = math.floor(place)
+    return torch.lerp(ordered[below], ordered[min(below + 1, len(ordered) - 1)], place - below)
 
 
 def _index_on(device: torch.device, index: Any) -> Any:

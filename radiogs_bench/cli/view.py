@@ -4,7 +4,7 @@ import argparse
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import DataError, UsageError
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from torch import Tensor
 
+    from radiogs_core.scene.standpoint import Standpoint
     from radiogs_core.surfels.surfels import Surfels
     from radiogs_reports.figures.surfel_view import Disks
 
@@ -44,7 +45,7 @@ def view(options: argparse.Namespace) -> int:
 
     from ..evaluation.shown_surfels import arrays_of
     from ..training.progress import progress_for_stderr
-    from ..viewing.turntable import cameras_around, pictures
+    from ..viewing.turntable import cameras_around, from_outside, pictures
     from .reporter import say
 
     if options.window:
@@ -54,9 +55,10 @@ def view(options: argparse.Namespace) -> int:
         raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
     folder = options.folder / "figures"
     folder.mkdir(exist_ok=True)
-    cameras = cameras_around(surfels, options.frames, options.size)
+    seen_from = standpoint_in(options.folder, options.row) or from_outside(surfels)
+    cameras = cameras_around(surfels, options.frames, options.size, seen_from)
     title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
-    say(f"wrote {write_viewer(arrays_of(surfels, cameras), title, folder / 'surfels.html')}")
+    say(f"wrote {write_viewer(arrays_of(surfels, seen_from), title, folder / 'surfels.html')}")
     with progress_for_stderr() as bar:
         frames = []
         for done, picture in enumerate(pictures(surfels, cameras, options.colour), 1):
@@ -122,6 +124,30 @@ def surfels_in(folder: Path, row: str | None) -> "Surfels":
     if "surfels" not in products[0]:
         raise DataError(f"the model in '{folder}' has no surfels", "Its method keeps something else.")
     return restored_surfels(products[0]["surfels"])
+
+
+def standpoint_in(folder: Path, row: str | None) -> "Standpoint | None":
+    """From where the scene of that model is looked at first; None where no finished cell says so."""
+    import torch
+
+    from radiogs_core.scene.standpoint import Standpoint
+    from radiogs_reports.maps import read_maps
+
+    from ..store.folder import Store
+    from ..suites.sweep import read_sweep
+    from ..training.trained_folder import read_about
+
+    kept: dict[str, Any] = {}
+    if (folder / "trained.json").exists():
+        kept = read_about(folder).get("standpoint", {})
+    else:
+        store = Store(folder)
+        for place in read_sweep(folder)["cells"]:
+            if not kept and row in (None, place["row"]) and store.result(place["key"]) is not None:
+                arrays = read_maps(store.arrays_path(place["key"]), "surfels/")
+                names = ("eye", "up", "middle")
+                kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
+    return Standpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None
 
 
 def disks_of(surfels: "Surfels", colour: str) -> "Disks":

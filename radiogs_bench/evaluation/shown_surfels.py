@@ -1,12 +1,10 @@
 """The surfels of a trained model as arrays that are kept with its result, for the report's 3-D view."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 
 from radiogs_core.contract import Trained
-from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.made_of import MadeOfSurfels
 from radiogs_core.surfels.surfels import Surfels
@@ -15,27 +13,24 @@ MOST = 50_000
 """Surfels of a larger model that are kept: those that cover most, by area times opacity. About 2 MB."""
 
 
-UPRIGHT = 0.7
-"""Cosine between Z and the mean upward direction of cameras from which on Z is up; captures have axes of their own."""
-
-
-def surfel_arrays(model: Trained, cameras: Sequence[Camera]) -> dict[str, np.ndarray]:
+def surfel_arrays(model: Trained, seen_from: Standpoint) -> dict[str, np.ndarray]:
     """Arrays of at most ``MOST`` surfels by name; empty for a model that is not made of surfels, or has none left.
 
     ``surfels/centre`` [N, 3] and ``surfels/tangents`` [N, 2, 3], scaled by their standard deviations, float32, world
     units; ``surfels/opacity`` [N], ``surfels/radiance`` (mean over directions) and ``surfels/albedo`` [N, 3], linear,
-    and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye`` and
-    ``surfels/up`` [3], from where it is first seen, the centre of the first of the ``cameras``, and which way is up.
+    and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye``,
+    ``surfels/up`` and ``surfels/middle`` [3], from where it is seen first (``Standpoint``; the last where it has one).
     """
     if not isinstance(model, MadeOfSurfels) or not len(model.surfels):
         return {}
-    return arrays_of(model.surfels, cameras)
+    return arrays_of(model.surfels, seen_from)
 
 
-def arrays_of(surfels: Surfels, cameras: Sequence[Camera]) -> dict[str, np.ndarray]:
+def arrays_of(surfels: Surfels, seen_from: Standpoint) -> dict[str, np.ndarray]:
     """The arrays of ``surfel_arrays`` of at least one surfel."""
     with torch.no_grad():
-        return {f"surfels/{name}": values for name, values in {**_arrays(surfels), **_stand(cameras)}.items()}
+        place = {name: np.array(value, np.float32) for name, value in seen_from.plain().items()}
+        return {f"surfels/{name}": values for name, values in {**_arrays(surfels), **place}.items()}
 
 
 def _arrays(surfels: Surfels) -> dict[str, np.ndarray]:
@@ -53,11 +48,3 @@ def _arrays(surfels: Surfels) -> dict[str, np.ndarray]:
     arrays["centre"], arrays["tangents"] = surfels.centre[kept].cpu().numpy(), tangents[kept].cpu().numpy()
     arrays["count"] = np.array([len(surfels)], dtype=np.float32)
     return arrays
-
-
-def _stand(cameras: Sequence[Camera]) -> dict[str, np.ndarray]:
-    up = -torch.stack([camera.axes[:, 1] for camera in cameras]).mean(0)
-    up = up / up.norm().clamp(min=1e-6)
-    if up[2] > UPRIGHT:
-        up = torch.tensor([0.0, 0.0, 1.0])
-    return {"eye": cameras[0].centre.cpu().numpy().astype(np.float32), "up": up.cpu().numpy().astype(np.float32)}

@@ -15,6 +15,7 @@ from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
+from radiogs_core.scene.standpoint import standpoint
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 from radiogs_datasets.options import options_of
@@ -49,6 +50,8 @@ class About(TypedDict):
     training_key: str
     facts: dict[str, Any]
     """The method's facts about its model."""
+    standpoint: NotRequired[dict[str, list[float]]]
+    """From where it is looked at first (``radiogs_core.scene.standpoint``)."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 
@@ -67,6 +70,7 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
         variant=to_plain(cell.variant),
         training_key=cell.training_key,
         facts=facts_of(cell.method, model),
+        standpoint=standpoint(scene, scene.train[0].camera).plain(),
     )
     if scene.options:
         about["options"] = dict(scene.options)

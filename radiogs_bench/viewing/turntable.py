@@ -7,10 +7,12 @@ from typing import Literal
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
 from radiogs_core.order_statistics import quantile
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
+from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import own_radiance, splat
 
@@ -25,24 +27,52 @@ FIELD = 40.0
 WITHIN = 0.98
 """Share of the surfels that fits into the picture: single ones may be far away."""
 
+X, Z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
 
-def cameras_around(surfels: Surfels, frames: int, size: int) -> list[Camera]:
-    """Cameras of ``size`` x ``size`` pixels on a circle around the surfels; Z is up, and the first is towards +X."""
-    middle = surfels.centre.median(0).values
-    distances = (surfels.centre - middle).norm(dim=-1)
-    radius = quantile(lambda: [distances], WITHIN)
-    away = max(radius or 0.0, 1e-6) / math.sin(math.radians(FIELD / 2))
-    tilt = math.radians(ELEVATION)
+
+def from_outside(surfels: Surfels) -> Standpoint:
+    """Of a model of which no camera is known: from +X, with Z up."""
+    return Standpoint(surfels.centre.median(0).values + X, Z)
+
+
+def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: Standpoint) -> list[Camera]:
+    """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the standpoint's eye.
+
+    They turn around the surfels, from above and so far away that all are seen; where the standpoint has a middle,
+    around that one, as high and as far away as its eye.
+    """
+    up, middle = seen_from.up, seen_from.middle
+    own = surfels.centre.median(0).values
+    towards = seen_from.eye - (own if middle is None else middle)
+    level = towards - (towards @ up) * up
+    if middle is None:
+        middle, tilt, away = own, math.radians(ELEVATION), _distance(surfels, own)
+    else:
+        tilt, away = math.atan2(float(towards @ up), float(level.norm())), float(towards.norm())
+    forth = normalize(level if level.norm() > 1e-6 * towards.norm() else torch.linalg.cross(up, _askew(up)), dim=0)
+    side = torch.linalg.cross(up, forth)
     cameras = []
     for frame in range(frames):
         turn = 2 * math.pi * frame / frames
-        back = (math.cos(turn) * math.cos(tilt), math.sin(turn) * math.cos(tilt), math.sin(tilt))
-        cameras.append(_looking_back(middle, torch.tensor(back), away, size))
+        level_back = math.cos(turn) * forth + math.sin(turn) * side
+        cameras.append(_looking_back(middle, math.cos(tilt) * level_back + math.sin(tilt) * up, up, away, size))
     return cameras
 
 
-def _looking_back(target: Tensor, back: Tensor, away: float, size: int) -> Camera:
-    right = torch.nn.functional.normalize(torch.linalg.cross(torch.tensor([0.0, 0.0, 1.0]), back), dim=0)
+def _distance(surfels: Surfels, middle: Tensor) -> float:
+    """From where nearly all surfels are seen."""
+    distances = (surfels.centre - middle).norm(dim=-1)
+    radius = quantile(lambda: [distances], WITHIN)
+    return max(radius or 0.0, 1e-6) / math.sin(math.radians(FIELD / 2))
+
+
+def _askew(up: Tensor) -> Tensor:
+    """An axis that is not that direction."""
+    return X if abs(float(up[0])) < 0.9 else Z
+
+
+def _looking_back(target: Tensor, back: Tensor, up: Tensor, away: float, size: int) -> Camera:
+    right = normalize(torch.linalg.cross(up, back), dim=0)
     pose = torch.eye(4)
     pose[:3, :3] = torch.stack([right, torch.linalg.cross(right, back), -back], -1)
     pose[:3, 3] = target + away * back

@@ -10,11 +10,11 @@ import torch
 
 from radiogs_bench.evaluation import shown_surfels
 from radiogs_bench.evaluation.shown_surfels import surfel_arrays
+from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.surfels import Surfels
-from scenes import look_at
 
 COUNT = 5
-CAMERAS = [look_at(torch.tensor(place), torch.zeros(3), 8, 8.0) for place in ((3.0, 1.0, 2.0), (-3.0, 0.0, 1.0))]
+SEEN_FROM = Standpoint(torch.tensor([3.0, 1.0, 2.0]), torch.tensor([0.0, 0.0, 1.0]))
 
 
 class Bare:
@@ -56,7 +56,7 @@ def surfels() -> Surfels:
 
 
 def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
-    arrays = surfel_arrays(Model(surfels), CAMERAS)
+    arrays = surfel_arrays(Model(surfels), SEEN_FROM)
     order = (surfels.opacity * surfels.scale.prod(-1)).argsort(descending=True)
     assert (arrays["surfels/centre"] == surfels.centre[order].numpy()).all()
     u, v = torch.from_numpy(arrays["surfels/tangents"]).unbind(1)
@@ -78,33 +78,27 @@ def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
 def test_of_a_large_model_those_that_cover_most_are_kept(surfels: Surfels, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shown_surfels, "MOST", 2)
     faint = replace(surfels, log_scale=torch.zeros(COUNT, 2), opacity_logit=torch.tensor([0.0, -9.0, 3.0, -9.0, 1.0]))
-    arrays = surfel_arrays(Model(faint), CAMERAS)
+    arrays = surfel_arrays(Model(faint), SEEN_FROM)
     assert (arrays["surfels/centre"] == surfels.centre[[2, 4]].numpy()).all()
     assert arrays["surfels/count"].tolist() == [COUNT]
 
 
 def test_radiance_beyond_half_precision_is_the_largest_number_of_it(surfels: Surfels) -> None:
-    arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), CAMERAS)
+    arrays = surfel_arrays(Model(replace(surfels, sh=surfels.sh + 1e6)), SEEN_FROM)
     assert np.isfinite(arrays["surfels/radiance"]).all()
     assert arrays["surfels/radiance"].min() == 65504
 
 
 def test_models_of_something_else_and_empty_ones_have_none(surfels: Surfels) -> None:
     empty = Surfels.of({name: value[:0] for name, value in surfels.plain().items()})
-    assert surfel_arrays(Model(empty), CAMERAS) == {}
-    assert surfel_arrays(Bare(), CAMERAS) == {}
+    assert surfel_arrays(Model(empty), SEEN_FROM) == {}
+    assert surfel_arrays(Bare(), SEEN_FROM) == {}
 
 
-def test_the_model_is_first_seen_as_the_first_camera_sees_it_and_z_is_up_where_cameras_stand_upright(
-    surfels: Surfels,
-) -> None:
-    arrays = surfel_arrays(Model(surfels), CAMERAS)
+def test_the_place_that_it_is_seen_from_is_kept(surfels: Surfels) -> None:
+    arrays = surfel_arrays(Model(surfels), SEEN_FROM)
     assert arrays["surfels/eye"].tolist() == [3.0, 1.0, 2.0]
     assert arrays["surfels/up"].tolist() == [0.0, 0.0, 1.0]
-    # A capture whose axes are others: everything turned about X, so that Y points down.
-    turn = torch.eye(4)
-    turn[1:3, 1:3] = torch.tensor([[0.0, -1.0], [1.0, 0.0]])
-    turned = [replace(camera, camera_to_world=turn @ camera.camera_to_world) for camera in CAMERAS]
-    up = surfel_arrays(Model(surfels), turned)["surfels/up"]
-    assert up @ np.array([0.0, -1.0, 0.0]) > 0.9
-    assert np.linalg.norm(up) == pytest.approx(1)
+    assert "surfels/middle" not in arrays
+    arrays = surfel_arrays(Model(surfels), replace(SEEN_FROM, middle=torch.tensor([1.0, 0.0, 0.5])))
+    assert arrays["surfels/middle"].tolist() == [1.0, 0.0, 0.5]

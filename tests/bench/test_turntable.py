@@ -3,8 +3,9 @@
 import pytest
 import torch
 
-from radiogs_bench.viewing.turntable import ELEVATION, cameras_around, pictures
+from radiogs_bench.viewing.turntable import ELEVATION, cameras_around, from_outside, pictures
 from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
 
@@ -36,7 +37,7 @@ def ball() -> Surfels:
 
 def test_cameras_stand_around_the_model_and_see_all_of_it() -> None:
     model = ball()
-    cameras = cameras_around(model, 4, 64)
+    cameras = cameras_around(model, 4, 64, from_outside(model))
     middle = model.centre.median(0).values
     for turn, camera in zip((0.0, 90.0, 180.0, 270.0), cameras, strict=True):
         back = torch.nn.functional.normalize(camera.centre - middle, dim=0)
@@ -51,9 +52,30 @@ def test_cameras_stand_around_the_model_and_see_all_of_it() -> None:
         assert above[1] < -0.1, "up is up"
 
 
+def test_in_a_room_cameras_stand_where_its_photos_were_taken() -> None:
+    middle, up = torch.tensor([5.0, 6.0, 7.0]), torch.tensor([0.0, -1.0, 0.0])
+    eye = middle + torch.tensor([3.0, -1.5, 0.0])
+    first, second = cameras_around(ball(), 4, 64, Standpoint(eye, up, middle))[:2]
+    assert first.centre.allclose(eye, atol=1e-5)
+    assert second.centre.allclose(middle + torch.tensor([0.0, -1.5, 3.0]), atol=1e-5), "turned about the upward axis"
+    for camera in (first, second):
+        assert (-camera.axes[:, 1]) @ up > 0.8
+        towards = (middle - camera.centre) @ camera.axes
+        assert towards[:2].abs().max() < 1e-5, "the middle of the room is in the middle of the picture"
+
+
+def test_a_model_is_seen_from_the_side_of_its_first_camera() -> None:
+    model = ball()
+    middle = model.centre.median(0).values
+    seen_from = Standpoint(middle + torch.tensor([0.0, 9.0, 0.0]), torch.tensor([0.0, 0.0, 1.0]))
+    back = cameras_around(model, 2, 8, seen_from)[0].centre - middle
+    assert float(torch.rad2deg(torch.atan2(back[1], back[0]))) == pytest.approx(90, abs=1e-3)
+    assert float(torch.rad2deg((back[2] / back.norm()).asin())) == pytest.approx(ELEVATION, abs=1e-3)
+
+
 def test_pictures_are_blended_in_linear_light_on_white() -> None:
     model = surfels([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0]], [0.6, 0.8], [[0.0, 1.0, 0.0], [0.5, 0.0, 0.0]], 5.0)
-    front, back = cameras_around(ball(), 2, 9)
+    front, back = cameras_around(ball(), 2, 9, from_outside(ball()))
     seen = []
     for camera in (front, back):  # around (5, 6, 7): moved to the discs
         pose = camera.camera_to_world.clone()
@@ -75,6 +97,6 @@ def test_pictures_are_blended_in_linear_light_on_white() -> None:
 )
 def test_what_is_shown_is_in_display_colours(colour: str, wanted: torch.Tensor) -> None:
     model = surfels([[0.0, 0.0, 0.0]] * 30, [0.99] * 30, [[0.2] * 3] * 30, 5.0)
-    (camera,) = cameras_around(model, 1, 5)
+    (camera,) = cameras_around(model, 1, 5, from_outside(model))
     (picture,) = pictures(model, [camera], colour)  # type: ignore[arg-type]
     assert picture[2, 2] == pytest.approx(wanted, abs=0.01)

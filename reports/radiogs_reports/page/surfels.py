@@ -30,8 +30,9 @@ PACKED = np.dtype(
 )
 
 Packed = dict[str, Any]
-"""``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye`` and ``up`` [3], where it is first seen from,
-``count`` of the whole model, ``surfels`` in base64."""
+"""``low`` and ``step`` [3] of centres, ``reach`` of tangents, ``eye``, ``up`` and ``middle`` [3], from where it is seen
+first, which way is up and what is looked at (None: the middle of the surfels), ``count`` of the whole model,
+``surfels`` in base64."""
 
 
 def packed_surfels(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> dict[str, Packed]:
@@ -67,6 +68,7 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
         "reach": float(reach),
         "eye": arrays["surfels/eye"].tolist(),
         "up": arrays["surfels/up"].tolist(),
+        "middle": arrays["surfels/middle"].tolist() if "surfels/middle" in arrays else None,
         "count": int(arrays["surfels/count"][0]),
         "surfels": base64.b64encode(surfels.tobytes()).decode("ascii"),
     }

@@ -7,6 +7,8 @@ import pytest
 import torch
 
 from elsewhere import Account, There, elsewhere, registered
+from known_ball import BALL
+from known_ball import SCENE as BALL_SCENE
 from radiogs.model import Model
 from radiogs.relighting import relight
 from radiogs.stages import Initialisation, InverseRendering
@@ -14,6 +16,9 @@ from radiogs.variant import Relighting, Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.kernels.arrangement import cpu_as_cuda
+from radiogs_core.learning.light_start import light_and_albedo
+from radiogs_core.learning.light_start_settings import LightStart
+from radiogs_core.learning.views import load
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.generate.materials import Material
@@ -63,13 +68,29 @@ def test_a_step_rarely_waits_for_the_device() -> None:
         assert fewest(second, account) == MOST_WAITS["invert"], account.awaited
 
 
+def moved(surfels: Surfels, device: torch.device) -> Surfels:
+    return Surfels.of({name: value.to(device) for name, value in surfels.plain().items()})
+
+
+def test_the_light_is_sought_where_the_surfels_are() -> None:
+    def sought(device: torch.device) -> torch.Tensor:
+        views, generator = load(BALL_SCENE.train, device), torch.Generator(device).manual_seed(0)
+        found = light_and_albedo(moved(BALL, device), views, 8, LightStart(steps=3), generator)
+        assert found is not None
+        return found[0].cpu()
+
+    with cpu_as_cuda():
+        expected = sought(CPU)
+    with elsewhere():
+        torch.testing.assert_close(sought(registered()), expected, rtol=1e-4, atol=0)
+
+
 @pytest.mark.parametrize("mode", get_args(Relighting))
 def test_every_way_to_relight(mode: Relighting) -> None:
     device = registered()
     with elsewhere():
         ball = surfels_over([Sphere((0.0, 0.0, 0.0), 1.0, Material((0.5, 0.4, 0.3), 0.5))], 0.4)
-        there = Surfels.of({name: value.to(device) for name, value in ball.plain().items()})
-        model = Model(there, torch.zeros(8, 16, 3, device=device))
+        model = Model(moved(ball, device), torch.zeros(8, 16, 3, device=device))
         run = Run(SCENE, Variant(relighting=mode), replace(SHORT, finetune_iterations=2), 0, device)
         relit = relight(model, EnvironmentMap(torch.ones(8, 16, 3)), torch.ones(3), run)
         image = relit.render(SCENE.test[0].camera.to(device, torch.float32))["image"]

@@ -80,11 +80,13 @@
       }
       for (const shade of Object.values(model.shades)) shade[4 * each + 3] = view.getUint8(at + 18) / 255;
     }
-    const middle = [0, 1, 2].map((axis) => median(model.geometry.filter((_, place) => place % 9 === axis)));
-    const away = Float32Array.from({ length: number }, (_, each) => Math.hypot(...[0, 1, 2].map((axis) => model.geometry[9 * each + axis] - middle[axis])));
+    const middle = stored.middle ?? [0, 1, 2].map((axis) => median(model.geometry.filter((_, place) => place % 9 === axis)));
+    const towards = stored.eye.map((each, axis) => each - middle[axis]);
+    const away = () => Float32Array.from({ length: number }, (_, each) => Math.hypot(...[0, 1, 2].map((axis) => model.geometry[9 * each + axis] - middle[axis])));
+    const reach = stored.middle ? Math.hypot(...towards) * Math.sin(Math.atan(FIELD)) : quantile(away(), 0.98);
     model.middle = middle;
-    model.frame = standing(stored.up, stored.eye.map((each, axis) => each - middle[axis]));
-    model.radius = Math.max(quantile(away, 0.98), 1e-6);
+    model.frame = standing(stored.up, towards);
+    model.radius = Math.max(reach, 1e-6);
     unpacked.set(key, model);
     return model;
   }
@@ -203,7 +205,7 @@
     const up = cross(back, right);
     const along = (axis) => -dot(axis, eye);
     const near = 0.02 * model.radius;
-    const far = away + 50 * model.radius;
+    const far = away + 1e4 * model.radius;
     return [eye, (aspect) => {
       const [across, tall] = aspect > 1 ? [1 / (FIELD * aspect), 1 / FIELD] : [1 / FIELD, aspect / FIELD];
       const [depth, shift] = [(far + near) / (near - far), (2 * far * near) / (near - far)];
