@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help venv ablations test test-slow mutants lint site clean
+.PHONY: help venv ablations test test-slow mutants lint site gpu offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -41,6 +41,12 @@ site: $(READY) ## the documentation as a site, in out/site
 
 mutants: $(READY) ## break copies of the sources in known ways, and say which of them no test notices
 	$(BIN)/python .ci/mutants.py
+
+gpu: $(READY) ## prove the project on a CUDA card, part by part, into docs/gpu/
+	$(BIN)/python .ci/gpu_check.py
+
+offline-bundle: $(READY) ## wheels for a machine with Python and PyTorch and no network, into out/offline
+	$(BIN)/python .ci/offline_bundle.py
 
 clean: ## remove the virtual environment and caches; results in out/ stay
 	rm -rf $(VENV) dist .mypy_cache .ruff_cache .import_linter_cache .hypothesis

@@ -1,12 +1,15 @@
 """Every method, trained and scored on a device that is not the host: nothing of the one meets the other."""
 
 import math
+from contextlib import nullcontext
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+import torch
 
+from cards import ON_CARD
 from elsewhere import elsewhere, registered
 from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.experiments.train import train_and_score
@@ -31,9 +34,9 @@ def shortened(budget: Any) -> Any:
     return replace(budget, **{each.name: STEPS for each in fields(budget) if each.name.endswith("iterations")})
 
 
-def bench_of(name: str, folder: Path) -> Bench:
+def bench_of(name: str, folder: Path, device: torch.device) -> Bench:
     return Bench(
-        Store(folder), registered(), LogProgress(), Interruption(), lambda _: method(name), checksum_now,
+        Store(folder), device, LogProgress(), Interruption(), lambda _: method(name), checksum_now,
         checkpoint_seconds=0.0, checkpoint_share=math.inf,
     )  # fmt: skip
 
@@ -43,10 +46,13 @@ def short_cell(name: str) -> Cell:
     return cell_of(used, SCENE, Work(used.variant(), shortened(used.presets["smoke"]), 0))
 
 
+@pytest.mark.parametrize("place", ["elsewhere", pytest.param("cuda", marks=ON_CARD)])
 @pytest.mark.parametrize("name", METHODS)
-def test_a_method_is_trained_and_scored(name: str, tmp_path: Path) -> None:
-    bench, cell = bench_of(name, tmp_path), short_cell(name)
-    with elsewhere():
+def test_a_method_is_trained_and_scored(name: str, place: str, tmp_path: Path) -> None:
+    on_card = place == "cuda"
+    bench = bench_of(name, tmp_path, torch.device("cuda") if on_card else registered())
+    cell = short_cell(name)
+    with nullcontext() if on_card else elsewhere():
         train_and_score(bench, cell, SCENE)
     result = bench.store.result(cell.key)
     assert result is not None

@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from cards import ON_CARD
 from hard_cases.constructions import drawn, facing, looking_along_z, raw_surfels, rendered, two_balls
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.rasterize.rasterize import rasterize
@@ -246,11 +247,9 @@ def _with_precision(precision: str, image: Callable[[], Tensor]) -> Tensor:
 
 
 @pytest.mark.case(43)
-@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=pytest.mark.gpu)])
+@pytest.mark.parametrize("device", ["cpu", pytest.param("cuda", marks=ON_CARD)])
 def test_matrix_products_of_reduced_precision_cost_less_than_sixty_decibels(device: str) -> None:
     """Importing the method leaves them at full precision; where somebody lowers it, the image stays within 1e-3."""
-    if device == "cuda" and not torch.cuda.is_available():
-        pytest.skip("needs a CUDA device")
     assert torch.get_float32_matmul_precision() == "highest"
     surfels = Surfels.of({name: value.to(device) for name, value in two_balls().parameters().items()})
     camera = looking_along_z(16, 16)

@@ -6,6 +6,7 @@ from typing import get_args
 import pytest
 import torch
 
+from cards import ON_CARD
 from elsewhere import Account, There, elsewhere, registered
 from known_ball import BALL
 from known_ball import SCENE as BALL_SCENE
@@ -29,6 +30,25 @@ from short_training import BUDGET, CPU, SCENE, through_a_file
 SHORT = replace(BUDGET, initialise_iterations=10, densify_interval=4, inverse_iterations=6, refresh_interval=4)
 MOST_WAITS = {"initialise": 3, "invert": 7}
 """Of a step without a density round or a look for hidden surfels; docs/gpu.md says what for."""
+
+
+@pytest.mark.parametrize("stage", ["initialise", "invert"])
+@pytest.mark.parametrize("place", [pytest.param("cuda", marks=ON_CARD)])
+def test_on_a_card_losses_fall_as_on_the_host(stage: str, place: str) -> None:
+    """Its random numbers are others, and its sums round in another order: the curves agree, not the digits."""
+    here, there = (last_loss(torch.device(each), stage) for each in ("cpu", place))
+    assert there == pytest.approx(here, rel=0.2)
+
+
+def last_loss(device: torch.device, stage: str) -> float:
+    """Mean of all losses over the last steps of a stage."""
+    first = Initialisation(SCENE, Variant(), replace(SHORT, initialise_iterations=60), 0, device)
+    told = [sum(first.step().values()) for _ in range(first.iterations)]
+    if stage == "invert":
+        budget = replace(SHORT, inverse_iterations=40)
+        second = InverseRendering(SCENE, Variant(), budget, 0, device, through_a_file(first.state()))
+        told = [sum(second.step().values()) for _ in range(second.iterations)]
+    return sum(told[-10:]) / 10
 
 
 def trained(device: torch.device) -> dict[str, torch.Tensor]:

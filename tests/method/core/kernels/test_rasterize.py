@@ -17,7 +17,7 @@ from scenes import look_at
 
 FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity", "features")
 
-in_both_arrangements = pytest.mark.usefixtures("arrangement")
+in_every_arrangement = pytest.mark.usefixtures("arrangement")
 UNIT = 3.0
 
 
@@ -64,7 +64,7 @@ def assert_same(found: tuple[torch.Tensor, ...], expected: tuple[torch.Tensor, .
         torch.testing.assert_close(ours, theirs, rtol=0, atol=tolerance)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_float64_equals_the_dense_image_and_its_gradients() -> None:
     given, view = random_surfels(40), camera()
     found, expected = fast(given, view), dense(given, view)
@@ -92,7 +92,7 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     assert_gradients(total, given, gradients(fast, given, view, pulls), 2e-5, pairs)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
     given, view = {name: value.float() for name, value in random_surfels(300).items()}, camera(33, 21)
     rounded = {name: value.double() for name, value in given.items()}
@@ -107,7 +107,7 @@ def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
         assert (error < 1e-4).double().mean() > 0.99, name
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (1, 17), (17, 1), (15, 33)])
 def test_any_image_shape_is_covered(width: int, height: int) -> None:
     given, view = random_surfels(20, channels=1), camera(width, height)
@@ -121,7 +121,7 @@ def test_surfels_that_cross_the_cameras_plane_are_neither_lost_nor_ghosts() -> N
     assert_same(fast(given, view), dense(given, view), 1e-9)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_degenerate_surfels_change_no_bit() -> None:
     given, view = random_surfels(40), camera()
     clean = fast({name: value[:32] for name, value in given.items()}, view)
@@ -176,7 +176,7 @@ def test_both_ways_of_listing_give_each_tile_its_surfels_in_order(count: int) ->
         assert found == expected
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_an_empty_scene_is_the_background_and_takes_gradients() -> None:
     given, view = {name: value[:0] for name, value in random_surfels(3).items()}, camera()
     found = fast(given, view)
@@ -185,7 +185,7 @@ def test_an_empty_scene_is_the_background_and_takes_gradients() -> None:
     assert slopes["centre"].shape == (0, 3)
 
 
-@in_both_arrangements
+@pytest.mark.usefixtures("cpu_arrangement")
 @pytest.mark.parametrize("team", [1, 2])
 def test_gradients_repeat_bit_for_bit(team: int) -> None:
     use_threads(team)

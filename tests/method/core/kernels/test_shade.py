@@ -17,7 +17,7 @@ from reference.shade import shade as dense_shade
 
 NAMES = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment")
 
-in_both_arrangements = pytest.mark.usefixtures("arrangement")
+in_every_arrangement = pytest.mark.usefixtures("arrangement")
 DIFFERENTIABLE = ("normal", "albedo", "roughness", "visibility", "indirect", "environment")
 
 
@@ -47,7 +47,7 @@ def gradients(function: object, given: dict[str, torch.Tensor], pull: torch.Tens
     return {name: leaves[name].grad for name in DIFFERENTIABLE}  # type: ignore[misc]
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize(
     ("views", "samples"), [(1, 1), (2, LANES_ON_CPU), (3, LANES_ON_CPU + 1), (1, 2 * LANES_ON_CPU - 1), (2, 64)]
 )
@@ -73,7 +73,7 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     assert_gradients(total, given, gradients(shade, given, pull), 2e-4)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_float32_agrees_with_float64_on_the_rounded_inputs() -> None:
     given = {name: value.float() for name, value in inputs(surfels=200).items()}
     rounded = {name: value.double() for name, value in given.items()}
@@ -109,7 +109,7 @@ def test_lookup_in_the_kernel_is_the_environment_maps_own() -> None:
     torch.testing.assert_close(parts[:, 0, 0], light.lookup(toward))
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_lookup_crosses_the_seam_and_reaches_the_poles_without_a_step() -> None:
     """Either side of the map's edge, and a step away from each pole, against the map's own lookup in float32."""
     light = EnvironmentMap(torch.rand(8, 16, 3))
@@ -126,7 +126,7 @@ def test_lookup_crosses_the_seam_and_reaches_the_poles_without_a_step() -> None:
     torch.testing.assert_close(parts[0, 0, 0], parts[1, 0, 0], rtol=0, atol=1e-3)
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize("roughness", [1e-3, 0.02, 0.1, 1.0])
 def test_sharp_lobes_keep_their_digits_in_float32(roughness: float) -> None:
     """Mirrored pairs within ten widths of the peak, against the dense sum in float64 on the same rounded inputs."""
@@ -189,7 +189,7 @@ def test_opposed_grazing_directions_give_finite_values_and_gradients() -> None:
     assert all(torch.isfinite(slope).all() for slope in gradients(shade, given, torch.ones_like(out)).values())
 
 
-@in_both_arrangements
+@pytest.mark.usefixtures("cpu_arrangement")
 @pytest.mark.parametrize("team", [1, 2])
 def test_results_repeat_bit_for_bit(team: int) -> None:
     use_threads(team)
@@ -204,7 +204,7 @@ def test_no_surfel_gives_no_radiance() -> None:
     assert shade(*given.values(), torch.ones(4, 8, 3, dtype=torch.float64)).shape == (0, 2, 4, 3)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_a_surfel_that_is_not_finite_disturbs_no_other_and_reads_nothing_off_the_map() -> None:
     given = inputs(surfels=6)
     whole = shade(*given.values())

@@ -16,7 +16,7 @@ from reference.trace import trace as dense_trace
 
 FIELDS = ("centre", "axis_u", "axis_v", "normal", "opacity", "sh", "features", "origin")
 
-in_both_arrangements = pytest.mark.usefixtures("arrangement")
+in_every_arrangement = pytest.mark.usefixtures("arrangement")
 OUTPUTS = ("radiance", "transmittance", "features", "depth")
 
 
@@ -57,7 +57,7 @@ def gradients(function: object, given: dict[str, torch.Tensor], pulls: list[torc
     return {name: leaves[name].grad for name in FIELDS}  # type: ignore[misc]
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize(("channels", "coefficients"), [(0, 1), (7, 16), (1, 4)])
 def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coefficients: int) -> None:
     given = random_inputs(60, 100, channels, coefficients)
@@ -74,7 +74,7 @@ def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coeffi
         assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
     given, back_from = random_inputs(60, 100, 3), 0.8
 
@@ -122,7 +122,7 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     assert_gradients(total, given, gradients(fast, given, pulls), 2e-5, met_by_each)
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_float32_agrees_with_float64_but_where_a_hit_crosses_a_threshold() -> None:
     """A hit at the alpha threshold, at the stop or in a tie is met in one precision and not in the other."""
     given = {name: value.float() for name, value in random_inputs(400, 5000, 3).items()}
@@ -141,7 +141,7 @@ def test_float32_agrees_with_float64_but_where_a_hit_crosses_a_threshold() -> No
         assert error.max() < 1e-4, name
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize("copies", [17, 33, 64])
 def test_exactly_coincident_surfels_are_neither_lost_nor_swapped(copies: int) -> None:
     """More equal depths than the buffer holds: the restart must go on after the last (t, number)."""
@@ -252,7 +252,7 @@ def test_a_closed_room_sees_no_light_and_a_convex_body_sees_all(scale: float) ->
     assert (outside.transmittance == 1).all()
 
 
-@in_both_arrangements
+@in_every_arrangement
 def test_degenerate_surfels_are_never_met() -> None:
     given = random_inputs(40, 60, 1)
     clean = fast({name: value[:32] if name in FIELDS[:7] else value for name, value in given.items()})
@@ -268,7 +268,7 @@ def test_degenerate_surfels_are_never_met() -> None:
         assert torch.equal(ours, theirs)
 
 
-@in_both_arrangements
+@in_every_arrangement
 @pytest.mark.parametrize(("surfels", "rays"), [(0, 5), (5, 0), (1, 1), (9, 3)])
 def test_empty_and_tiny_scenes(surfels: int, rays: int) -> None:
     given = random_inputs(surfels, rays, 2)
@@ -279,7 +279,7 @@ def test_empty_and_tiny_scenes(surfels: int, rays: int) -> None:
     assert found[0].shape == (rays, 3)
 
 
-@in_both_arrangements
+@pytest.mark.usefixtures("cpu_arrangement")
 @pytest.mark.parametrize("team", [1, 2])
 def test_gradients_repeat_bit_for_bit(team: int) -> None:
     use_threads(team)
