@@ -1,14 +1,30 @@
 """How much of the training images each surfel makes up."""
 
+import pytest
 import torch
 
 from radiogs_core.learning.contribution import largest_contribution
 from radiogs_core.learning.views import load
 from radiogs_core.surfels.surfels import inverse_sigmoid
+from radiogs_core.transport.blending_weights import blending_weights
 from radiogs_core.transport.splatting import splat
-from scenes import sphere_scene, surfels_facing
+from scenes import look_at, sphere_scene, surfels_facing
 
 CPU = torch.device("cpu")
+
+
+def test_a_large_image_is_looked_at_through_fewer_pixels_that_count_for_more(monkeypatch: pytest.MonkeyPatch) -> None:
+    generator = torch.Generator().manual_seed(1)
+    centres = 0.5 * torch.randn(40, 3, generator=generator)
+    surfels = surfels_facing(centres, torch.tensor([1.0, 0.0, 0.0]).expand(40, 3).contiguous())
+    surfels.log_scale = torch.full_like(surfels.log_scale, -2.0)
+    camera = look_at(torch.tensor([4.0, 0.0, 0.0]), torch.zeros(3), 102, 100.0)
+    whole = blending_weights(camera, surfels)
+    monkeypatch.setattr("radiogs_core.transport.blending_weights.MOST_PIXELS", 102 * 102 // 3)
+    coarse = blending_weights(camera, surfels)
+    assert float((coarse - whole).abs().max()) > 0, "of fewer pixels"
+    torch.testing.assert_close(coarse.sum(), whole.sum(), rtol=0.01, atol=0)
+    torch.testing.assert_close(coarse, whole, rtol=0.1, atol=3.0)
 
 
 def test_contributions_are_sums_of_blending_weights_in_the_view_that_shows_most() -> None:
