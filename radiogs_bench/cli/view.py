@@ -145,7 +145,7 @@ def standpoint_in(folder: Path, row: str | None) -> "Standpoint | None":
         for place in read_sweep(folder)["cells"]:
             if not kept and row in (None, place["row"]) and store.result(place["key"]) is not None:
                 arrays = read_maps(store.arrays_path(place["key"]), "surfels/")
-                names = ("eye", "up", "middle")
+                names = ("eye", "up", "middle", "arc")
                 kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
     return Standpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None
 

@@ -19,7 +19,8 @@ def surfel_arrays(model: Trained, seen_from: Standpoint) -> dict[str, np.ndarray
     ``surfels/centre`` [N, 3] and ``surfels/tangents`` [N, 2, 3], scaled by their standard deviations, float32, world
     units; ``surfels/opacity`` [N], ``surfels/radiance`` (mean over directions) and ``surfels/albedo`` [N, 3], linear,
     and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye``,
-    ``surfels/up`` and ``surfels/middle`` [3], from where it is seen first (``Standpoint``; the last where it has one).
+    ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], from where it is seen (``Standpoint``; the last two
+    where it has them).
     """
     if not isinstance(model, MadeOfSurfels) or not len(model.surfels):
         return {}

@@ -39,7 +39,7 @@ def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: Standpoi
     """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the standpoint's eye.
 
     They turn around the surfels, from above and so far away that all are seen; where the standpoint has a middle,
-    around that one, as high and as far away as its eye.
+    around that one, as high and as far away as its eye, and no further than its arc.
     """
     up, middle = seen_from.up, seen_from.middle
     own = surfels.centre.median(0).values
@@ -52,11 +52,20 @@ def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: Standpoi
     forth = normalize(level if level.norm() > 1e-6 * towards.norm() else torch.linalg.cross(up, _askew(up)), dim=0)
     side = torch.linalg.cross(up, forth)
     cameras = []
-    for frame in range(frames):
-        turn = 2 * math.pi * frame / frames
+    for turn in _turns(frames, seen_from.arc):
         level_back = math.cos(turn) * forth + math.sin(turn) * side
         cameras.append(_looking_back(middle, math.cos(tilt) * level_back + math.sin(tilt) * up, up, away, size))
     return cameras
+
+
+def _turns(frames: int, arc: Tensor | None) -> list[float]:
+    """Angles from the eye's, radians: all round, or to and fro within the arc that was seen."""
+    if arc is None:
+        return [2 * math.pi * frame / frames for frame in range(frames)]
+    low, high = arc.tolist()
+    middle, half = (high + low) / 2, max((high - low) / 2, 1e-6)
+    begun = math.asin(max(-1.0, min(1.0, -middle / half)))
+    return [middle + half * math.sin(begun + 2 * math.pi * frame / frames) for frame in range(frames)]
 
 
 def _distance(surfels: Surfels, middle: Tensor) -> float:

@@ -1,5 +1,7 @@
 """A turntable: cameras that see the whole model with Z up, and pictures blended in linear light on white."""
 
+import math
+
 import pytest
 import torch
 
@@ -62,6 +64,17 @@ def test_in_a_room_cameras_stand_where_its_photos_were_taken() -> None:
         assert (-camera.axes[:, 1]) @ up > 0.8
         towards = (middle - camera.centre) @ camera.axes
         assert towards[:2].abs().max() < 1e-5, "the middle of the room is in the middle of the picture"
+
+
+def test_in_a_room_they_stay_within_the_arc_of_its_photos() -> None:
+    middle, up = torch.zeros(3), torch.tensor([0.0, 0.0, 1.0])
+    seen_from = Standpoint(torch.tensor([2.0, 0.0, 1.0]), up, middle, torch.tensor([-0.5, 1.5]))
+    cameras = cameras_around(ball(), 40, 8, seen_from)
+    turns = [math.atan2(float(camera.centre[1]), float(camera.centre[0])) for camera in cameras]
+    assert turns[0] == pytest.approx(0, abs=1e-5)
+    assert max(turns) == pytest.approx(1.5, abs=0.02)
+    assert min(turns) == pytest.approx(-0.5, abs=0.02)
+    assert max(abs(one - other) for one, other in zip(turns, [*turns[1:], turns[0]], strict=True)) < 0.2
 
 
 def test_a_model_is_seen_from_the_side_of_its_first_camera() -> None:

@@ -1,5 +1,6 @@
 """From where a scene is looked at first: its eye, the upward direction of its cameras, and what they look at."""
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -22,6 +23,15 @@ def scene(turn: torch.Tensor | None = None, masks: bool = False) -> Scene:
     return Scene("room", "none", views[1:], views[:1], {}, None, "0")
 
 
+def ring(angles: list[float]) -> Scene:
+    """Cameras on a circle around the origin, the first one for testing; no masks."""
+    places = [torch.tensor([3 * math.cos(each), 3 * math.sin(each), 1.0]) for each in angles]
+    cameras = [look_at(place, torch.zeros(3), 8, 8.0) for place in places]
+    sources = {"image": lambda: torch.ones(8, 8, 3)}
+    views = tuple(View(f"{place}", camera, sources) for place, camera in enumerate(cameras))
+    return Scene("room", "none", views[1:], views[:1], {}, None, "0")
+
+
 def test_z_is_up_where_cameras_stand_upright_and_a_room_has_the_middle_that_they_look_at() -> None:
     room = scene()
     found = standpoint(room, room.test[0].camera)
@@ -29,7 +39,21 @@ def test_z_is_up_where_cameras_stand_upright_and_a_room_has_the_middle_that_they
     assert found.up.tolist() == [0.0, 0.0, 1.0]
     assert found.middle is not None
     assert found.middle.allclose(TARGET, atol=1e-5)
-    assert found.plain().keys() == {"eye", "up", "middle"}
+    assert found.plain().keys() == {"eye", "up", "middle", "arc"}, "cameras on three sides of it"
+
+
+@pytest.mark.parametrize("turn", [0.0, 2.0, -2.0])
+def test_the_arc_is_that_of_the_cameras_from_the_eye_to_either_side(turn: float) -> None:
+    angles = turn + torch.tensor([0.4, -0.6, 0.0, 0.9])
+    room = ring(angles.tolist())
+    arc = standpoint(room, room.test[0].camera).arc
+    assert arc is not None
+    assert arc.tolist() == pytest.approx([-1.0, 0.5], abs=1e-3)
+
+
+def test_a_room_that_was_seen_from_all_sides_is_gone_round() -> None:
+    room = ring([place * math.pi / 4 for place in range(8)])
+    assert standpoint(room, room.test[0].camera).arc is None
 
 
 def test_an_object_is_its_own_middle() -> None:
