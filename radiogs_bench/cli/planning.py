@@ -5,6 +5,7 @@ from dataclasses import asdict
 
 from rich.table import Table
 
+from ..durations import duration
 from ..engines.forecast import Expected, forecast, total
 from ..store.folder import Store
 from ..suites.suite import Suite
@@ -24,7 +25,7 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> N
     expected = forecast(store, [cell for _, cell in cells])
     table = Table("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
     for (place, _), each in zip(cells, expected, strict=True):
-        row = ("", "") if each is None else (duration(each.seconds), memory(each))
+        row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
         table.add_row(label(place), place["key"], state_of(store, place), *row)
     show(table)
     missing = sum(each is not None for each in expected)
@@ -89,16 +90,6 @@ def whole_memory(expected: Sequence[Expected | None]) -> str:
         return UNKNOWN
     most = max(known, key=lambda each: (each.host_bytes or 0, each.device_bytes or 0))
     return f"up to {memory(most)}"
-
-
-def duration(seconds: float | None) -> str:
-    """Seconds in a readable unit."""
-    if seconds is None:
-        return UNKNOWN
-    for unit, length in (("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.1f} {unit}"
-    return f"{seconds:.1f} s"
 
 
 def memory(expected: Expected) -> str:

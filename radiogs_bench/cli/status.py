@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..durations import time_left
 from .options import add_verbose, positive
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep") -> "Group":
         table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
     if standing.seconds_left is not None:
-        lines.append(f"about {duration(standing.seconds_left)} left, as cells took that have finished")
+        lines.append(f"about {time_left(standing.seconds_left)} left, as cells took that have finished")
     mine = {place["key"] for place in sweep["cells"]}
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
@@ -131,7 +132,7 @@ def _state(cell: "CellStanding") -> str:
     """The state in words; of a cell that is worked on, what is done."""
     if cell.pace is None:
         return cell.state
-    silent = f", silent for {duration(cell.pace.seconds_silent)}" if cell.silent else ""
+    silent = f", silent for {time_left(cell.pace.seconds_silent)}" if cell.silent else ""
     return f"{cell.pace.task}{silent}"
 
 
@@ -144,13 +145,5 @@ def _pace(cell: "CellStanding") -> tuple[str, str, str]:
     return (
         f"{pace.done}/{pace.total}",
         "" if speed is None else f"{speed:.3g}",
-        "" if left is None else duration(left),
+        "" if left is None else time_left(left),
     )
-
-
-def duration(seconds: float) -> str:
-    """Such as ``41 s``, ``12 min`` or ``3 h 05 min``."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 100 else f"{minutes // 60} h {minutes % 60:02d} min"

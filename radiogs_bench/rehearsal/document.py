@@ -15,6 +15,8 @@ from typing import Any
 
 from radiogs_core.errors import DataError
 
+from ..durations import duration
+
 GIB = 2**30
 END = "<!-- end of rehearsal -->"
 
@@ -123,14 +125,6 @@ def _mean(phase: Mapping[str, Any]) -> float:
 def seconds(value: float) -> str:
     """Seconds to two or three digits."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2f}"
-
-
-def duration(value: float) -> str:
-    """Seconds in a readable unit."""
-    for unit, length in (("days", 86_400.0), ("h", 3600.0), ("min", 60.0)):
-        if value >= 2 * length:
-            return f"{value / length:.1f} {unit}"
-    return f"{value:.1f} s"
 
 
 def main(arguments: Sequence[str]) -> None:

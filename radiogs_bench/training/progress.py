@@ -1,7 +1,8 @@
-"""Progress of a run: bars with time left on a terminal, one line per cell in a log."""
+"""Progress: bars with time left on a terminal; in a log a line per cell, and one a minute of what takes longer."""
 
 import sys
-from collections.abc import Collection
+import time
+from collections.abc import Callable, Collection
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
@@ -9,8 +10,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
 
+from ..durations import time_left
+
 SHOWN_AFTER_SECONDS = 2.0
 """Tasks shorter than this show no bar."""
+
+LOGGED_EVERY_SECONDS = 60.0
+"""Between two lines about steps in a log."""
 
 SPEED_WINDOW_SECONDS = 3600.0
 """Period over which speed is averaged for the time left; rich's default of 30 s is less than one cell takes."""
@@ -78,7 +84,12 @@ class TerminalProgress:
 
 
 class LogProgress:
-    """Lines to stderr, without bars."""
+    """Lines to stderr: what is said, and every LOGGED_EVERY_SECONDS how far the task is that reports then."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self.clock = clock
+        self.due = clock() + LOGGED_EVERY_SECONDS
+        self.begun: dict[str, tuple[int, float]] = {}
 
     def __enter__(self) -> "LogProgress":
         return self
@@ -93,7 +104,15 @@ class LogProgress:
         sys.stderr.write(line + "\n")
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Show nothing: a log has no room for steps."""
+        """Write a line if one is due."""
+        now = self.clock()
+        at, since = self.begun.setdefault(task, (done, now))
+        if done >= total:
+            del self.begun[task]
+        elif now >= self.due and done > at:
+            left = time_left((now - since) / (done - at) * (total - done))
+            self.say(f"{task}: {done:,} of {total:,}, about {left} left")
+            self.due = now + LOGGED_EVERY_SECONDS
 
 
 class SweepProgress:

@@ -9,7 +9,7 @@ import pytest
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs.budget import PRESETS
 from radiogs.variant import Variant
-from radiogs_bench.cli.planning import duration, show_plan, whole_memory, whole_time
+from radiogs_bench.cli.planning import show_plan, whole_memory, whole_time
 from radiogs_bench.engines.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
@@ -104,10 +104,3 @@ def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) ->
     assert total(expected) == (0.0, 1)
     assert whole_time(expected).startswith("unknown")
     assert whole_memory(expected) == "unknown"
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"), [(None, "unknown"), (0.04, "0.0 s"), (119.0, "119.0 s"), (120.0, "2.0 min"), (9000.0, "2.5 h")]
-)
-def test_durations_are_said_as_people_say_them(seconds: float | None, said: str) -> None:
-    assert duration(seconds) == said

@@ -18,6 +18,24 @@ def test_a_pipe_gets_lines_and_nothing_that_moves(capsys: pytest.CaptureFixture[
     assert capsys.readouterr() == ("", "corner ours seed 0: started\n")
 
 
+def test_a_log_has_a_line_a_minute_of_what_takes_longer(capsys: pytest.CaptureFixture[str]) -> None:
+    now = 0.0
+    progress = LogProgress(lambda: now)
+    for step in range(100):
+        progress.advance("all stages", step, 1000)
+        progress.advance("stage 2, inverse rendering", step, 100)
+        now += 1.5
+    assert capsys.readouterr().err.splitlines() == [
+        "all stages: 40 of 1,000, about 24 min left",
+        "all stages: 80 of 1,000, about 23 min left",
+    ]
+    progress.advance("stage 2, inverse rendering", 100, 100)
+    progress.advance("stage 2, inverse rendering", 5, 10)  # of another cell: nothing is known of its speed
+    now += 100
+    progress.advance("stage 2, inverse rendering", 6, 10)
+    assert capsys.readouterr().err == "stage 2, inverse rendering: 6 of 10, about 7 min left\n"
+
+
 def test_a_terminal_gets_bars(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     assert isinstance(progress_for_stderr(), TerminalProgress)

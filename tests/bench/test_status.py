@@ -12,7 +12,6 @@ import pytest
 from bench import fake_method
 from bench.fake_method import FakeSweep, asked, fake_cell
 from radiogs_bench.cli import main
-from radiogs_bench.cli.status import duration
 from radiogs_bench.engines.others import OthersProgress
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.store.folder import Store
@@ -209,13 +208,6 @@ def test_a_run_keeps_the_pace_of_its_cells(
     assert len(seen) == 10
     assert all(pace is not None and pace.task == "fake invert" and pace.total == fake_method.STEPS for pace in seen)
     assert not list((tmp_path / "locks").glob("*.pace"))
-
-
-@pytest.mark.parametrize(
-    ("seconds", "said"), [(0.4, "0 s"), (99.0, "99 s"), (150.0, "2 min"), (5400.0, "90 min"), (11100.0, "3 h 05 min")]
-)
-def test_durations_are_said_in_the_unit_that_fits(seconds: float, said: str) -> None:
-    assert duration(seconds) == said
 
 
 def test_one_cell_alone_has_no_time_left_before_anything_like_it_has_finished(tmp_path: Path) -> None:
