@@ -46,12 +46,10 @@ def test_without_a_card_it_says_so(check: ModuleType, tmp_path: Path, capsys: py
 def test_parts_are_kept_gone_on_with_and_reported(check: ModuleType, tmp_path: Path) -> None:
     counted = tmp_path / "counted"
     counts = (sys.executable, "-c", f"open({str(counted)!r}, 'a').write('x'); print('all is well')")
-    fails_once = f"import os,sys; p={str(tmp_path / 'seen')!r}; sys.exit(0 if os.path.exists(p) else not open(p, 'w'))"
-    broken = (sys.executable, "-c", "import os,sys; " + fails_once.replace("import os,sys; ", ""))
     listed = [
         check.Part("first", "that it counts", counts),
         check.Part("second", "that it is tried again", (sys.executable, "-c", "import sys; print('no'); sys.exit(3)")),
-        check.Part("third", "that it is left out", broken, needs="no-such-program"),
+        check.Part("third", "that it is left out", counts, needs="no-such-program"),
     ]
     given = ["--device", "cpu", "--work", str(tmp_path / "work")]
     assert check.main(given, listed, tmp_path / "docs") == 1
@@ -72,7 +70,7 @@ def test_a_part_that_takes_too_long_is_stopped_and_not_called_passed(check: Modu
     sleeper = check.Part(
         "long", "nothing", (sys.executable, "-c", "import time; print('begun', flush=True); time.sleep(60)")
     )
-    outcome = check.run_part(sleeper, tmp_path / "long.json", limit=1.0)
+    outcome = check.run_part(sleeper, tmp_path / "long.json", limit=4.0)
     assert outcome["state"] == "stopped"
     assert outcome["seconds"] < 30
     assert json.loads((tmp_path / "long.json").read_text())["said"] == ["begun"]
