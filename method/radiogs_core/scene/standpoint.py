@@ -14,7 +14,6 @@ from .scene import Scene
 UPRIGHT = 0.7
 """Cosine between Z and the mean upward direction of cameras from which on Z is up; captures have axes of their own."""
 
-
 WIDE = math.radians(60)
 """A gap between neighbouring cameras that is at least so wide is a side from which the scene was not seen."""
 
