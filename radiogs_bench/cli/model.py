@@ -85,6 +85,7 @@ def train(options: argparse.Namespace) -> int:
     from ..store.folder import Store
     from ..suites.cell import Work, cell_of
     from ..training.interruption import Interruption
+    from ..training.kept_pace import KeptPace
     from ..training.preflight import read_everything
     from ..training.progress import progress_for_stderr
     from ..training.stages import Bench, facts_of, trained
@@ -105,7 +106,8 @@ def train(options: argparse.Namespace) -> int:
     held = saying_who_holds(str(options.out))
     with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
         read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        model, ledgers = trained(Bench(store, device, progress, interruption, method, checksum_now), cell, scene)
+        with KeptPace(progress, store, cell.key) as kept:
+            model, ledgers = trained(Bench(store, device, kept, interruption, method, checksum_now), cell, scene)
         facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)
     seconds = sum(ledger["seconds"] for ledger in ledgers.values())
     size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""

@@ -36,12 +36,16 @@ def add_to(commands: "Commands") -> None:
 
 
 def status(options: argparse.Namespace) -> int:
-    """Print the state of every cell of the folder's last run."""
+    """Print the state of every cell of the folder's last run, or how far a training is."""
     from ..results.standing import standing_of
     from ..store.folder import Store
-    from ..suites.sweep import read_sweep
+    from ..suites.sweep import has_sweep, read_sweep
     from .aside import say_aside
+    from .training_status import is_training, show_training
 
+    if not has_sweep(options.out) and is_training(options.out):
+        show_training(options.out, options.json, options.watch)
+        return 0
     store, sweep = Store(options.out), read_sweep(options.out)
     if options.json:
         _as_json(store, sweep, options.watch)

@@ -73,6 +73,12 @@ def pace_of(store: Store, key: str) -> Pace | None:
         return None
 
 
+def paces(store: Store) -> list[Pace]:
+    """Of everything in the folder that is worked on."""
+    found = (pace_of(store, path.stem) for path in sorted((store.folder / "locks").glob("*.pace")))
+    return [pace for pace in found if pace is not None]
+
+
 def _checked(pace: Pace) -> Pace:
     """Raises TypeError or ValueError for values that no process of ours writes."""
     if not isinstance(pace.task, str) or not pace.task.isprintable():

@@ -227,6 +227,11 @@ def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
         yield lambda sweep: write_atomically(_path(store.folder), strict_json(sealed(sweep)))
 
 
+def has_sweep(folder: Path) -> bool:
+    """Whether a run has left its manifest in the folder."""
+    return _path(folder).exists()
+
+
 def read_sweep(folder: Path) -> Sweep:
     """The manifest of a folder's last run.
 

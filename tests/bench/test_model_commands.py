@@ -105,7 +105,7 @@ def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> 
     assert main(["render", str(out)]) == 0
     assert read_png(out / "render" / "image" / "test_000.png").shape == (41, 41, 3)
     stages = len(list(out.glob("stages/*")))
-    assert main([*arguments, "--reduce", "3"]) == 0
+    assert main([*arguments, "--reduce", "3", "--force"]) == 0, "another model is there"
     assert len(list(out.glob("stages/*"))) > stages
     assert read_trained(out, CPU)[0].scene.test[0].camera.width == 32
 
