@@ -14,6 +14,7 @@ import tempfile
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -51,7 +52,7 @@ def finished(folder: Path) -> None:
     failure = {name: result[name] for name in ("schema", "key", "scene", "cell")}  # type: ignore[literal-required]
     sweep.store.put_failure(failure | words)  # type: ignore[arg-type]
     cell = fake_cell()
-    scene = request.scenes["fake"]
+    scene = replace(request.scenes["fake"], train=request.scenes["fake"].test)
     write_trained(sweep.store, "fake", scene, cell, trained(sweep.bench, cell, scene)[0])
 
 

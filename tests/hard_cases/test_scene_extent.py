@@ -13,7 +13,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.kernels.rasterize.binning import tile_lists
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
-from radiogs_core.kernels.trace.hits import _offsets
+from radiogs_core.kernels.trace.hits import _begins, _entries
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
@@ -64,9 +64,10 @@ def test_more_pairs_than_an_index_holds_are_counted_in_64_bits_and_refused() -> 
 @pytest.mark.case(23)
 def test_more_hits_than_an_index_holds_are_counted_in_64_bits_and_refused() -> None:
     most = torch.iinfo(torch.int32).max
-    assert _offsets(torch.tensor([most - 5, 5], dtype=torch.int32)).tolist() == [0, most - 5, most]
+    counts = torch.tensor([most - 5, 5], dtype=torch.int32)
+    assert (_begins(counts).tolist(), _entries(counts)) == ([0, most - 5, most], most)
     with pytest.raises(UsageError, match=f"{most + 1} hits"):
-        _offsets(torch.tensor([most - 5, 6], dtype=torch.int32))
+        _entries(torch.tensor([most - 5, 6], dtype=torch.int32))
 
 
 def shell(count: int, scale: float, offset: float) -> SplatGeometry:

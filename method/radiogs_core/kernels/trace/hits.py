@@ -83,7 +83,7 @@ def find_hits(
     nodes, leaves = (torch.stack(kind).sum() for kind in zip(*(part.visits for part in found), strict=True))
     read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
     count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
-    require_countable(len(surfel), "hits of rays and surfels", "Trace fewer rays together.")
+    _require_countable(len(surfel))
     return HitLists(order, _begins(counts), surfel, depth, alpha)
 
 
@@ -111,8 +111,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         more = torch.nonzero((found == BUFFER) & (left >= stop))[:, 0]
         start_t, start_id = hits_t[more, -1].contiguous(), hits_id[more, -1].contiguous()
         slots, rays, rest = slots[more], rays[more].contiguous(), left[more].contiguous()
-    begin, entries = _begins(counts), int(counts.sum())
-    require_countable(entries, "hits of rays and surfels", "Trace fewer rays together.")
+    begin, entries = _begins(counts), _entries(counts)
     depth, alpha = (start_t.new_empty(entries) for _ in range(2))
     surfel = torch.empty(entries, dtype=torch.int32, device=device)
     packed = [as_array(value) for value in (depth, surfel, alpha)]
@@ -127,3 +126,14 @@ def _begins(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
     begin = counts.new_zeros(len(counts) + 1)
     begin[1:] = counts.cumsum(0, dtype=torch.int64)
     return begin
+
+
+def _entries(counts: Int[Tensor, " rays"]) -> int:
+    """How many hits there are, counted in 64 bits. Raises UsageError if a list cannot hold them."""
+    entries = int(counts.sum(dtype=torch.int64))
+    _require_countable(entries)
+    return entries
+
+
+def _require_countable(hits: int) -> None:
+    require_countable(hits, "hits of rays and surfels", "Trace fewer rays together.")
