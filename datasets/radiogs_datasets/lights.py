@@ -10,6 +10,9 @@ from radiogs_core.scene.light import EnvironmentMap
 
 from .image_files import read_exr, read_hdr
 
+OWN_LIGHTS = Path(__file__).parent / "tiny" / "corner" / "envmaps"
+"""A folder of maps that comes with the package: a sunny sky (``training``), a sunset, an overcast sky."""
+
 
 def read_light(path: Path) -> tuple[EnvironmentMap, list[str]]:
     """A map of distant light, Z up, from RGB or RGBA; negative radiance becomes zero, which the sentence returned says.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import UsageError
 
-from . import fetch
+from . import blend, fetch
 from .options import add_scene_options, add_verbose, names, positive, scene_options
 
 if TYPE_CHECKING:
@@ -52,6 +52,7 @@ def add_to(commands: "Commands") -> None:
     fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
     for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
+    blend.add_to(actions)
     fetch.add_to(actions)
 
 

@@ -25,6 +25,7 @@ def register() -> None:
             mi.BSDF.__init__(self, props)
             self.albedo = props.get_texture("albedo", 0.5)
             self.roughness = props.get_texture("roughness", 0.5)
+            self.specular = props.get("specular", 1.0)
             front = mi.BSDFFlags.FrontSide
             self.m_components = [mi.BSDFFlags.DiffuseReflection | front, mi.BSDFFlags.GlossyReflection | front]
             self.m_flags = self.m_components[0] | self.m_components[1]
@@ -46,7 +47,7 @@ def register() -> None:
             fresnel = FRESNEL_NORMAL + (1 - FRESNEL_NORMAL) * dr.exp2((-5.55473 * view_half - 6.98316) * view_half)
             k = (roughness + 1) ** 2 / 8
             visibility = 0.25 / ((view * (1 - k) + k) * (light * (1 - k) + k))
-            value = self.albedo.eval(si, active) / dr.pi + distribution * fresnel * visibility
+            value = self.albedo.eval(si, active) / dr.pi + self.specular * distribution * fresnel * visibility
             density = 0.5 * light / dr.pi + 0.5 * distribution * cosine / (4 * view_half)
             return dr.select(active, value * light, 0), dr.select(active, density, 0)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .patterns import Arithmetic, Array, Pattern
 
@@ -11,10 +11,14 @@ Colour = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Material:
-    """Linear diffuse albedo and perceptual roughness (alpha_GGX = r^2)."""
+    """Linear diffuse albedo and perceptual roughness (alpha_GGX = r^2).
+
+    ``specular``: the part of the BRDF's specular lobe that is rendered; 0 is Lambert, which all renderers have.
+    """
 
     albedo: Colour
     roughness: float
+    specular: float = 1.0
 
     def at(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> tuple[Array, Array, Array, Array]:
         """Albedo (three values) and roughness at world positions, arrays of the kind of the coordinates."""
@@ -23,12 +27,15 @@ class Material:
 
     def without_diffuse(self) -> Material:
         """The same specular lobe over an albedo of zero."""
-        return Material((0.0, 0.0, 0.0), self.roughness)
+        return replace(self, albedo=(0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Patterned:
-    """``first`` where the pattern is 0, ``second`` where it is 1, and linear between them; see ``patterns``."""
+    """``first`` where the pattern is 0, ``second`` where it is 1, and linear between them; see ``patterns``.
+
+    Both have the same part of the specular lobe.
+    """
 
     first: Material
     second: Material

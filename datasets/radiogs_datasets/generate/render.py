@@ -25,7 +25,7 @@ NO_ROULETTE = 100
 """A depth that no path reaches: with roulette, paths of two depths would not share their random numbers."""
 
 SUBPIXELS = 8
-"""Surface maps average SUBPIXELS x SUBPIXELS exact hits a pixel."""
+"""Surface maps of a scene average SUBPIXELS x SUBPIXELS exact hits a pixel."""
 
 MESH_CELLS = (1024, 96)
 """Of a knot, along and around: its triangles turn by less than four degrees from one to the next."""
@@ -93,19 +93,21 @@ def radiance(scene: mi.Scene, camera: Pinhole, samples: int, depth: int, seed: i
     return np.array(mi.render(scene, sensor=sensor, integrator=integrator, spp=samples, seed=mi.UInt32(seed)))
 
 
-def surface(scene: mi.Scene, camera: Pinhole) -> Surface:
+def surface(scene: mi.Scene, camera: Pinhole, subpixels: int = SUBPIXELS) -> Surface:
     """Exact albedo, world normal, roughness and z-depth, averaged over the covered part of each pixel.
+
+    ``subpixels`` x ``subpixels`` rays a pixel.
 
     The rays start at the camera itself: Mitsuba's sensor starts them on its near plane, and its distances lack that.
     """
-    origins, directions = camera.rays(SUBPIXELS)
+    origins, directions = camera.rays(subpixels)
     length = np.linalg.norm(directions, axis=-1, keepdims=True)
     hit = scene.ray_intersect(mi.Ray3f(mi.Point3f(*origins.T), mi.Vector3f(*(directions / length).T)))
     met, material = hit.is_valid(), hit.bsdf()
     covered = np.array(met)[:, None]
 
     def average(values: NDArray) -> NDArray[np.float64]:
-        blocks = np.where(covered, values, 0.0).reshape(camera.size, SUBPIXELS, camera.size, SUBPIXELS, -1)
+        blocks = np.where(covered, values, 0.0).reshape(camera.size, subpixels, camera.size, subpixels, -1)
         return blocks.mean((1, 3), dtype=np.float64)
 
     coverage = average(np.ones_like(length))
@@ -159,9 +161,10 @@ def _mesh(knot: Knot, bsdf: dict[str, object]) -> mi.Mesh:
 def _bsdf(finish: Finish) -> dict[str, object]:
     if not isinstance(finish, Material):
         albedo, roughness = textures(finish)
-        return {"type": PLUGIN, "albedo": albedo, "roughness": roughness}
+        return {"type": PLUGIN, "albedo": albedo, "roughness": roughness, "specular": finish.first.specular}
     return {
         "type": PLUGIN,
         "albedo": {"type": "rgb", "value": list(finish.albedo)},
         "roughness": {"type": "uniform", "value": finish.roughness},
+        "specular": finish.specular,
     }

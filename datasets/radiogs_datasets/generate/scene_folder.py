@@ -11,14 +11,14 @@ from pathlib import Path
 
 import mitsuba as mi
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from radiogs_core.errors import UsageError
-from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
+from ..writing.display import write_display
+from ..writing.new_folder import require_new
 from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
@@ -42,11 +42,7 @@ def write_scene(
     recipe: Recipe, folder: Path, seed: int, pictures: Pictures, progress: Callable[[str, int, int], None] | None
 ) -> None:
     """See ``generate_scene``. It is made beside ``folder`` and renamed at the end: no run leaves half a scene."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(
-            f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
-        )
-    unfinished = folder.with_name(f"{folder.name}.unfinished")
+    unfinished = require_new(folder)
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
         unfinished.mkdir(parents=True)
@@ -108,7 +104,7 @@ def _write_view(
     seen = render.surface(lights[TRAINING_LIGHT], camera)
     # One alpha for every map of the view.
     alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
-    _write_display(folder / "rgba.png", full, alpha)
+    write_display(folder / "rgba.png", full, full[..., 3:], alpha)
     if split.name != "test":
         return np.zeros(2)
     write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
@@ -121,7 +117,7 @@ def _write_view(
     write_exr(folder / "indirect.exr", indirect)
     for light in lights.keys() - {TRAINING_LIGHT}:
         relit = render.radiance(lights[light], camera, split.samples, depth, seed)
-        _write_display(folder / f"rgba_{light}.png", relit, alpha)
+        write_display(folder / f"rgba_{light}.png", relit, relit[..., 3:], alpha)
         relit_indirect = relit[..., :3] - _direct(lights[light], camera, split, seed)
         write_exr(folder / f"indirect_{light}.exr", np.where(alpha > 0, relit_indirect, 0))
     return np.array([indirect.sum(), full[..., :3].sum()], dtype=np.float64)
@@ -130,9 +126,3 @@ def _write_view(
 def _direct(scene: mi.Scene, camera: Pinhole, split: Split, seed: int) -> NDArray[np.float32]:
     """The part of a view's radiance that met one surface only; the seed of the whole makes the two comparable."""
     return render.radiance(scene, camera, split.samples, render.DIRECT_DEPTH, seed)[..., :3]
-
-
-def _write_display(path: Path, image: NDArray[np.float32], alpha: NDArray[np.float32]) -> None:
-    straight = image[..., :3] / np.where(image[..., 3:] > 0, image[..., 3:], 1)
-    display = srgb_encode(torch.from_numpy(np.where(alpha > 0, straight, 0).astype(np.float32))).numpy()
-    write_png(path, np.concatenate([display, alpha], -1))

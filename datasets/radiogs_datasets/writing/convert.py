@@ -9,6 +9,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene
 
 from .layouts import WRITERS
+from .new_folder import require_new
 from .transforms import write_transforms
 
 LAYOUTS = tuple(WRITERS)
@@ -28,11 +29,7 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
         near = get_close_matches(layout, WRITERS, 1)
         hint = f"Did you mean '{near[0]}'?" if near else ""
         raise UsageError(f"no writer for layout '{layout}'", hint, f"Writers: {', '.join(WRITERS)}.")
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise UsageError(
-            f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
-        )
-    unfinished = folder.with_name(f"{folder.name}.unfinished")
+    unfinished = require_new(folder)
     shutil.rmtree(unfinished, ignore_errors=True)
     try:
         unfinished.mkdir(parents=True)
