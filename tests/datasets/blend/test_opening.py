@@ -1,0 +1,144 @@
+"""Files of others: what is refused, and what is said; skipped where Blender is not installed."""
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from radiogs_core.errors import DataError
+from radiogs_datasets.blend.process import Blender, blender_python
+
+START = """
+import bpy
+bpy.ops.wm.read_factory_settings(use_empty=True)
+scene = bpy.context.scene
+def add(name="cube", size=1.0):
+    bpy.ops.mesh.primitive_cube_add(size=size)
+    thing = bpy.context.object
+    thing.name = name
+    return thing
+def painted(thing):
+    material = bpy.data.materials.new("paint")
+    thing.data.materials.append(material)
+    return material.node_tree
+"""
+END = "\nbpy.ops.wm.save_as_mainfile(filepath={path!r})\n"
+
+
+def saved(path: Path, code: str) -> Path:
+    """A .blend file that Blender saved after running some code on an empty scene."""
+    script = START + code + END.format(path=str(path))
+    done = subprocess.run([blender_python(), "-W", "ignore", "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return path
+
+
+def opened(blender: Blender, path: Path) -> Any:
+    return blender.ask("open", file=str(path), device="cpu", threads=1)
+
+
+def test_what_a_file_holds_is_told(blender: Blender, tmp_path: Path) -> None:
+    code = """
+add("one"); add("two", 4.0).hide_render = True
+bpy.ops.object.light_add(type="SUN"); bpy.ops.object.camera_add()
+scene.unit_settings.scale_length = 0.001
+"""
+    found = opened(blender, saved(tmp_path / "a.blend", code))
+    assert (found["low"], found["high"]) == ([-0.5] * 3, [0.5] * 3)
+    assert (found["objects"], found["lamps"], found["cameras"], found["unit_scale"]) == (1, 1, 1, pytest.approx(0.001))
+    assert found["not_understood"] == {}
+
+
+@pytest.mark.parametrize("content", [b"", b"BLENDER", b"not a file of Blender's" * 100])
+def test_what_is_no_blend_file_is_an_error(blender: Blender, tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.blend").write_bytes(content)
+    with pytest.raises(DataError, match=r"is no \.blend file"):
+        opened(blender, tmp_path / "a.blend")
+
+
+def test_a_truncated_file_is_an_error_or_ends_the_process_with_words(tmp_path: Path, blender: Blender) -> None:
+    assert blender is not None
+    whole = saved(tmp_path / "whole.blend", "add()").read_bytes()
+    for part in (0.1, 0.5, 0.9):
+        (tmp_path / "cut.blend").write_bytes(whole[: int(part * len(whole))])
+        with Blender(tmp_path / "log") as own, pytest.raises(DataError):
+            opened(own, tmp_path / "cut.blend")
+
+
+@pytest.mark.parametrize("code", ["", "add().hide_render = True", "bpy.ops.object.light_add(type='SUN')"])
+def test_nothing_to_render_is_an_error(blender: Blender, tmp_path: Path, code: str) -> None:
+    with pytest.raises(DataError, match="nothing to render"):
+        opened(blender, saved(tmp_path / "a.blend", code))
+
+
+def test_linked_files_that_are_missing_are_named_together(blender: Blender, tmp_path: Path) -> None:
+    code = f"""
+tree = painted(add())
+for name in ("wood", "stone"):
+    image = bpy.data.images.new(name, 4, 4)
+    image.filepath_raw = {str(tmp_path)!r} + "/" + name + ".png"; image.file_format = "PNG"; image.save()
+    node = tree.nodes.new("ShaderNodeTexImage"); node.image = bpy.data.images.load(image.filepath_raw)
+"""
+    path = saved(tmp_path / "a.blend", code)
+    assert opened(blender, path)["objects"] == 1
+    (tmp_path / "wood.png").unlink()
+    (tmp_path / "stone.png").unlink()
+    with pytest.raises(DataError, match="links 2 files that are not there") as caught:
+        opened(blender, path)
+    assert "stone.png" in str(caught.value)
+    assert "wood.png" in str(caught.value)
+
+
+def test_a_missing_library_is_named_and_one_that_is_there_is_rendered(blender: Blender, tmp_path: Path) -> None:
+    library = saved(tmp_path / "library.blend", "painted(add('chair'))")
+    code = f"""
+with bpy.data.libraries.load({str(library)!r}, link=True) as (there, here):
+    here.objects = ["chair"]
+scene.collection.objects.link(bpy.data.objects["chair"])
+"""
+    path = saved(tmp_path / "a.blend", code)
+    found = opened(blender, path)
+    assert (found["objects"], found["not_understood"]) == (1, {})
+    library.unlink()
+    with pytest.raises(DataError, match=r"library\.blend"):
+        opened(blender, path)
+
+
+def test_scripts_and_drivers_of_a_file_are_counted_and_not_run(blender: Blender, tmp_path: Path) -> None:
+    mark = tmp_path / "it_ran"
+    code = f"""
+thing = add()
+text = bpy.data.texts.new("run.py")
+text.write("open({str(mark)!r}, 'w').close()")
+text.use_module = True
+bpy.app.driver_namespace["touch"] = lambda: 1.0
+driver = thing.driver_add("location", 0).driver
+driver.type = "SCRIPTED"
+driver.expression = "touch() or __import__('pathlib').Path({str(mark)!r}).touch()"
+"""
+    path = saved(tmp_path / "a.blend", code)
+    mark.unlink(missing_ok=True)
+    assert opened(blender, path)["scripts"] == 2
+    assert not mark.exists()
+
+
+def test_materials_that_are_not_understood_are_counted_by_their_node(blender: Blender, tmp_path: Path) -> None:
+    code = """
+tree = painted(add())
+output = tree.get_output_node("CYCLES")
+tree.links.new(tree.nodes.new("ShaderNodeBsdfToon").outputs[0], output.inputs["Surface"])
+painted(add("two"))
+add("three")
+"""
+    found = opened(blender, saved(tmp_path / "a.blend", code))
+    assert found["not_understood"] == {"ShaderNodeBsdfToon": 1}
+    assert found["materials"] == 3
+
+
+def test_a_gpu_that_is_not_there_is_an_error(blender: Blender, tmp_path: Path) -> None:
+    path = saved(tmp_path / "a.blend", "add()")
+    try:
+        blender.ask("open", file=str(path), device="cuda", threads=1)
+    except DataError as error:
+        assert "no CUDA device" in str(error)  # noqa: PT017  a machine with a GPU has nothing to refuse
