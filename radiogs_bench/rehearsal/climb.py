@@ -15,7 +15,7 @@ from radiogs_core.scene.scene import Scene
 from ..store.folder import Store
 from ..training.progress import Progress
 from .growth import Rung, extended, peak
-from .limits import in_use
+from .limits import give_memory_back, in_use
 from .one_row import Row, rehearse_rows
 from .phases import Phase, Phases, TooLarge
 
@@ -115,6 +115,7 @@ def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: B
 
 def _rung(rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting) -> Rung:
     phases = Phases(setting.device, setting.clock, setting.progress.say)
+    give_memory_back()
     base = in_use(setting.device)
     keys: dict[str, list[str]] = {}
     facts: dict[str, dict[str, int]] = {}

@@ -1,5 +1,7 @@
 """What memory there is, and how fast this machine is beside another one."""
 
+import ctypes
+import gc
 import os
 import time
 from collections.abc import Mapping
@@ -68,6 +70,17 @@ def _free() -> int:
     if MEMORY_INFORMATION.exists():
         return _of_file(MEMORY_INFORMATION, "MemAvailable:")
     return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") - resident()
+
+
+def give_memory_back() -> None:
+    """Return to the system what Python and the allocator keep for later: it would count as the next size's.
+
+    glibc keeps freed blocks below the highest one that is in use; other allocators have no such call.
+    """
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 def in_use(device: torch.device) -> dict[str, int]:

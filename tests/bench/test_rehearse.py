@@ -1,5 +1,6 @@
 """Rehearsals: what is measured, what is forecast from it, and that what does not fit is told in time."""
 
+import ctypes
 import json
 import shutil
 import signal
@@ -23,6 +24,7 @@ from radiogs_bench.rehearsal import climb as climbing
 from radiogs_bench.rehearsal.climb import Bounds, sizes_of
 from radiogs_bench.rehearsal.document import lines_of, with_tables
 from radiogs_bench.rehearsal.growth import Rung, extended
+from radiogs_bench.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.rehearsal.one_row import Row
 from radiogs_bench.rehearsal.phases import Phase, of_memory
 from radiogs_bench.rehearsal.whole import whole_of
@@ -317,3 +319,16 @@ def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
     assert files
     text = DOCUMENT.read_text(encoding="utf-8")
     assert with_tables(text, {path.stem: json.loads(path.read_bytes()) for path in files}) == text
+
+
+def test_what_one_size_took_does_not_count_as_the_next_size_s() -> None:
+    """Freed blocks below one that is in use stay with the process until they are given back."""
+    if getattr(ctypes.CDLL(None), "malloc_trim", None) is None:
+        pytest.skip("this C library cannot give freed memory back")
+    blocks = [bytearray(b"x" * 60_000) for _ in range(4000)]
+    last = bytearray(b"x" * 60_000)
+    full = resident()
+    del blocks
+    give_memory_back()
+    assert full - resident() > 150e6
+    assert len(last) == 60_000
