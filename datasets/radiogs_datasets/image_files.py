@@ -85,6 +85,11 @@ def read_jpeg(path: Path) -> NDArray[np.float32]:
     return image.astype(np.float32) / np.float32(255)
 
 
+LOGGING = getattr(cv2.utils, "logging", cv2)
+"""Where OpenCV keeps its level of logging: since version 5 in a module of its own."""
+
+SILENT = 0
+
 COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
 """What OpenEXR's complaints of damaged pixels hold."""
 
@@ -178,12 +183,12 @@ def _encode(path: Path, suffix: str, image: NDArray, options: list[int]) -> None
 @contextmanager
 def _quiet() -> Iterator[None]:
     """OpenCV would log a damaged file on the terminal, beside the error that is raised for it."""
-    level = cv2.utils.logging.getLogLevel()
-    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    level = LOGGING.getLogLevel()
+    LOGGING.setLogLevel(SILENT)
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
+        LOGGING.setLogLevel(level)
 
 
 def _require_writable(path: Path) -> None:

@@ -80,7 +80,8 @@ def blend(options: argparse.Namespace) -> int:
 
 def remarks(metadata: dict[str, Any]) -> Iterator[str]:
     """What whoever uses the scene has to know of it, a sentence each."""
-    yield f"noise: {metadata['noise_floor_db']:.1f} dB between two seeds of the first test view, in display colour"
+    if metadata["noise_floor_db"] is not None:
+        yield f"noise: {metadata['noise_floor_db']:.1f} dB between two seeds of the first test view, in display colour"
     yield f"indirect light: {metadata['indirect_share']:.1%} of what the test views show"
     yield f"light beyond {metadata['bounces']} bounces: {metadata['energy_beyond_bounces']:.2%} (left out)"
     for name, share in metadata["energy_of_what_the_brdf_cannot_say"].items():

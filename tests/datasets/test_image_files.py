@@ -4,7 +4,6 @@ import struct
 import zlib
 from pathlib import Path
 
-import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -14,6 +13,7 @@ from PIL import Image
 
 from radiogs_core.errors import DataError
 from radiogs_datasets.image_files import (
+    LOGGING,
     read_exr,
     read_hdr,
     read_image,
@@ -193,9 +193,9 @@ def test_an_unwritable_place_is_an_error(tmp_path: Path) -> None:
 
 
 def test_opencv_still_logs_afterwards(file: Path) -> None:
-    level = cv2.utils.logging.getLogLevel()
+    level = LOGGING.getLogLevel()
     read_image(file)
-    assert cv2.utils.logging.getLogLevel() == level
+    assert LOGGING.getLogLevel() == level
 
 
 def test_real_light_maps_are_read(shared_data: Path) -> None:

@@ -40,8 +40,8 @@ def describe(
         "scene": request.file.stem,
         "purpose": "rendered from a .blend file by Blender Cycles",
         **{name: identity[name] for name in ("seed", "samples", "bounces", "device", "file", "cameras")},
-        "noise_floor_db": round(display_floor(first, second), 2),
-        "noise_floors_db": {name: round(floor(first, second, name), 2) for name in NOISY},
+        "noise_floor_db": display_floor(first, second),
+        "noise_floors_db": {name: floor(first, second, name) for name in NOISY},
         "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
         "indirect_share": _share(sum(each["indirect"] for each in test), radiance),
         "largest_closure_error": max(each["closure"] for each in measured.values()),
@@ -60,20 +60,20 @@ OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_sy
           "volumes", "other_scenes")  # fmt: skip
 
 
-def floor(first: Maps, second: Maps, name: str) -> float:
-    """PSNR in dB of a map between two seeds, in its own values, multiplied by alpha; infinite where they are equal."""
+def floor(first: Maps, second: Maps, name: str) -> float | None:
+    """PSNR in dB of a map between two seeds, in its own values; None where they are equal."""
     return _psnr(getattr(first, name), getattr(second, name))
 
 
-def display_floor(first: Maps, second: Maps) -> float:
-    """PSNR in dB between two seeds in display colour, multiplied by alpha."""
+def display_floor(first: Maps, second: Maps) -> float | None:
+    """PSNR in dB between two seeds in display colour, multiplied by alpha; None where they are equal."""
     shown = [srgb_encode(torch.from_numpy(each.image)).clamp(0, 1).numpy() for each in (first, second)]
     return _psnr(*shown)
 
 
-def _psnr(first: np.ndarray, second: np.ndarray) -> float:
+def _psnr(first: np.ndarray, second: np.ndarray) -> float | None:
     error = float(np.square((first - second).astype(np.float64)).mean())
-    return -10 * math.log10(error) if error else math.inf
+    return round(-10 * math.log10(error), 2) if error else None
 
 
 def _share(part: float, whole: float) -> float:

@@ -84,16 +84,19 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
 
 
 def _begin(request: Request, folder: Path, state: Path) -> None:
-    """Make the place, or find it as it was left; UsageError where it was begun for another request."""
+    """Make the place, or find it as it was left; UsageError where views of another request are finished in it."""
     wanted = json.dumps(request.identity(), indent=1, sort_keys=True)
     begun = state / "request.json"
-    if begun.is_file() and begun.read_text(encoding="utf-8") != wanted:
+    other = begun.is_file() and begun.read_text(encoding="utf-8") != wanted
+    if other and any(state.parent.glob("*/rgba.png")):
         raise UsageError(
             f"{state.parent} was begun with other options, or for another file",
             "Its views are of one request; these would be of another.",
             f"Give the options it was begun with, remove it, or choose another folder than {folder}.",
         )
     try:
+        if other:
+            shutil.rmtree(state.parent)
         state.mkdir(parents=True, exist_ok=True)
         begun.write_text(wanted, encoding="utf-8")
     except OSError as error:

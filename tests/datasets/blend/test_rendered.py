@@ -129,12 +129,12 @@ def test_cycles_and_mitsuba_agree_within_their_noise(blender: Blender, name: str
         pytest.skip(f"Mitsuba cannot render here: {failure}")
     from radiogs_datasets.blend.agreement import Line, compared
 
-    lines = [line for line in compared([name], 32, 64) if isinstance(line, Line)]
+    lines = [line for line in compared([name], 48, 256) if isinstance(line, Line)]
     assert len(lines) == 14
     for line in lines:
         if line.name in ("alpha", "image", "direct", "indirect"):
-            assert line.measured > line.expected - 1.5, line
-            assert abs(line.bias) < 0.03, line
+            assert line.measured > line.expected - 2, line
+            assert abs(line.bias) < (0.04 if line.name == "indirect" else 0.01), line
         else:
             # Surfaces are averages over few random samples here, and over many exact hits there.
             assert line.measured > 30, line

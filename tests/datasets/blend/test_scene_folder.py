@@ -144,6 +144,16 @@ def test_a_folder_begun_for_another_request_is_left_alone(
     assert files(tmp_path / "made.unfinished") == before
 
 
+def test_a_folder_without_a_finished_view_is_begun_anew(
+    asked: Request, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Pictures, "dies_after", 0)
+    with pytest.raises(DataError):
+        write_scene(asked, tmp_path / "made", 1, 1, ignore)
+    monkeypatch.setattr(Pictures, "dies_after", 1000)
+    assert write_scene(replace(asked, samples=5), tmp_path / "made", 1, 1, ignore)["samples"] == 5
+
+
 def test_nothing_is_written_over_files(asked: Request, tmp_path: Path) -> None:
     (tmp_path / "made").mkdir()
     (tmp_path / "made" / "mine").write_text("mine")
