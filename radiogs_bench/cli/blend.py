@@ -44,6 +44,7 @@ def add_to(actions: "Commands") -> None:
     parser.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
     parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="(default: cpu)")
     parser.add_argument("--workers", type=positive, default=1, metavar="N", help="processes (default: 1)")
+    parser.add_argument("--keep-passes", action="store_true", help="keep every pass of test views, in DIR.passes")
     add_verbose(parser)
 
 
@@ -64,6 +65,7 @@ def blend(options: argparse.Namespace) -> int:
     request = Request(
         options.file, options.lights or OWN_LIGHTS, options.training_light, options.cameras, options.views,
         options.test, options.size, options.samples, options.bounces, options.seed, options.device,
+        options.keep_passes,
     )  # fmt: skip
     made = options.out if options.layout == "tensoir" else options.out.with_name(f"{options.out.name}.tensoir")
     threads = max(1, usable_cores() // options.workers)

@@ -23,7 +23,7 @@ class Request:
     ``lights``: a folder of .hdr and .exr maps (lat-long, Z up, linear), of which ``training_light`` (a file's name
     without its ending; None: "training", or else the first in order) lights the training views, and the others the
     relit ones.
-    ``device``: "cpu" or "cuda".
+    ``device``: "cpu" or "cuda". ``keep_passes``: whether test views keep what Cycles wrote, every pass of it.
     """
 
     file: Path
@@ -37,6 +37,7 @@ class Request:
     bounces: int = 12
     seed: int = 0
     device: str = "cpu"
+    keep_passes: bool = False
 
     @cached_property
     def light_files(self) -> Mapping[str, Path]:

@@ -1,6 +1,7 @@
 """Writing the pictures of a .blend file as a scene in the TensoIR layout (``radiogs_datasets.layouts.tensoir``).
 
     <folder>.unfinished/.rendering/   request.json, lights as Blender reads them, what Blender printed, measures
+    <folder>.passes/<view>.exr        every pass of the test views, where they are kept: no part of the scene
 
 Views are rendered by several processes, each finished before its folder has its name: a command that was killed goes
 on where it was.
@@ -44,13 +45,16 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
     _begin(request, folder, state)
     require_blender()
     lights = _write_lights(request, unfinished / "envmaps", state)
+    passes = folder.with_name(f"{folder.name}.passes") if request.keep_passes else None
+    if passes is not None:
+        passes.mkdir(exist_ok=True)
     with ThreadPoolExecutor(workers) as pool, ExitStack() as open_processes:
         studios: queue.SimpleQueue[Studio] = queue.SimpleQueue()
         opened = {}
         for number in range(workers):
             blender = open_processes.enter_context(Blender(state / f"blender_{number}.log"))
             opened = blender.ask("open", file=str(request.file.absolute()), device=request.device, threads=threads)
-            studios.put(Studio(blender, request, lights, state / f"picture_{number}.exr"))
+            studios.put(Studio(blender, request, lights, state / f"picture_{number}.exr", passes))
         views = shots(request, opened["low"], opened["high"])
 
         def make(shot: Shot) -> None:

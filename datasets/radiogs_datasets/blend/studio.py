@@ -19,17 +19,29 @@ OTHER_SEED = 1_000_003
 
 @dataclass(frozen=True)
 class Studio:
-    """A process with the file open, the lights by role as files, and where a picture is put before it is read."""
+    """A process with the file open, the lights by role as files, and where a picture is put before it is read.
+
+    passes: a folder for the pictures of test views, whole; None where they are not kept.
+    """
 
     blender: Blender
     request: Request
     lights: Mapping[str, Path]
     scratch: Path
+    passes: Path | None = None
 
     def take(
-        self, shot: Shot, light: str = TRAINING_LIGHT, bounces: int | None = None, other_seed: bool = False
+        self,
+        shot: Shot,
+        light: str = TRAINING_LIGHT,
+        bounces: int | None = None,
+        other_seed: bool = False,
+        keep: Path | None = None,
     ) -> Maps:
-        """The maps of a view under a light. Pictures of one view share their random numbers unless ``other_seed``."""
+        """The maps of a view under a light. Pictures of one view share their random numbers unless ``other_seed``.
+
+        The file with all passes is moved to ``keep``, or removed.
+        """
         request = self.request
         number = shot.number + other_seed * OTHER_SEED
         self.blender.ask(
@@ -45,5 +57,8 @@ class Studio:
             out=str(self.scratch.absolute()),
         )
         found = maps_of(read_passes(self.scratch))
-        self.scratch.unlink()
+        if keep is None:
+            self.scratch.unlink()
+        else:
+            self.scratch.replace(keep)
         return found

@@ -22,9 +22,10 @@ def write_view(studio: Studio, shot: Shot, folder: Path, state: Path) -> None:
     place = state / f"{shot.name}.view"
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir()
-    maps = studio.take(shot)
+    test = shot.split == "test"
+    maps = studio.take(shot, keep=studio.passes / f"{shot.name}.exr" if test and studio.passes else None)
     write_display(place / "rgba.png", maps.image, maps.alpha, maps.alpha)
-    if shot.split == "test":
+    if test:
         _write_maps(maps, place)
         for light in studio.lights.keys() - {TRAINING_LIGHT}:
             relit = studio.take(shot, light)

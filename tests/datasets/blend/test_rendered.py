@@ -37,7 +37,10 @@ def taken(
     opened = blender.ask("open", file=str(path), device="cpu", threads=1)
     maps = folder / "envmaps"
     studio = Studio(blender, request, _write_lights(request, maps, folder), folder / "picture.exr")
-    return studio.take(shots(request, opened["low"], opened["high"])[0], light), request
+    shot = shots(request, opened["low"], opened["high"])[0]
+    if light != "training":
+        studio.take(shot)  # the light before must leave nothing behind
+    return studio.take(shot, light), request
 
 
 def seen_ball(request: Request) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

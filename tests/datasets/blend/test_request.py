@@ -39,7 +39,7 @@ def test_lights_that_are_not_there_are_named(asked: Request, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     "other",
     [{"training_light": "spot"}, {"cameras": "fit"}, {"train": 3}, {"test": 3}, {"size": 8}, {"samples": 3},
-     {"bounces": 3}, {"seed": 3}, {"device": "cuda"}],
+     {"bounces": 3}, {"seed": 3}, {"device": "cuda"}, {"keep_passes": True}],
 )  # fmt: skip
 def test_every_option_is_part_of_the_identity(asked: Request, other: dict[str, object]) -> None:
     assert replace(asked, **other).identity() != asked.identity()  # type: ignore[arg-type]

@@ -16,6 +16,7 @@ from radiogs_bench.cli.blend import remarks
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.blend import Request, scene_folder, write_scene
+from radiogs_datasets.blend.passes import read_passes
 from radiogs_datasets.blend.process import Blender
 from radiogs_datasets.check import check_scene
 
@@ -99,6 +100,15 @@ def test_the_metadata_says_what_was_measured(asked: Request, tmp_path: Path) -> 
     said = "\n".join(remarks(found))
     for words in ("25.0% of the light", "2 scripts", "1 lamps", "ShaderNodeBsdfHair", "beyond 12 bounces: 0.99%"):
         assert words in said
+
+
+def test_every_pass_can_be_kept(asked: Request, tmp_path: Path) -> None:
+    write_scene(replace(asked, keep_passes=True), tmp_path / "made", 1, 1, ignore)
+    kept = sorted(path.name for path in (tmp_path / "made.passes").iterdir())
+    assert kept == ["test_000.exr", "test_001.exr"]
+    found = read_passes(tmp_path / "made.passes" / "test_000.exr")
+    assert found["Diffuse Indirect"].mean() == pytest.approx(0.1, rel=1e-5)
+    assert check_scene(str(tmp_path / "made")).sound
 
 
 def test_lights_of_a_view_share_their_random_numbers_and_views_do_not(asked: Request, tmp_path: Path) -> None:
