@@ -89,12 +89,13 @@ def remarks(metadata: dict[str, Any]) -> Iterator[str]:
     for name, share in metadata["energy_of_what_the_brdf_cannot_say"].items():
         yield f"{share:.1%} of the light comes from surfaces with '{name.replace('_', ' ')}', unknown to the BRDF"
     for kind, count in metadata["materials_not_understood"].items():
-        yield f"{count} materials hold {kind}: their albedo is Blender's diffuse colour, and no roughness is written"
+        yield f"materials with {kind}: {count}; their albedo is Blender's diffuse colour, and no roughness is written"
     opened = metadata["opened"]
     counted = {
-        "scripts": "scripts and Python drivers were not run", "lamps": "lamps were switched off: the map is the light",
-        "volumes": "volumes are in the images and in no map", "other_scenes": "other scenes of the file were left out",
+        "scripts": "scripts and Python drivers, not run", "lamps": "lamps, switched off: the map is the light",
+        "volumes": "volumes, in the images and in no map", "other_scenes": "other scenes of the file, left out",
     }  # fmt: skip
-    yield from (f"{opened[name]} {said}" for name, said in counted.items() if opened[name])
-    if metadata["views_of_nothing"]:
-        yield f"{len(metadata['views_of_nothing'])} views show nothing: {', '.join(metadata['views_of_nothing'][:5])}"
+    yield from (f"{said}: {opened[name]}" for name, said in counted.items() if opened[name])
+    nothing = metadata["views_of_nothing"]
+    if nothing:
+        yield f"views that show nothing: {len(nothing)} ({', '.join(nothing[:5])})"

@@ -2,8 +2,8 @@
 
     python -m radiogs_datasets.blend.agreement [--size N] [--samples N] [FILE ...]
 
-Prints a Markdown table. Two renderings of each by different seeds give the noise of both; "expected" is the PSNR that
-two renderers without a difference would have at that noise, "bias" the relative difference of sums.
+Prints a Markdown table: for each pass PSNR between the renderers in dB, in brackets the PSNR that two renderers without
+a difference would have at the noise of both (two seeds of each tell it), and the relative difference of sums.
 """
 
 from __future__ import annotations
@@ -147,17 +147,18 @@ def run() -> int:
     options = parser.parse_args()
     require_blender()
     require_mitsuba()
-    write = sys.stdout.write
-    write("| file | light | pass | PSNR, dB | expected from noise, dB | bias |\n|---|---|---|---|---|---|\n")
+    rows: dict[tuple[str, str], list[str]] = {}
     seconds = []
     for line in compared(options.files, options.size, options.samples):
-        if isinstance(line, str):
+        if isinstance(line, Line):
+            cell = f"{line.measured:.1f} ({line.expected:.1f}) {100 * line.bias:+.2f} %"
+            rows.setdefault((line.file, line.light), []).append(cell)
+        else:
             seconds.append(line)
-            continue
-        values = f"{line.measured:.1f} | {line.expected:.1f} | {100 * line.bias:+.2f} %"
-        write(f"| {line.file} | {line.light} | {line.name} | {values} |\n")
-        sys.stdout.flush()
-    write("\n" + "\n".join(seconds) + "\n")
+    head = ["file", "light", *COMPARED]
+    for cells in (head, ["---"] * len(head), *([*names, *values] for names, values in rows.items())):
+        sys.stdout.write(f"| {' | '.join(cells)} |\n")
+    sys.stdout.write("\n" + "\n".join(seconds) + "\n")
     return 0
 
 

@@ -98,7 +98,13 @@ def test_the_metadata_says_what_was_measured(asked: Request, tmp_path: Path) -> 
     assert found["energy_beyond_bounces"] == pytest.approx(0.01, abs=1e-3)
     assert 40 < found["noise_floor_db"] < 80
     said = "\n".join(remarks(found))
-    for words in ("25.0% of the light", "2 scripts", "1 lamps", "ShaderNodeBsdfHair", "beyond 12 bounces: 0.99%"):
+    for words in (
+        "25.0% of the light",
+        "scripts and Python drivers, not run: 2",
+        "the map is the light: 1",
+        "ShaderNodeBsdfHair",
+        "beyond 12 bounces: 0.99%",
+    ):
         assert words in said
 
 
