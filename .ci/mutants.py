@@ -1,11 +1,11 @@
 """Breaks copies of the sources in known ways and says which of them the tests let pass.
 
-    python .ci/mutants.py [--only NAME ...] [--list] [--jobs N]
+    python .ci/mutants.py [--only NAME ...] [--list] [--jobs N] [--file LIST]
 
-``mutants.toml`` lists the mutants: a file, a text that occurs in it exactly once, what replaces it, and the tests that
-should notice. First these tests run on the sources as they are: a test that fails anyway kills nothing. Then each
-mutant is applied to a copy of the tracked files, and its tests run there until the first one fails. Exit status 1 if a
-mutant survives, does not apply, or cannot be run at all.
+``mutants.toml`` (or LIST, such as ``sample_mutants.py`` draws) has the mutants: a file, a text that occurs in it exactly
+once, what replaces it, and the tests that should notice. First these tests run on the sources as they are: a test that
+fails anyway kills nothing. Then each mutant is applied to a copy of the tracked files, and its tests run there until
+the first one fails. Exit status 1 if a mutant survives, does not apply, or cannot be run at all.
 """
 
 import argparse
@@ -182,9 +182,10 @@ def main(arguments: Sequence[str] | None = None, root: Path = ROOT, file: Path =
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these mutants alone")
     parser.add_argument("--list", action="store_true", help="print their names and files, and run nothing")
+    parser.add_argument("--file", type=Path, default=file, metavar="LIST", help="of mutants (default: mutants.toml)")
     parser.add_argument("--jobs", type=int, default=2, help="how many at a time (default: 2)")
     given = parser.parse_args(arguments)
-    mutants = listed(file)
+    mutants = listed(given.file)
     if unknown := set(given.only or ()) - {mutant.name for mutant in mutants}:
         parser.error(f"no mutant is called {', '.join(sorted(unknown))} (see --list)")
     mutants = [mutant for mutant in mutants if not given.only or mutant.name in given.only]
