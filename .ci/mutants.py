@@ -2,10 +2,10 @@
 
     python .ci/mutants.py [--only NAME ...] [--list] [--jobs N] [--file LIST]
 
-``mutants.toml`` (or LIST, such as ``sample_mutants.py`` draws) has the mutants: a file, a text that occurs in it exactly
-once, what replaces it, and the tests that should notice. First these tests run on the sources as they are: a test that
-fails anyway kills nothing. Then each mutant is applied to a copy of the tracked files, and its tests run there until
-the first one fails. Exit status 1 if a mutant survives, does not apply, or cannot be run at all.
+``mutants.toml`` (or LIST, such as ``sample_mutants.py`` draws) has the mutants: a file, a text that occurs in it
+exactly once, what replaces it, and the tests that should notice. First these tests run on the sources as they are: a
+test that fails anyway kills nothing. Then each mutant is applied to a copy of the tracked files, and its tests run
+there until the first one fails. Exit status 1 if a mutant survives, does not apply, or cannot be run at all.
 """
 
 import argparse

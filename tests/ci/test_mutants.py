@@ -1,5 +1,6 @@
 """The list of mutants is true, and the check of them tells what lives from what dies, on a house of one function."""
 
+import ast
 import importlib.util
 import re
 import subprocess
@@ -132,3 +133,56 @@ def test_tests_have_a_limit_of_time_for_each_of_them(
     monkeypatch.setattr(mutants, "LONGEST", 0.001)
     assert mutants.run_tests(tmp_path, ["test_one.py"]) == (1, "not done after 0.001 s")
     assert mutants.run_tests(tmp_path, ["test_one.py", "test_other.py"]) == (1, "not done after 0.002 s")
+
+
+@pytest.fixture(scope="module")
+def sampling() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("sample_mutants", ROOT / ".ci" / "sample_mutants.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["sample_mutants"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_drawn_mutants_apply_are_python_and_are_the_same_for_a_seed(
+    mutants: ModuleType, sampling: ModuleType, tmp_path: Path
+) -> None:
+    drawn = sampling.drawn(ROOT, 60, 3)
+    (tmp_path / "sample.toml").write_text(sampling.toml(drawn))
+    listed = mutants.listed(tmp_path / "sample.toml")
+    assert len({mutant.name for mutant in listed}) == 60
+    for mutant in listed:
+        text = (ROOT / mutant.file).read_text()
+        assert ast.dump(ast.parse(mutant.applied(text))) != ast.dump(ast.parse(text)), mutant
+        assert mutant.tests
+        assert all((ROOT / test).exists() for test in mutant.tests)
+    assert drawn == sampling.drawn(ROOT, 60, 3)
+    assert drawn != sampling.drawn(ROOT, 60, 4)
+
+
+SOURCE = '''
+LIMIT = 3
+
+@cached(4)
+def f(x: int = 5, y: "Float[Tensor, '6']" = None) -> float:
+    """Text 7."""
+    half: float = 0.5
+    if x <= LIMIT and not y:
+        raise ValueError(f"{x + 8} is too few")
+    return max(x * half, -x) if x is not None else 2
+'''
+
+
+def test_bodies_are_changed_and_types_texts_and_errors_are_not(sampling: ModuleType, tmp_path: Path) -> None:
+    (tmp_path / "house.py").write_text(SOURCE)
+    lines = SOURCE.splitlines()
+    found = {
+        (change.line, lines[change.line][change.begin : change.end], change.text)
+        for change in sampling.places(tmp_path, "house")
+    }
+    assert found == {
+        (6, "0.5", "1.0"), (7, "<=", "<"), (7, "and", "or"), (7, "not ", ""), (9, "*", "/"), (9, "-", ""),
+        (9, "is not", "is"), (9, "2", "3"),
+    }  # fmt: skip
