@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from ..generate.cameras import Pinhole
 from ..generate.environments import LIGHTS
 from ..generate.probe import require_mitsuba
-from ..image_files import read_hdr, write_hdr
+from ..image_files import read_hdr, write_exr, write_hdr
 from . import own_files
 from .cameras import shots
 from .light_maps import refined
@@ -88,8 +88,6 @@ def compared(names: list[str], size: int, samples: int, view: int = 3) -> Iterat
 
 def _cycles(blender: Blender, request: Request, view: int) -> tuple[list[Pictures], Pinhole, float]:
     """Two pictures of one view by different seeds, its camera, and the seconds of the second."""
-    from ..image_files import write_exr
-
     opened = blender.ask("open", file=str(request.file), device="cpu", threads=1)
     shot = shots(request, opened["low"], opened["high"])[view]
     light = request.lights / "as_blender_reads_it.exr"

@@ -5,6 +5,7 @@ import os
 from typing import Any
 
 import bpy
+from mathutils import Vector
 
 from .errors import Unusable
 
@@ -90,8 +91,7 @@ def _extent() -> tuple[list[float], list[float], int, int]:
         objects.add(thing.name_full)
         instances += bool(instance.is_instance)
         for corner in thing.bound_box:
-            # A matrix times a vector, written out: mathutils' types differ between versions of their stubs.
-            placed = [sum(row[axis] * corner[axis] for axis in range(3)) + row[3] for row in instance.matrix_world[:3]]
+            placed = instance.matrix_world @ Vector(corner)
             low, high = [*map(min, low, placed)], [*map(max, high, placed)]
     return low, high, len(objects), instances
 
