@@ -6,11 +6,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
-    edge_allowance,
-    edge_aware_smoothness,
     environment_smoothness,
     light_prior,
     mask_entropy,

@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ..contract import StageSpec, values_of
 from ..errors import DataError
+from ..kernels.image.edges import edge_allowance, edge_aware_smoothness
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
 from ..scene.scene import Scene, View
@@ -26,7 +27,7 @@ from ..transport.splatting import Splat, displayed, own_radiance, splat
 from .backward import backward
 from .contribution import largest_contribution
 from .geometry import GeometryLearning, turning
-from .losses import edge_allowance, edge_aware_smoothness, mask_entropy, normal_consistency, reconstruction
+from .losses import mask_entropy, normal_consistency, reconstruction
 from .views import TrainingView, chosen_views, load, mean_distance, view_at
 
 

@@ -7,12 +7,13 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from ..kernels.image.normals import one_sided_normals
 from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
 from ..scene.colour import srgb_encode
 from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
-from .depth_normals import depth_normals, one_sided_normals
+from .depth_normals import depth_normals
 from .incident import Incident
 from .shading import shade_materials
 from .splitsum import PrefilteredLight, split_sum_radiance

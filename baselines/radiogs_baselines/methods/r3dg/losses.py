@@ -4,10 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.learning.losses import (
-    edge_allowance,
-    edge_aware_smoothness,
     environment_smoothness,
     light_prior,
     reconstruction,

@@ -7,12 +7,11 @@ import torch
 from torch import Tensor
 
 from radiogs_core.contract import Run
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
-    edge_allowance,
-    edge_aware_smoothness,
     environment_smoothness,
     normal_consistency,
     reconstruction,

@@ -16,11 +16,11 @@ from radiogs_baselines.methods.r3dg.shading import Lit, blended, light_surfels
 from radiogs_baselines.methods.r3dg.variant import LocalLight
 from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
 from radiogs_core.learning.geometry import GeometryLearning
-from radiogs_core.learning.losses import sobel
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import Splat, displayed
 from reference.differences import Values, assert_gradients
+from reference.images import sobel
 from reference.rasterize import rasterize
 from reference.shade import shade
 from reference.trace import harmonics, trace

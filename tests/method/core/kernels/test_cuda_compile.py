@@ -7,6 +7,9 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs_core.kernels.image.edges_source import edge_kernels
+from radiogs_core.kernels.image.normals_source import normal_kernels
+from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
@@ -19,7 +22,7 @@ from radiogs_core.kernels.trace.trace_source import trace_kernels
 
 @pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
-    splitsum, frames, binning, harmonics, shading, hits, tracing, blending = (
+    splitsum, frames, binning, harmonics, shading, hits, tracing, blending, similarity, normals, edges = (
         splitsum_kernels(dtype, 5, 0.2, on_cuda=True),
         frame_kernels(dtype),
         binning_kernels(dtype),
@@ -28,12 +31,17 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         hit_kernels(dtype, on_cuda=True),
         trace_kernels(dtype, on_cuda=True),
         blend_kernels(dtype, 13, on_cuda=True),
+        similarity_kernels(dtype, on_cuda=True),
+        normal_kernels(dtype),
+        edge_kernels(dtype, on_cuda=True, channels=3),
     )
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
         splitsum.forward, splitsum.backward,
+        similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
+        edges.allowance, edges.forward, edges.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

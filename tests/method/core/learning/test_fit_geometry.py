@@ -11,8 +11,14 @@ from radiogs.variant import Variant
 from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import DataError
 from radiogs_core.learning.contribution import largest_contribution
-from radiogs_core.learning.fit_geometry import GEOMETRY_BUDGET, GeometryBudget, fit_geometry, surfels_of
-from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.fit_geometry import (
+    GEOMETRY_BUDGET,
+    FitGeometry,
+    GeometryBudget,
+    fit_geometry,
+    surfels_of,
+)
+from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
 from radiogs_core.learning.views import load
 from radiogs_core.surfels.density import AdaptiveDensity
 from short_training import BUDGET, CPU, SCENE, through_a_file
@@ -50,6 +56,21 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
     resumed.restore(through_a_file(whole.state()))
     before, after = (surfels_of(finished(stage).product(), CPU).parameters() for stage in (whole, resumed))
     assert all(torch.equal(value, after[name]) for name, value in before.items())
+
+
+def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
+    stage = begun()
+    assert isinstance(stage, FitGeometry)
+    unit, rates, until = SCENE.extent * BUDGET.geometry_rate, SurfelRates(), GeometrySchedule().position_decay_until
+    found = []
+    for progress in (0.0, 0.5 * until, until, 1.0):
+        stage.iteration = round(progress * stage.iterations)
+        stage._set_rates()
+        (group,) = (each for each in stage.optimiser.adam.param_groups if each["name"] == "centre")
+        found.append(group["lr"] / unit)
+    half = round(0.5 * until * stage.iterations) / (until * stage.iterations)
+    between = rates.position ** (1 - half) * rates.position_end**half
+    assert found == pytest.approx([rates.position, between, rates.position_end, rates.position_end])
 
 
 def test_a_stage_that_loses_its_last_surfel_says_so() -> None:

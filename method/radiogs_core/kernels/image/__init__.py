@@ -1,0 +1,1 @@
+"""Kernels over the pixels of images: what losses compare."""

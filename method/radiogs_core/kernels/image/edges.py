@@ -1,0 +1,70 @@
+"""K9: smoothness of images that lets go where another image has edges, with gradient."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..arrangement import as_on_cuda
+from ..runtime import as_array, launch_in_parallel
+from .blocks import blocks_in
+from .edges_source import edge_kernels
+
+
+def edge_allowance(
+    guide: Float[Tensor, "height width 3"], sharpness: float = 1.0, mask: Float[Tensor, "height width"] | None = None
+) -> Float[Tensor, "2 height width 3"]:
+    """exp(-sharpness |gradient of guide|) along x and y, by normalised Sobel filters; ``guide`` is in display sRGB.
+
+    ``mask``: coverage; zero where the filter reaches a pixel that is less than half covered. Without gradient.
+    """
+    guide, kernels = guide.detach().contiguous(), edge_kernels(guide.dtype, as_on_cuda(guide.device), 3)
+    (height, width, _), out = guide.shape, guide.new_empty(2, *guide.shape)
+    covered = guide.new_ones(height, width) if mask is None else mask.detach().to(guide).contiguous()
+    outside = torch.empty(height, width, 1, dtype=torch.bool, device=guide.device)
+    given = guide, covered, out, outside.view(torch.uint8)
+    arguments = [height, width, sharpness, *map(_flat, given)]
+    items = blocks_in(height, width, kernels.columns)
+    launch_in_parallel(kernels.allowance, items, guide.device, lambda _: arguments)
+    # Zeros are written afterwards: the exponential of what underflows takes ten times as long.
+    return out.exp_().masked_fill_(outside, 0.0)
+
+
+def edge_aware_smoothness(
+    data: Float[Tensor, "height width channels"], allowance: Float[Tensor, "2 height width 3"]
+) -> Float[Tensor, ""]:
+    """Mean of |gradient of data| times what ``edge_allowance`` makes of the training image.
+
+    One-channel data meets each of the image's channels, three-channel data its own. Gradient to the data alone.
+    """
+    return _Smoothness.apply(data, allowance)
+
+
+class _Smoothness(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, data: Tensor, allowance: Tensor) -> Tensor:
+        data, kernels = data.detach().contiguous(), edge_kernels(data.dtype, as_on_cuda(data.device), data.shape[-1])
+        height, width, _ = data.shape
+        keep = ctx.needs_input_grad[0]
+        answers = data.new_empty((2, *data.shape) if keep else 0)
+        sums = data.new_empty(blocks_in(height, width, kernels.columns))
+        given = data, allowance.detach().contiguous(), answers, sums
+        arguments = [height, width, int(keep), *map(_flat, given)]
+        launch_in_parallel(kernels.forward, len(sums), data.device, lambda _: arguments)
+        ctx.kernels, ctx.items = kernels, len(sums)
+        ctx.save_for_backward(answers)
+        return sums.sum() / (3 * height * width)
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, None]:
+        (answers,) = ctx.saved_tensors
+        _, height, width, _ = answers.shape
+        each, out = pull.reshape(1) / (3 * height * width), answers.new_empty(answers.shape[1:])
+        arguments = [height, width, *map(_flat, (answers, each, out))]
+        launch_in_parallel(ctx.kernels.backward, ctx.items, out.device, lambda _: arguments)
+        return out, None
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

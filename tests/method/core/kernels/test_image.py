@@ -1,0 +1,170 @@
+"""K7 to K9 against dense float64 implementations and their gradients, skimage's SSIM, and central differences."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import torch
+from skimage.metrics import structural_similarity
+
+from radiogs_core.kernels.image.blocks import COLUMNS
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.kernels.image.normals import one_sided_normals
+from radiogs_core.kernels.image.similarity import compared
+from radiogs_core.kernels.runtime import use_threads
+from reference import images as dense
+
+in_every_arrangement = pytest.mark.usefixtures("arrangement")
+
+SIZES = [(1, 1), (1, 7), (7, 1), (2, 2), (13, 11), (9, COLUMNS), (5, 2 * COLUMNS + 3)]
+"""Smaller than a window, within a block, a whole one, and some blocks with a rest."""
+
+
+def image(height: int, width: int, channels: int = 3, highest: float = 1.0) -> torch.Tensor:
+    return highest * torch.rand(height, width, channels, dtype=torch.float64)
+
+
+def assert_equal_with_gradients(
+    ours: Callable[[torch.Tensor], torch.Tensor],
+    theirs: Callable[[torch.Tensor], torch.Tensor],
+    given: torch.Tensor,
+) -> None:
+    mine, other = given.clone().requires_grad_(), given.clone().requires_grad_()
+    found, expected = ours(mine), theirs(other.cpu())
+    torch.testing.assert_close(found.cpu(), expected, rtol=1e-10, atol=1e-12)
+    pull = torch.randn(expected.shape, dtype=torch.float64, device="cpu")
+    (found * pull.to(found)).sum().backward()
+    assert mine.grad is not None
+    if not expected.requires_grad:  # loops that found no normal
+        assert not bool(mine.grad.any())
+        return
+    (expected * pull).sum().backward()
+    torch.testing.assert_close(mine.grad, other.grad, rtol=1e-9, atol=1e-13)
+
+
+@in_every_arrangement
+@pytest.mark.parametrize(("height", "width"), SIZES)
+def test_images_are_compared_as_by_the_dense_sums(height: int, width: int) -> None:
+    images = torch.stack([image(height, width, highest=1.3), image(height, width), image(height, width)])
+    target = image(height, width, highest=1.2).clamp(max=1)
+    assert_equal_with_gradients(
+        lambda images: compared(images, target), lambda images: dense.compared(images, target.cpu()), images
+    )
+
+
+def test_ssim_is_skimages_on_the_zero_padded_image() -> None:
+    given, target = image(20, 24), image(20, 24)
+    padded = [np.pad(side.numpy(), ((5, 5), (5, 5), (0, 0))) for side in (given, target)]
+    _, expected = structural_similarity(
+        *padded,
+        channel_axis=2,
+        data_range=1.0,
+        gaussian_weights=True,
+        sigma=1.5,
+        use_sample_covariance=False,
+        full=True,
+    )
+    assert float(compared(given[None], target)[0, 1]) == pytest.approx(expected[5:-5, 5:-5].mean(), abs=1e-9)
+
+
+def test_what_is_brighter_than_a_saturated_target_is_no_error_and_gets_no_gradient() -> None:
+    target = image(12, 12)
+    target[4:8, 4:8] = 1
+    given = target.clone()
+    given[4:8, 4:8] = 2.5
+    given.requires_grad_()
+    found = compared(given[None], target)[0]
+    torch.testing.assert_close(found, found.new_tensor([0.0, 1.0]))
+    (found[0] - found[1]).backward()
+    assert given.grad is not None
+    assert not bool(given.grad[4:8, 4:8].any())
+
+
+def test_slopes_of_float32_are_as_good_as_its_digits() -> None:
+    given, target = image(40, 50), image(40, 50)
+    exact = compared(given[None], target)
+    torch.testing.assert_close(compared(given[None].float(), target.float()).double(), exact, rtol=1e-5, atol=0)
+
+
+def test_what_is_no_number_reaches_the_sums() -> None:
+    given = image(8, 8)
+    given[3, 3, 1] = torch.nan
+    assert bool(compared(given[None], image(8, 8)).isnan().all())
+    assert bool(edge_aware_smoothness(given, edge_allowance(image(8, 8))).isnan())
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("masked", [False, True])
+@pytest.mark.parametrize(("height", "width"), SIZES)
+def test_edges_allow_what_the_dense_slopes_say(height: int, width: int, masked: bool) -> None:
+    guide = image(height, width)
+    mask = (2.5 * torch.rand(height, width, dtype=torch.float64)).clamp(max=1) if masked else None
+    expected = dense.edge_allowance(guide.cpu(), 10.0, None if mask is None else mask.cpu())
+    torch.testing.assert_close(edge_allowance(guide, 10.0, mask).cpu(), expected, rtol=1e-12, atol=1e-14)
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize(("height", "width"), SIZES)
+def test_smoothness_is_that_of_the_dense_slopes(height: int, width: int, channels: int) -> None:
+    allowance = torch.rand(2, height, width, 3, dtype=torch.float64)
+    assert_equal_with_gradients(
+        lambda data: edge_aware_smoothness(data, allowance),
+        lambda data: dense.edge_aware_smoothness(data, allowance.cpu()),
+        image(height, width, channels),
+    )
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("share", [0.5, 0.9, 1.0])
+@pytest.mark.parametrize(("height", "width"), [size for size in SIZES if size[1] < COLUMNS])
+def test_one_sided_normals_are_those_of_loops_over_pixels(height: int, width: int, share: float) -> None:
+    depth, solid = 2 + torch.rand(height, width, dtype=torch.float64), torch.rand(height, width) < share
+    toward = torch.tensor([0.3, -0.2, 0.1], dtype=torch.float64)
+    rays = torch.cat([image(height, width, 2), torch.ones(height, width, 1, dtype=torch.float64)], -1)
+    assert_equal_with_gradients(
+        lambda points: one_sided_normals(points, depth, solid, toward),
+        lambda points: dense.one_sided_normals(points, depth.cpu(), solid.cpu(), toward.cpu()),
+        toward + rays * depth[..., None],
+    )
+
+
+def test_coinciding_points_have_neither_normal_nor_gradient() -> None:
+    points = torch.zeros(5, 5, 3, requires_grad=True)
+    found = one_sided_normals(points, torch.ones(5, 5), torch.ones(5, 5, dtype=torch.bool), torch.ones(3))
+    found.sum().backward()
+    assert not bool(found.any())
+    assert points.grad is not None
+    assert not bool(points.grad.any())
+
+
+@pytest.mark.parametrize("broken", [torch.nan, torch.inf, 0.0])
+def test_a_depth_that_is_no_number_takes_its_own_normal_alone(broken: float) -> None:
+    depth = torch.full((9, 9), 2.0, dtype=torch.float64)
+    rays = torch.stack([*torch.meshgrid(torch.linspace(0, 1, 9), torch.linspace(0, 1, 9), indexing="xy")], -1).double()
+    points = torch.cat([rays, torch.ones(9, 9, 1, dtype=torch.float64)], -1) * depth[..., None]
+    depth[4, 4] = broken
+    found = one_sided_normals(points, depth, torch.ones(9, 9, dtype=torch.bool), torch.zeros(3, dtype=torch.float64))
+    others = torch.ones(9, 9, dtype=torch.bool)
+    others[4, 4] = False
+    assert bool((found[others].norm(dim=-1) - 1).abs().max() < 1e-12)
+
+
+def test_results_do_not_depend_on_the_number_of_threads() -> None:
+    given, target, allowance = image(30, 150), image(30, 150), torch.rand(2, 30, 150, 3, dtype=torch.float64)
+    found = []
+    for threads in (1, 2, 3):
+        use_threads(threads)
+        leaf = given.clone().requires_grad_()
+        (compared(leaf[None], target).sum() + edge_aware_smoothness(leaf, allowance)).backward()
+        assert leaf.grad is not None
+        found.append(leaf.grad)
+    assert all(torch.equal(each, found[0]) for each in found)
+
+
+def test_gradients_equal_central_differences() -> None:
+    target, allowance = image(6, 7), torch.rand(2, 6, 7, 3, dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda given: compared(given[None], target), (image(6, 7).requires_grad_(),))
+    assert torch.autograd.gradcheck(
+        lambda data: edge_aware_smoothness(data, allowance), (image(6, 7).requires_grad_(),)
+    )
