@@ -32,7 +32,7 @@ LONGEST = 300.0
 """Seconds for each file or test, after which tests that do not end count as failed."""
 
 VERDICTS = {0: "SURVIVED", 1: "killed"}
-"""By pytest's exit status; with any other one the tests could not be run."""
+"""By pytest's exit status; with any other one that is not negative the tests could not be run."""
 
 
 @dataclass(frozen=True)
@@ -127,8 +127,9 @@ def tried(mutant: Mutant, folder: Path) -> Outcome:
             status, output = run_tests(folder, mutant.tests, "-x")
     except (ValueError, OSError) as error:
         return Outcome(mutant, "DOES NOT APPLY", 0.0, str(error))
-    verdict = VERDICTS.get(status, "CANNOT RUN")
-    return Outcome(mutant, verdict, time.monotonic() - begun, output if status not in VERDICTS else "")
+    # A signal's number, negative: the mutant took Python itself down, which nobody overlooks.
+    verdict = "killed" if status < 0 else VERDICTS.get(status, "CANNOT RUN")
+    return Outcome(mutant, verdict, time.monotonic() - begun, output if verdict == "CANNOT RUN" else "")
 
 
 def outcomes(mutants: Sequence[Mutant], folders: Sequence[Path]) -> Iterator[Outcome]:

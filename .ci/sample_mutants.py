@@ -101,8 +101,11 @@ class Places(ast.NodeVisitor):
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> None:
         """A ``not`` or a minus sign, which goes."""
-        if isinstance(node.op, ast.Not | ast.USub) and node.lineno == node.operand.lineno:
-            self._add(node.lineno, node.col_offset, node.operand.col_offset, "")
+        length = {ast.Not: len("not"), ast.USub: len("-")}.get(type(node.op))
+        if length is not None:
+            rest = self.lines[node.lineno - 1].encode()[node.col_offset + length :]
+            spaces = len(rest) - len(rest.lstrip())
+            self._add(node.lineno, node.col_offset, node.col_offset + length + spaces, "")
         self.generic_visit(node)
 
     def visit_Constant(self, node: ast.Constant) -> None:

@@ -221,6 +221,8 @@ def test_fine_tuning_for_longer_trains_nothing_anew() -> None:
 def test_a_preset_too_small_for_a_row_is_refused() -> None:
     with pytest.raises(UsageError, match="too small"):
         scaled(PRESETS["smoke"], {"incident_samples": 0.01})
+    least = scaled(PRESETS["smoke"], {"incident_samples": 1 / PRESETS["smoke"].incident_samples})
+    assert least.incident_samples == 1
 
 
 @pytest.fixture

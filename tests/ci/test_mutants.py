@@ -89,6 +89,7 @@ def test_what_lives_what_dies_and_what_cannot_be_tried(
     file = list_of(
         tmp_path,
         ("dead", "x / 2", "x / 3", "test_house.py"),
+        ("crashed", "x / 2", "__import__('os').abort()", "test_house.py"),
         ("alive", "return 1", "return 2", "test_house.py::test_half"),
         ("lost", "x / 4", "x / 5", "test_house.py"),
         ("broken", "return x", "return x x", "test_house.py"),
@@ -96,10 +97,11 @@ def test_what_lives_what_dies_and_what_cannot_be_tried(
     assert mutants.main(["--jobs", "1"], house, file) == 1
     said = capsys.readouterr().out
     for name, verdict in (
-        ("dead", "killed"), ("alive", "SURVIVED"), ("lost", "DOES NOT APPLY"), ("broken", "CANNOT RUN"),
+        ("dead", "killed"), ("crashed", "killed"), ("alive", "SURVIVED"), ("lost", "DOES NOT APPLY"),
+        ("broken", "CANNOT RUN"),
     ):  # fmt: skip
         assert re.search(rf"^{verdict} +[\d.]+ s  {name}$", said, re.M), said
-    assert "1 of 4 mutants killed" in said
+    assert "2 of 5 mutants killed" in said
     assert (house / "house.py").read_text() == HOUSE["house.py"]
     assert mutants.main(["--jobs", "1", "--only", "dead"], house, file) == 0
     assert "1 of 1 mutants killed" in capsys.readouterr().out

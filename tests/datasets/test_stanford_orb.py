@@ -15,7 +15,7 @@ from radiogs_core.scene.colour import srgb_decode
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import read_png, write_exr, write_png
-from radiogs_datasets.layouts.stanford_orb import reduced
+from radiogs_datasets.layouts.stanford_orb import reduced, true_mesh_file
 
 ANGLE = 0.6
 SIDE = 32
@@ -154,6 +154,18 @@ def test_a_damaged_view_elsewhere_is_found_before_anything_is_trained(capture: P
         load_scene(str(capture))
 
 
+def test_the_scanned_mesh_is_found_where_it_is_there(capture: Path) -> None:
+    assert true_mesh_file(capture) is None
+    mesh = capture / TRUTH / "mesh_blender/mesh.obj"
+    mesh.parent.mkdir()
+    assert true_mesh_file(capture) is None
+    mesh.write_text("v 0 0 0\n")
+    found = true_mesh_file(capture)
+    assert found is not None
+    assert found.samefile(mesh)
+    assert true_mesh_file(capture.parent / "teapot_scene009") is None
+
+
 def test_large_maps_become_512_by_area() -> None:
     image = torch.rand(2048, 2048, 1)
     torch.testing.assert_close(reduced(image)[3, 5], image[12:16, 20:24].mean((0, 1)))
@@ -174,6 +186,10 @@ MISTAKES: dict[str, tuple[Callable[[Path], object], str]] = {
     "normals that are text": (lambda f: (f / TRUTH / "surface_normal/0000.npy").write_text("no"), "0000.npy"),
     "a NaN in the depth": (
         lambda f: np.save(f / TRUTH / "z_depth/0000.npy", np.full((SIDE, SIDE), np.nan, np.float32)), "z_depth/0000.npy"
+    ),
+    "an albedo of half the rows": (
+        lambda f: write_png(f / TRUTH / "pseudo_gt_albedo/0000.png", np.full((SIDE // 2, SIDE, 3), 0.5, np.float32)),
+        "pseudo_gt_albedo/0000.png",
     ),
     "pickled depth": (
         lambda f: np.save(f / TRUTH / "z_depth/0001.npy", np.array([{}], object), allow_pickle=True), "z_depth/0001.npy"

@@ -221,6 +221,20 @@ def test_the_facts_say_what_was_given_and_how_far_the_radiance_is_from_solved(in
     assert "given" not in TrainedRadioGS(model, replace(run, variant=Variant())).facts()
 
 
+def test_the_facts_say_what_the_plan_as_a_whole_cost_by_the_probe_that_says_most(
+    initialised: dict[str, Any],
+) -> None:
+    def evidence(effect: str, bound: float | None) -> dict[str, Any]:
+        return {"effect": effect, "measured": None if bound is None else {"bound": bound, "worst": 2 * bound}}
+
+    model, run = inverse(initialised).model, Run(KNOWN, Variant(), BUDGET, 0, CPU)
+    assert TrainedRadioGS(model, run).facts()["metrics"] == {"plan/bound": 0.0, "plan/worst": 0.0}
+    seen = (evidence("plan", 0.1), evidence("indirect", 0.9), evidence("plan", 0.2), evidence("plan", None))
+    assert TrainedRadioGS(replace(model, evidence=seen), run).facts()["metrics"] == {
+        "plan/bound": 0.2, "plan/worst": 0.4,
+    }  # fmt: skip
+
+
 def test_parts_change_the_key_of_stage_two_alone_and_so_do_the_sources_of_the_surfaces_they_are_read_from() -> None:
     assert isinstance(RADIOGS, TakesGiven)
 

@@ -38,13 +38,14 @@ def test_moments_follow_their_surfel_and_fresh_surfels_have_none() -> None:
     for _ in range(3):
         _step(optimiser)
     before = optimiser.state()["moments"]["centre"]["exp_avg"]
-    origin = torch.tensor([4, 2, -1])
-    optimiser.replace(optimiser.surfels.take(torch.tensor([4, 2, 0])), origin)
+    origin = torch.tensor([4, 2, 0, -1])
+    optimiser.replace(optimiser.surfels.take(torch.tensor([4, 2, 0, 0])), origin)
     after = optimiser.state()["moments"]["centre"]["exp_avg"]
-    assert torch.equal(after[:2], before[[4, 2]])
-    assert (after[2] == 0).all()
+    assert bool(before[0].any())
+    assert torch.equal(after[:3], before[[4, 2, 0]])
+    assert (after[3] == 0).all()
     _step(optimiser)
-    assert len(optimiser.surfels) == 3
+    assert len(optimiser.surfels) == 4
 
 
 def test_a_restored_optimiser_continues_bit_for_bit() -> None:

@@ -7,7 +7,14 @@ from scipy.spatial.transform import Rotation
 
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit, surfels_at
+from radiogs_core.surfels.surfels import (
+    EDGE_ON_COSINE,
+    PIXEL_FILTER_VARIANCE,
+    Surfels,
+    radiance_to_sh,
+    roughness_to_logit,
+    surfels_at,
+)
 from radiogs_core.transport.splatting import splat
 
 
@@ -45,6 +52,22 @@ def test_a_pixels_footprint_widens_surfels_but_keeps_their_energy() -> None:
 
     torch.testing.assert_close(energy(own), energy(seen))
     assert (seen.axis_u.norm(dim=-1) < own.axis_u.norm(dim=-1)).all()
+
+
+def test_the_widened_covariance_is_the_surfels_own_and_that_of_the_footprint() -> None:
+    """diag(s^2) + variance (z / f)^2 (1 + w w^T / c^2) in the surfel's own plane."""
+    surfels = _surfels()
+    camera = Camera(torch.eye(4, dtype=torch.float64), 50.0, 50.0, 32.0, 32.0, 64, 64)
+    surfels.centre = surfels.centre + torch.tensor([0.0, 0.0, 10.0], dtype=torch.float64)
+    seen, frame = surfels.geometry_for(camera), surfels.frame
+    to_kernel = torch.stack([seen.axis_u, seen.axis_v], 1) @ frame[..., :2]
+    root = torch.linalg.inv(to_kernel)
+    view = (torch.nn.functional.normalize(-surfels.centre, dim=-1)[:, None] @ frame)[:, 0]
+    width = PIXEL_FILTER_VARIANCE * (surfels.centre[:, 2] / 50).square()
+    tilt = view[:, :2, None] * view[:, None, :2] / view[:, 2].square().clamp(min=EDGE_ON_COSINE**2)[:, None, None]
+    identity = torch.eye(2, dtype=torch.float64)
+    expected = torch.diag_embed(surfels.scale.square()) + width[:, None, None] * (identity + tilt)
+    torch.testing.assert_close(root @ root.mT, expected)
 
 
 @pytest.mark.parametrize("degrees", [60.0, 80.0, 85.0])

@@ -32,6 +32,20 @@ def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> Non
     assert Planner("auto", 0, 40, SAMPLES, Rays(), straight=True).scene(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
 
 
+def test_the_work_of_a_step_is_what_it_asks_for() -> None:
+    """Of 100 surfels 20 are drawn, with 8 samples each; all are traced anew every 10 steps.
+
+    Every surfel is shaded, and those drawn for both sides of radiometric consistency; a ray blends four surfels.
+    """
+    work = Step(100, 20, 8, 10).work(everything())
+    rays = 8 * (20 + 100 / 10)
+    assert work == {
+        "rays": rays, "shaded_samples": 140 * 8, "lobes": 140 * 8, "coefficients": (140 + 4 * rays) * 16,
+        "surfels": 100,
+    }  # fmt: skip
+    assert Step(10, 20, 8, 10).work(everything())["rays"] == 8 * (10 + 1)
+
+
 CPU = torch.device("cpu")
 
 BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)

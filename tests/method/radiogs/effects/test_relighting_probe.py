@@ -6,7 +6,14 @@ import pytest
 import torch
 
 from probed_scenes import CLAY, seen, sky
-from radiogs.effects.decide.new_light import concentration, model_error, plan_for_light, reference_colour, scene_under
+from radiogs.effects.decide.new_light import (
+    _widened,
+    concentration,
+    model_error,
+    plan_for_light,
+    reference_colour,
+    scene_under,
+)
 from radiogs.effects.measure.probe_scene import Viewpoints
 from radiogs.tracing import Rays
 from radiogs_core.scene.colour import srgb_encode
@@ -58,6 +65,16 @@ def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree()
     # The solid angle that a sun of few texels is read over differs from theirs; a lobe reflects 2 to 5 % of 0.8.
     assert float(ratio.min()) > 0.99
     assert float(ratio.max()) < 1.06
+
+
+def test_a_texel_shines_as_far_as_light_is_interpolated_and_no_further() -> None:
+    light = torch.zeros(5, 8, 3)
+    light[2, 7], light[0, 3] = 9.0, 4.0
+    widened = _widened(EnvironmentMap(light)).radiance
+    expected = torch.zeros(5, 8, 3)
+    expected[1:4, [6, 7, 0]] = 9.0
+    expected[:2, 2:5] = 4.0
+    assert torch.equal(widened, expected)
 
 
 def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
