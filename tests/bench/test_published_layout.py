@@ -17,8 +17,11 @@ SCENE = ("convex", "--long-side", "48")
 ROUNDING = 1 / (12 * 255**2)
 """Mean square of the error of 8 bits, in units of the stored values."""
 
-SLOPE = {"nvs/psnr": 1.0, "relight/psnr": 1.0, "albedo/psnr": 3.0}
-"""Of what is compared by what is stored: albedo is stored linear and compared as sRGB, 3 times as steep at most."""
+SLOPE = {"nvs/psnr": 1.0, "relight/psnr": 1.0, "albedo/psnr": 3.4}
+"""Of what is compared by what is stored: albedo is stored linear and compared as sRGB, 3.4 times as steep at .03."""
+
+CORRELATION = {"nvs/psnr": 0.05, "relight/psnr": 0.05, "albedo/psnr": 0.15}
+"""Of rounding with the error of the view, at most: pixels of one material have nearly one albedo, rounded alike."""
 
 
 @pytest.fixture(scope="module")
@@ -62,8 +65,7 @@ def test_8_bits_cost_what_their_rounding_adds(trained: Path, ended: dict[str, fl
     found = exported(trained, tmp_path, "gs-ir", 8)
     for name, slope in SLOPE.items():
         share = slope**2 * ROUNDING / 10 ** (-ended[name] / 10)
-        # Rounding adds its variance; how far it correlates with a mean of some thousand errors is the other term.
-        most = 10 * math.log10(1 + share + 0.05 * math.sqrt(share))
+        most = 10 * math.log10(1 + share + CORRELATION[name] * math.sqrt(share))
         assert abs(found[name] - ended[name]) < most, name
     assert found["normal/mae"] == pytest.approx(ended["normal/mae"], abs=0.02)
     most = ROUNDING + 0.05 * math.sqrt(ended["roughness/mse"] * ROUNDING)
