@@ -15,12 +15,12 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
-from radiogs_core.transport.met_surface import met_features, met_radiance, openness
+from radiogs_core.transport.met_surface import met_features, met_radiance, openness_of
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.splitsum import PrefilteredLight
-from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, gather_incident, incident_along
+from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
 from .effects.decide.evidence import Evidence
 from .effects.decide.new_light import model_error, plan_for_light, scene_under
@@ -96,8 +96,7 @@ def relight(
         if mode == "pbr":
             is_open = None
             if run.variant.met_light == "occluded":
-                hemisphere = gather_incident(tracer, surfels, budget.relight_hemisphere_samples, None, rays.floor, plan)
-                is_open = openness(surfels.frame[..., 2], hemisphere)
+                is_open = openness_of(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
             features = met_features(surfels, albedo, is_open)
             incident = split_sum_incident(tracer, features, light, direction, weight, plan)
         else:

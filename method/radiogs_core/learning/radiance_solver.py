@@ -21,7 +21,7 @@ from ..surfels.harmonics import surfel_radiance, unclamped_radiance
 from ..surfels.surfels import Surfels
 from ..transport.sampling import LightSampler, random_hemisphere_direction, relighting_directions
 from ..transport.splatting import towards
-from ..transport.tracer import SurfelTracer
+from ..transport.tracer import SurfelTracer, incident_along
 from .backward import backward
 
 RATE = 0.3
@@ -129,7 +129,7 @@ class RadianceSolver:
         direction, weight = relighting_directions(
             normal, self.sampler, samples - self.drawn, self.drawn, self.generator, self.floor
         )
-        incident = self.tracer.incident(index, direction, weight)
+        incident = incident_along(self.tracer, direction, weight, index=index)
         parts = shade(
             normal, equation.albedo[index], self.fixed.roughness[index], outgoing,
             direction, weight, incident.visibility, incident.radiance, equation.light.radiance,

@@ -7,8 +7,9 @@ from torch import Tensor
 from ..kernels.trace.trace import Hits
 from ..surfels.surfels import Surfels
 from .incident import Incident
+from .plan import EffectPlan
 from .splitsum import PrefilteredLight, split_sum_radiance
-from .tracer import visibility_of
+from .tracer import RAYS_AT_ONCE, SurfelTracer, gather_incident, visibility_of
 
 
 def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Tensor, " surfels"]:
@@ -16,6 +17,19 @@ def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Te
     cosine = incident.weight * (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
     whole = cosine.sum(-1)
     return (cosine * incident.visibility).sum(-1) / torch.where(whole > 0, whole, 1.0)
+
+
+def openness_of(
+    tracer: SurfelTracer, surfels: Surfels, samples: int, floor: bool, plan: EffectPlan
+) -> Float[Tensor, " surfels"]:
+    """``openness`` of every surfel by ``samples`` rays, of which no more are kept than are traced together."""
+    normal = surfels.frame[..., 2]
+    every = torch.arange(len(surfels), device=normal.device)
+    parts = [
+        openness(normal[some], gather_incident(tracer, surfels, samples, None, floor, plan, some))
+        for some in every.split(max(1, RAYS_AT_ONCE // samples))
+    ]
+    return torch.cat(parts)
 
 
 LEAST_LOST = 0.02

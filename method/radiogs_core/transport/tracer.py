@@ -207,7 +207,9 @@ def incident_along(
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     if index is None:
         index = torch.arange(len(direction), device=direction.device)
-    pieces = zip(index.split(together), direction.split(together), weight.split(together), strict=True)
-    parts = [tracer.incident(some, along, solid_angle, plan) for some, along, solid_angle in pieces]
-    visibility, radiance = (torch.cat([getattr(part, name) for part in parts]) for name in ("visibility", "radiance"))
-    return Incident(direction, weight, visibility, radiance)
+    arriving = Incident(direction, weight, torch.empty_like(weight), torch.empty_like(direction))
+    for begin in range(0, len(index), together):
+        some = slice(begin, begin + together)
+        part = tracer.incident(index[some], direction[some], weight[some], plan)
+        arriving.visibility[some], arriving.radiance[some] = part.visibility, part.radiance
+    return arriving

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.transport import sampling
 from radiogs_core.transport.sampling import (
     LightSampler,
     hemisphere_directions,
@@ -184,3 +185,24 @@ def test_directions_below_the_horizon_weigh_nothing_and_seeds_repeat() -> None:
     assert bool((weight[~below] > 0).all())
     again, _ = relighting_directions(normal, LightSampler(light), 8, 8, seeded())
     assert torch.equal(direction, again)
+
+
+def test_the_hemisphere_set_is_the_same_when_it_is_made_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    normal = unit(50)
+    whole = hemisphere_directions(normal, 16, seeded())
+    monkeypatch.setattr(sampling, "DIRECTIONS_AT_ONCE", 7 * 16)
+    for found, expected in zip(hemisphere_directions(normal, 16, seeded()), whole, strict=True):
+        torch.testing.assert_close(found, expected, rtol=0, atol=1e-15)
+
+
+def test_relighting_directions_in_pieces_estimate_each_surfels_own_irradiance(monkeypatch: pytest.MonkeyPatch) -> None:
+    light = EnvironmentMap(torch.rand(8, 16, 3, dtype=torch.float64, generator=seeded(3)))
+    normal, sampler = unit(40), LightSampler(light)
+
+    def irradiance() -> torch.Tensor:
+        direction, weight = relighting_directions(normal, sampler, 256, 256, seeded())
+        return (weight * (direction * normal[:, None]).sum(-1) * light.lookup(direction)[..., 0]).sum(1)
+
+    whole = irradiance()
+    monkeypatch.setattr(sampling, "DIRECTIONS_AT_ONCE", 3 * 512)
+    torch.testing.assert_close(irradiance(), whole, rtol=0.25, atol=0.0)

@@ -8,7 +8,14 @@ import torch
 from radiogs.effects.decide.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
 from radiogs.effects.decide.evidence import Evidence, Measured
 from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.bounds import bootstrap_t, empirical_bernstein_upper, sidak, zero_events_upper
+from radiogs.effects.measure.bounds import (
+    RESAMPLES_PER_TAIL,
+    _drawn,
+    bootstrap_t,
+    empirical_bernstein_upper,
+    sidak,
+    zero_events_upper,
+)
 
 LEVEL = 0.05
 TRIALS = 300
@@ -55,6 +62,21 @@ def test_what_cannot_be_known_is_not_bounded() -> None:
     # Of two values every other resample is constant: it says nothing of how they scatter.
     assert bootstrap_t(torch.tensor([[0.0, 1.0]]), LEVEL, generator)[1] == math.inf
     assert bootstrap_t(torch.full((1, 50), 2.0), LEVEL, generator)[1] == 2.0
+
+
+def test_bounds_are_those_of_resamples_that_are_written_out() -> None:
+    level, count = 0.05, 12
+    values = torch.rand(count, dtype=torch.float64, generator=torch.Generator().manual_seed(5)).square()
+    mean, error = float(values.mean()), float(values.std()) / math.sqrt(count)
+    resamples = math.ceil(RESAMPLES_PER_TAIL / level)
+    ratios = []
+    for times in _drawn(count, resamples).int():
+        resample = values.repeat_interleave(times)
+        ratios.append((float(resample.mean()) - mean) / (float(resample.std()) / math.sqrt(count)))
+    ratios.sort()
+    low, high = bootstrap_t(values[None], level, torch.Generator())
+    assert float(low) == pytest.approx(mean - ratios[-RESAMPLES_PER_TAIL] * error, rel=1e-9)
+    assert float(high) == pytest.approx(mean - ratios[RESAMPLES_PER_TAIL - 1] * error, rel=1e-9)
 
 
 def test_many_values_are_bounded_by_the_means_of_batches() -> None:
