@@ -42,6 +42,14 @@ def test_the_mask_is_eroded_as_opencv_erodes() -> None:
     assert np.array_equal(orb.eroded(tensors(mask)[0]).numpy(), expected)
 
 
+def test_a_black_truth_is_compared_without_gain() -> None:
+    _, truth, mask = scene()
+    a, b, m = tensors(np.full_like(truth, 0.1), 0 * truth, mask)
+    assert float(orb.psnr_h(a, b, orb.eroded(m))) == pytest.approx(
+        -10 * math.log10(0.01 * orb.eroded(m).double().mean())
+    )
+
+
 @pytest.mark.parametrize("relight", [False, True])
 def test_both_psnrs_are_the_evaluators(relight: bool) -> None:
     image, truth, mask = scene()

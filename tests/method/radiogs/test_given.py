@@ -81,6 +81,7 @@ def test_surfels_on_given_surfaces_learn_their_reach_at_the_rates_of_stage_1() -
     before = Variant().geometry.rates
     assert (given_rates["log_scale"], given_rates["opacity_logit"]) == (before.scale, before.opacity)
     assert not changed & set(HELD["geometry"])
+    assert learnt_rates["centre"] == pytest.approx(2 * rates_of(Variant(), 1.0)["centre"])
 
 
 def test_given_geometry_is_the_true_surface_with_the_radiance_learnt_nearby() -> None:

@@ -3,11 +3,13 @@
 import math
 from dataclasses import replace
 from functools import partial
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 import torch
 
+from radiogs_core.learning import known_radiance as module
 from radiogs_core.learning.known_radiance import RIDGE, harmonics_from, known_radiance, residual_of
 from radiogs_core.learning.known_scene import KnownScene, known_scene
 from radiogs_core.scene.light import EnvironmentMap
@@ -55,6 +57,13 @@ def test_a_closed_furnace_has_the_radiance_of_its_geometric_series(albedo: float
     sent = surfel_radiance(found.surfels.sh, found.surfels.frame[..., 2])
     assert float(sent.mean()) == pytest.approx(EMISSION / (1 - albedo), rel=0.03)
     assert found.residual < 0.06
+
+
+def test_sweeps_end_where_the_radiance_has_settled() -> None:
+    dim = replace(furnace("furnace-0.5"), surfaces=partial(walls, 0.2))
+    with patch.object(module, "_sent", side_effect=module._sent) as sweeps:
+        known_radiance(known_scene(dim, 0.5 * HALF_SIDE), seed=0)
+    assert sweeps.call_count < 2 + math.log(module.SETTLED) / math.log(0.2) + 2
 
 
 def test_a_wall_over_a_dark_floor_sends_what_quadrature_says() -> None:

@@ -12,7 +12,7 @@ from radiogs.model import Model
 from radiogs.relighting import relight
 from radiogs.variant import Variant
 from radiogs_core.contract import Run
-from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
+from radiogs_core.learning.radiance_solver import RATE, RATE_REST, RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
@@ -108,6 +108,16 @@ def test_relighting_can_be_stopped_after_any_step_of_it() -> None:
     with pytest.raises(InterruptedError):
         relight(model, DARK, torch.ones(3), run, after_step=stop)
     assert len(done) == 2
+
+
+def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance() -> None:
+    ball = white_ball()
+    light = EnvironmentMap(torch.full((4, 8, 3), 2.0))
+    solver = RadianceSolver(ball, RenderingEquation(light, ball.albedo), CAMERAS, steps(12), 5)
+    solver.step()
+    constant, rest = (group["lr"] for group in solver.adam.param_groups)
+    assert constant == pytest.approx(RATE * solver.unit)
+    assert rest == pytest.approx(RATE_REST * RATE * solver.unit)
 
 
 def test_it_resumes_bit_for_bit() -> None:

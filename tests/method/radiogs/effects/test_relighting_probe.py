@@ -83,3 +83,6 @@ def test_the_concentration_of_a_light_is_that_of_its_texels() -> None:
     spot[3, 5] = 9.0
     assert concentration(EnvironmentMap(spot)).effective < 0.02
     assert concentration(EnvironmentMap(torch.zeros(8, 16, 3))).effective == 1.0
+    half = torch.ones(8, 16, 3)
+    half[4:] = 0.0
+    assert concentration(EnvironmentMap(half)).peak == pytest.approx(2.0)
