@@ -6,8 +6,9 @@ import pytest
 import torch
 
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.rasterize.binning import counted_lists, sorted_lists
+from radiogs_core.kernels.rasterize.binning import counted_lists, sorted_lists, tile_lists
 from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.rasterize.rasterize_source import TILE
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.scene.camera import Camera
@@ -119,6 +120,19 @@ def test_surfels_that_cross_the_cameras_plane_are_neither_lost_nor_ghosts() -> N
     depths = view.depth_of(given["centre"])
     assert float(depths.min()) < 0 < float(depths.max())
     assert_same(fast(given, view), dense(given, view), 1e-9)
+
+
+@pytest.mark.parametrize("tiles", [1, 2, 3])
+def test_a_surfel_across_the_cameras_plane_is_listed_in_every_tile_and_in_no_other(tiles: int) -> None:
+    view = camera(tiles * TILE, TILE)
+    across, along = view.axes[:, 0].double()[None], view.axes[:, 2].double()[None]
+    normal = torch.linalg.cross(across, along)
+    # Seen at a grazing angle from just above its plane; it reaches as far behind the camera as before it.
+    centre = view.centre.double() - 0.01 * normal + 0.01 * along
+    surfel = SplatGeometry(centre, across, along, normal, torch.tensor([0.9], dtype=torch.float64))
+    lists = tile_lists(view, surfel)
+    assert lists.members.tolist() == [0] * tiles
+    assert lists.starts.tolist() == list(range(tiles + 1))
 
 
 @in_every_arrangement
