@@ -1,12 +1,14 @@
 """What a plan leaves out is really not done: the counters say so, and what is left equals the full method's part."""
 
 import dataclasses
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 import torch
 
 from radiogs.budget import PRESETS
+from radiogs.effects.decide.assessment import Assessment
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.variant import Variant
@@ -263,3 +265,14 @@ def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[st
         gradient = stage.optimiser.tensors[name].grad
         assert gradient is not None
         assert gradient.any()
+
+
+def test_only_a_plan_that_saves_no_more_than_what_was_left_out_counts_as_left_out() -> None:
+    assessment = Assessment.__new__(Assessment)
+    assessment.step = SimpleNamespace(saving=lambda plan, full: len(plan.off) - len(full.off))  # type: ignore[assignment]
+    some = everything().without("indirect")
+    more = some.without("specular")
+    assert assessment.was_left_out(some, some)
+    assert assessment.was_left_out(some, more)
+    assert not assessment.was_left_out(more, some)
+    assert not assessment.was_left_out(everything(), everything())
