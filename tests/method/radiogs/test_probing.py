@@ -27,6 +27,7 @@ from radiogs.probing import (
 )
 from radiogs.variant import Variant
 from radiogs_core.contract import Run
+from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import unoccluded
@@ -232,6 +233,8 @@ def test_a_probe_is_plain_data_with_an_image_for_each_effect() -> None:
     assert json.loads(json.dumps(found.plain(), allow_nan=False)) == found.plain()
     assert set(found.differences) == set(EFFECTS)
     assert found.pictured
+    (first,) = load(load_scene("patchwork").train[:1], torch.device("cpu"))
+    assert torch.equal(found.reference, first.over(0.0))
     for change in found.differences.values():
         assert change.shape == found.reference.shape[:2]
         assert float(change.min()) >= 0
