@@ -15,7 +15,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
-from radiogs_core.transport.met_surface import met_features, met_radiance, openness_of
+from radiogs_core.transport.met_surface import met_features, met_radiance, traced_openness
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import radiance_maps, shaded_maps
@@ -96,7 +96,7 @@ def relight(
         if mode == "pbr":
             is_open = None
             if run.variant.met_light == "occluded":
-                is_open = openness_of(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
+                is_open = traced_openness(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
             features = met_features(surfels, albedo, is_open)
             incident = split_sum_incident(tracer, features, light, direction, weight, plan)
         else:

@@ -19,10 +19,13 @@ def openness(normal: Float[Tensor, "surfels 3"], incident: Incident) -> Float[Te
     return (cosine * incident.visibility).sum(-1) / torch.where(whole > 0, whole, 1.0)
 
 
-def openness_of(
+def traced_openness(
     tracer: SurfelTracer, surfels: Surfels, samples: int, floor: bool, plan: EffectPlan
 ) -> Float[Tensor, " surfels"]:
-    """``openness`` of every surfel by ``samples`` rays, of which no more are kept than are traced together."""
+    """``openness`` of every surfel by ``samples`` rays, of which no more are kept than are traced together.
+
+    ``floor``: see ``hemisphere_directions``. ``plan``: what it leaves out is not traced (``SurfelTracer.untraced``).
+    """
     normal = surfels.frame[..., 2]
     every = torch.arange(len(surfels), device=normal.device)
     parts = [

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import partial
+from unittest.mock import patch
 
 import pytest
 import torch
@@ -16,6 +17,7 @@ from radiogs_core.learning.radiance_solver import RATE, RATE_REST, RadianceSolve
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh
+from radiogs_core.transport import tracer as tracing
 from radiogs_core.transport.tracer import SurfelTracer
 from radiogs_datasets.furnace import furnace
 from radiogs_datasets.generate.catalogue import RECIPES
@@ -118,6 +120,21 @@ def test_steps_begin_at_the_rates_that_are_said_in_units_of_the_scenes_radiance(
     constant, rest = (group["lr"] for group in solver.adam.param_groups)
     assert constant == pytest.approx(RATE * solver.unit)
     assert rest == pytest.approx(RATE_REST * RATE * solver.unit)
+
+
+def test_rays_are_traced_in_pieces_and_reflect_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    room = surfels_of_room(1.0, 0.5, 0.5)
+    light = EnvironmentMap(torch.full((4, 8, 3), 2.0))
+    index, along = torch.arange(len(room)), room.frame[:, None, :, 2]
+
+    def reflected() -> torch.Tensor:
+        return RadianceSolver(room, RenderingEquation(light, room.albedo), CAMERAS, steps(1), 5).reflected(index, along)
+
+    whole = reflected()
+    monkeypatch.setattr(tracing, "RAYS_AT_ONCE", 5 * 48)
+    with patch.object(SurfelTracer, "incident", autospec=True, side_effect=SurfelTracer.incident) as traced:
+        torch.testing.assert_close(reflected(), whole)
+    assert max(len(call.args[1]) for call in traced.call_args_list) == 5
 
 
 def test_it_resumes_bit_for_bit() -> None:

@@ -1,13 +1,23 @@
 """How open a surfel is to light: the cosine-weighted mean of V, against cones whose share is known."""
 
 import math
+from unittest.mock import patch
 
 import pytest
 import torch
 
+from radiogs_core.transport import met_surface
+from radiogs_core.transport import tracer as tracing
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.met_surface import enclosed, openness
+from radiogs_core.transport.met_surface import enclosed, openness, traced_openness
+from radiogs_core.transport.plan import everything
 from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Box
+from scenes import surfels_over
+
+CLAY = Material((0.5, 0.35, 0.25), 0.5)
 
 NORMAL = torch.nn.functional.normalize(torch.tensor([[0.3, -0.5, 0.8], [0.0, 0.0, -1.0]]), dim=-1)
 
@@ -18,6 +28,20 @@ def test_a_cone_around_the_normal_is_the_square_of_its_sine(half_angle: float) -
     cosine = (incident.direction * NORMAL[:, None]).sum(-1)
     incident.visibility = (cosine > math.cos(math.radians(half_angle))).float()
     assert openness(NORMAL, incident).tolist() == pytest.approx([math.sin(math.radians(half_angle)) ** 2] * 2, abs=4e-3)
+
+
+def test_openness_is_the_same_when_rays_are_traced_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+    solids = [Box((-1.0, -1.0, -0.1), (1.0, 1.0, 0.0), CLAY), Box((-1.0, -0.4, 0.0), (-0.9, 0.4, 0.8), CLAY)]
+    surfels = surfels_over(solids, 0.2)
+    tracer = SurfelTracer(surfels)
+    hemisphere = gather_incident(tracer, surfels, 32, None)
+    whole = openness(surfels.frame[..., 2], hemisphere)
+    assert 0.05 < float(whole.min()) < float(whole.median()) - 0.2  # the corner is darker than the open floor
+    monkeypatch.setattr(met_surface, "RAYS_AT_ONCE", 7 * 32)
+    monkeypatch.setattr(tracing, "RAYS_AT_ONCE", 3 * 32)
+    with patch.object(tracer, "incident", side_effect=tracer.incident) as traced:
+        torch.testing.assert_close(traced_openness(tracer, surfels, 32, False, everything()), whole)
+    assert max(len(call.args[0]) for call in traced.call_args_list) == 3
 
 
 def test_ends_are_exact_and_half_transparent_counts_half() -> None:
