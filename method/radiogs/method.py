@@ -4,11 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from radiogs_core.capabilities import PARTS, Probe, ShortRun, require_truth
+from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, TrainingImages, require_truth
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
 from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
+from .memory import memory_of
 from .model import Model
 from .probing import probed
 from .profile import PROFILES
@@ -78,6 +79,10 @@ class RadioGS:
     def short_run(self, variant: Variant, budget: Budget, size: int) -> ShortRun:
         """Few steps of every kind with so many surfels."""
         return short_run(variant, budget, size)
+
+    def memory(self, variant: Variant, budget: Budget, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
+        """Bytes by phase with so many surfels; see ``radiogs_core.capabilities.PlansMemory``."""
+        return memory_of(variant, budget, size, images)
 
     def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering."""

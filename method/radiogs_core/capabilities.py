@@ -165,6 +165,32 @@ class Rehearsing(Protocol):
         """A run of few steps whose model has about this size from the first step on."""
 
 
+@dataclass(frozen=True)
+class TrainingImages:
+    """How many there are, and their size in pixels."""
+
+    views: int
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class MemoryPhase:
+    """Bytes on the device of one kind of work. held: before and after each time. peak: the most while it is done."""
+
+    title: str
+    held: int
+    peak: int
+
+
+@runtime_checkable
+class PlansMemory(Protocol):
+    """A method that knows by formula what its runs hold, for ``radiogs-bench rehearse --by-formula``."""
+
+    def memory(self, variant: Any, budget: Any, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
+        """Each phase of a run whose models have this size (see ``Rehearsing``)."""
+
+
 @runtime_checkable
 class TakesGiven(Protocol):
     """A method that can be told parts of the truth instead of finding them: the rungs of suite ``oracles``."""

@@ -53,6 +53,9 @@ def add_to(commands: "Commands") -> None:
     )
     parser.add_argument("--memory", type=float, metavar="GIB", help="of the machine (default: 90 %% of what is free)")
     parser.add_argument("--forecast-for", metavar="DEVICE", help="a forecast for another device, such as rtx-4090")
+    parser.add_argument(
+        "--by-formula", action="store_true", help="what each phase holds, by the method's formula; nothing is run"
+    )
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of rehearsal.json (default: out/rehearse-NAME)")
@@ -80,6 +83,8 @@ def rehearse(options: argparse.Namespace) -> int:
         raise UsageError(f"nothing is known of device '{options.forecast_for}'", f"Known: {', '.join(KNOWN_DEVICES)}.")
     if options.core_seconds and (options.device != "cpu" or options.threads != 1):
         raise UsageError("--core-seconds counts those of one thread", "", "Give --threads 1, and no --device cuda.")
+    if options.by_formula:
+        return _by_formula(options)
     device = chosen_device(options)
     name, rows, scene, rules, cells = _asked(options)
     memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
@@ -112,6 +117,30 @@ def rehearse(options: argparse.Namespace) -> int:
     if climbed.stopped:
         return STOPPED
     return 0 if fits(record) else 1
+
+
+def _by_formula(options: argparse.Namespace) -> int:
+    """Print the plan; 1 if something will not fit."""
+    from ..rehearsal.by_formula import by_formula, fit, lines_of
+    from ..rehearsal.limits import KNOWN_DEVICES, memory_there
+    from .device import chosen_device
+    from .reporter import say
+
+    if options.forecast_for is not None:
+        there = KNOWN_DEVICES[options.forecast_for].memory
+    elif options.memory is not None:
+        there = int(options.memory * GIB)
+    else:
+        found = memory_there(chosen_device(options))
+        there = int(RESERVE * found.get("device", found["host"]))
+    name, rows, scene, _, _ = _asked(options)
+    record = by_formula(name, rows, scene, options.sizes or (), there, options.preset)
+    if options.json:
+        say(json.dumps(record, allow_nan=False))
+    else:
+        for line in lines_of(record):
+            say(line.replace("**", ""))
+    return 0 if fit(record) else 1
 
 
 def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":

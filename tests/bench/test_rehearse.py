@@ -2,10 +2,11 @@
 
 import ctypes
 import json
+import re
 import shutil
 import signal
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -16,6 +17,7 @@ import torch
 
 from bench.fake_method import FAKE, FakeStage
 from radiogs.budget import PRESETS
+from radiogs.memory import memory_of
 from radiogs.rehearsing import INITIALISE_STEPS, short_run
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
@@ -29,6 +31,7 @@ from radiogs_bench.rehearsal.one_row import Row
 from radiogs_bench.rehearsal.phases import Phase, of_memory
 from radiogs_bench.rehearsal.whole import whole_of
 from radiogs_bench.store.seal import seal_of
+from radiogs_core.capabilities import MemoryPhase, TrainingImages
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
 from radiogs_core.learning import fit_geometry
@@ -332,3 +335,53 @@ def test_what_one_size_took_does_not_count_as_the_next_size_s() -> None:
     give_memory_back()
     assert full - resident() > 150e6
     assert len(last) == 60_000
+
+
+def test_memory_by_formula_is_told_without_running_anything(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["rehearse", "corner", "--as", "100x800x800", "--by-formula", "--json"]
+    assert main([*asked, "--sizes", "100000,500000", "--forecast-for", "rtx-4090"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["memory"] == 24 * GIB
+    assert found["images"] == {"views": 100, "width": 800, "height": 800}
+    sizes = found["rows"]["ours"]["sizes"]
+    assert list(sizes) == ["100000", "500000"]
+    images = TrainingImages(100, 800, 800)
+    for size, phases in sizes.items():
+        assert phases == [asdict(phase) for phase in memory_of(Variant(), PRESETS["paper"], int(size), images)]
+    assert main([*asked, "--memory", "20"]) == 1  # sizes of the preset: at most two millions
+    assert list(json.loads(capsys.readouterr().out)["rows"]["ours"]["sizes"]) == ["100000", "2000000"]
+
+
+def test_the_document_has_the_formula_s_table(capsys: pytest.CaptureFixture[str]) -> None:
+    text = DOCUMENT.read_text(encoding="utf-8")
+    (command,) = re.findall(r"^radiogs-bench (rehearse .* --by-formula .*)$", text, re.MULTILINE)
+    main(command.split())
+    said = capsys.readouterr().out
+    assert said.strip() in text.replace("**", "")
+
+
+def test_the_table_by_formula_says_what_fits_and_for_whom_there_is_none(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ["rehearse", "tensoir", "--scenes", "corner", "--by-formula", "--sizes", "50000,3000000", "--memory", "4"]
+    assert main(asked) == 1
+    said = capsys.readouterr().out.splitlines()
+    assert "No formula: tensoir, gs-ir, gi-gs, r3dg, irgs, svg-ir." in said
+    verdicts = [line for line in said if line.startswith("- ")]
+    assert [line.endswith(": fits.") for line in verdicts] == [True, False] * 2  # two rows are of RadioGS
+    tables = [line for line in said if line.startswith("|")]
+    assert len({line.count("|") for line in tables}) == 1
+
+
+def test_methods_without_formula_or_sizes_are_told_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    with patch.dict(substitutes, {FAKE.name: FAKE}):
+        assert main(["rehearse", "corner", "--method", FAKE.name, "--by-formula"]) == 2
+    assert f"no formula is known for the memory of {FAKE.name}" in capsys.readouterr().err
+
+    class Method(type(FAKE)):  # type: ignore[misc]
+        def memory(self, variant: Any, budget: Any, size: int, images: TrainingImages) -> tuple[MemoryPhase, ...]:
+            return (MemoryPhase("all", size, 2 * size),)
+
+    with patch.dict(substitutes, {FAKE.name: Method()}):
+        asked = ["rehearse", "corner", "--preset", "smoke", "--method", FAKE.name, "--by-formula"]
+        assert main(asked) == 2
+        assert "Give --sizes." in capsys.readouterr().err
+        assert main([*asked, "--sizes", "7"]) == 0
