@@ -7,9 +7,8 @@ n' = normal, m_u = (axis_u . (o - c)) n' + (n' . (c - o)) axis_u, all in camera 
 
 so a hit costs three dot products, and the chain rule to centre, axes and normal is left to PyTorch.
 
-Both passes are native snippets whose item on the CPU is a tile: each step is taken for all its pixels before the next,
-in plain loops over the lanes, which the CPU compiler turns into vector code; a lane that a surfel does not reach
-blends it with weight zero. Arranged for CUDA, an item is a pixel: the same text with one lane.
+Both passes are native snippets whose item on the CPU is a tile: its pixels are the lanes of vectors, and a lane that a
+surfel does not reach blends it with weight zero. Arranged for CUDA, an item is a pixel: the same text with one lane.
 """
 
 from functools import cache
@@ -19,6 +18,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import SUMS_OF_LANES, VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
@@ -41,123 +41,107 @@ def pixels_an_item(on_cuda: bool) -> int:
     return 1 if on_cuda else TILE * TILE
 
 
-_TILE = """
+_TILE = (
+    """
     constexpr int LANES = PIXELS_AN_ITEM;
+"""
+    + VECTORS
+    + """
 #if ON_CUDA
     auto bell = [](SCALAR square) -> SCALAR { return SCALAR(exp(SCALAR(-0.5) * square)); };
 #else
     // exp(-square / 2) = 2^-n e^r with |r| <= log(2) / 2; supports end at n = 8.
-    auto bell = [](SCALAR square) -> SCALAR {
-        const SCALAR n = wp::floor(square * SCALAR(0.5 / 0.69314718055994530942) + SCALAR(0.5));
-        const SCALAR r = (n * SCALAR(LOG2_HIGH) - SCALAR(0.5) * square) + n * SCALAR(LOG2_LOW);
-        SCALAR power = 1;
+    auto bell = [](Lanes square) -> Lanes {
+        const Lanes n = __builtin_elementwise_floor(square * SCALAR(0.5 / 0.69314718055994530942) + SCALAR(0.5));
+        const Lanes r = (n * SCALAR(LOG2_HIGH) - SCALAR(0.5) * square) + n * SCALAR(LOG2_LOW);
+        Lanes power = Lanes{} + SCALAR(1);
         for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + r * power * (SCALAR(1) / SCALAR(term));
-        const int halvings = (int)n;
-        power *= (halvings & 1) ? SCALAR(0.5) : SCALAR(1);
-        power *= (halvings & 2) ? SCALAR(0.25) : SCALAR(1);
-        power *= (halvings & 4) ? SCALAR(0.0625) : SCALAR(1);
-        power *= (halvings & 8) ? SCALAR(0.00390625) : SCALAR(1);
-        return power;
+        // 2^-n by its bits: the exponent alone.
+        const Whole bits = (EXPONENT_OF_ONE - __builtin_convertvector(n, Whole)) << MANTISSA_BITS;
+        return power * (Lanes)bits;
     };
 #endif
-    const SCALAR zero = SCALAR(0), one = SCALAR(1);
+    const Lanes zero = {}, one = zero + SCALAR(1);
+    const Mask none = {};
     const int tile = item * LANES / (TILE * TILE);
     const int tile_column = tile % image.tiles_across * TILE, tile_row = tile / image.tiles_across * TILE;
     const int begin = splats.starts.data[tile];
-    SCALAR rx[LANES], ry[LANES];
-    int pixel[LANES], open[LANES];
+    Lanes rx, ry;
+    Whole inside;
+    int pixel[LANES];
     for (int c = 0; c < LANES; ++c) {
         const int place = item * LANES % (TILE * TILE) + c;
         const int column = tile_column + place % TILE, row = tile_row + place / TILE;
-        rx[c] = (SCALAR(column) + SCALAR(0.5) - image.cx) / image.fx;
-        ry[c] = (SCALAR(row) + SCALAR(0.5) - image.cy) / image.fy;
-        open[c] = (column < image.width) & (row < image.height);
-        pixel[c] = open[c] ? row * image.width + column : -1;
+        LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - image.cx) / image.fx;
+        LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - image.cy) / image.fy;
+        const bool is_inside = (column < image.width) & (row < image.height);
+        LANE(inside, c) = is_inside;
+        pixel[c] = is_inside ? row * image.width + column : -1;
     }
-    auto any = [](const int* lanes) -> bool {
-        int found = 0;
-        for (int c = 0; c < LANES; ++c) found |= lanes[c];
-        return found != 0;
-    };
+    Mask open = inside != Whole{};
     if (!any(open)) return;
 """
+)
 
 # Lanes that the surfel does not reach have met = 0 and zeros, so that their products vanish.
 _MEET = """
         const int member = splats.members.data[entry];
         const SCALAR* r = splats.records.data + RECORD * (long long)member;
         const SCALAR* feature = splats.features.data + CHANNELS * (long long)member;
-        SCALAR inverse[LANES], depth[LANES], u[LANES], v[LANES], square[LANES];
-        int met[LANES];
-        for (int c = 0; c < LANES; ++c) {
-            const SCALAR slope = r[0] * rx[c] + r[1] * ry[c] + r[2];
-            inverse[c] = one / (slope < zero ? slope : -one);
-            depth[c] = r[9] * inverse[c];
-            u[c] = (r[3] * rx[c] + r[4] * ry[c] + r[5]) * inverse[c];
-            v[c] = (r[6] * rx[c] + r[7] * ry[c] + r[8]) * inverse[c];
-            square[c] = u[c] * u[c] + v[c] * v[c];
-            met[c] = (slope < zero) & (depth[c] > zero) & (square[c] <= r[11]) & open[c];
-        }
+        const Lanes slope = r[0] * rx + r[1] * ry + r[2];
+        const Lanes inverse = one / (slope < zero ? slope : -one);
+        Lanes depth = r[9] * inverse;
+        const Lanes u = (r[3] * rx + r[4] * ry + r[5]) * inverse;
+        const Lanes v = (r[6] * rx + r[7] * ry + r[8]) * inverse;
+        Lanes square = u * u + v * v;
+        Mask met = (slope < zero) & (depth > zero) & (square <= zero + r[11]) & open;
         if (!any(met)) continue;
-        for (int c = 0; c < LANES; ++c) {
-            depth[c] = met[c] ? depth[c] : zero;
-            square[c] = met[c] ? square[c] : zero;
-        }
+        depth = met ? depth : zero;
+        square = met ? square : zero;
 """
 
 _FORWARD = (
     _TILE
     + """
-    SCALAR left[LANES], total[CHANNELS][LANES] = {}, weights[LANES] = {}, depths[LANES] = {}, distortion[LANES] = {};
-    SCALAR moments[LANES] = {}, squares[LANES] = {};
-    int end[LANES], blended[LANES] = {};
-    for (int c = 0; c < LANES; ++c) {
-        left[c] = one;
-        end[c] = splats.starts.data[tile + 1];
-    }
+    Lanes left = one, total[CHANNELS] = {}, weights = zero, depths = zero, distortion = zero;
+    Lanes moments = zero, squares = zero;
+    Whole end = Whole{} + splats.starts.data[tile + 1], blended = {};
     for (int entry = begin; entry < splats.starts.data[tile + 1]; ++entry) {
 """
     + _MEET
     + """
-        SCALAR weight[LANES];
-        int full[LANES];
-        for (int c = 0; c < LANES; ++c) {
-            SCALAR alpha = r[10] * bell(square[c]);
-            alpha = alpha < SCALAR(MAX_ALPHA) ? alpha : SCALAR(MAX_ALPHA);
-            const SCALAR rest = left[c] * (one - alpha);
-            full[c] = met[c] & (rest < SCALAR(STOP));
-            met[c] = met[c] & (full[c] ^ 1);
-            weight[c] = met[c] ? alpha * left[c] : zero;
-            left[c] = met[c] ? rest : left[c];
-            const SCALAR moment = depth[c] / image.depth_unit;
-            distortion[c] += weight[c] * (moment * moment * weights[c] + squares[c] - SCALAR(2) * moment * moments[c]);
-            weights[c] += weight[c];
-            depths[c] += weight[c] * depth[c];
-            moments[c] += weight[c] * moment;
-            squares[c] += weight[c] * moment * moment;
-            blended[c] += met[c];
-        }
-        for (int k = 0; k < CHANNELS; ++k)
-            for (int c = 0; c < LANES; ++c) total[k][c] += weight[c] * feature[k];
+        Lanes alpha = r[10] * bell(square);
+        alpha = alpha < zero + SCALAR(MAX_ALPHA) ? alpha : zero + SCALAR(MAX_ALPHA);
+        const Lanes rest = left * (one - alpha);
+        const Mask full = met & (rest < zero + SCALAR(STOP));
+        met = met & (full == none);
+        const Lanes weight = met ? alpha * left : zero;
+        left = met ? rest : left;
+        const Lanes moment = depth / image.depth_unit;
+        distortion += weight * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
+        weights += weight;
+        depths += weight * depth;
+        moments += weight * moment;
+        squares += weight * moment * moment;
+        blended += met ? Whole{} + 1 : Whole{};
+        for (int k = 0; k < CHANNELS; ++k) total[k] += weight * feature[k];
         if (any(full)) {
-            for (int c = 0; c < LANES; ++c) {
-                end[c] = full[c] ? entry : end[c];
-                open[c] &= full[c] ^ 1;
-            }
+            end = full ? Whole{} + entry : end;
+            open = open & (full == none);
             if (!any(open)) break;
         }
     }
     for (int c = 0; c < LANES; ++c) {
         if (pixel[c] < 0) continue;
-        for (int k = 0; k < CHANNELS; ++k) out_features.data[CHANNELS * (long long)pixel[c] + k] = total[k][c];
+        for (int k = 0; k < CHANNELS; ++k) out_features.data[CHANNELS * (long long)pixel[c] + k] = LANE(total[k], c);
         SCALAR* sums = out_sums.data + SUMS * (long long)pixel[c];
-        sums[0] = weights[c];
-        sums[1] = depths[c];
-        sums[2] = distortion[c];
-        sums[3] = moments[c];
-        sums[4] = squares[c];
-        out_end.data[pixel[c]] = end[c];
-        out_blended.data[pixel[c]] = blended[c];
+        sums[0] = LANE(weights, c);
+        sums[1] = LANE(depths, c);
+        sums[2] = LANE(distortion, c);
+        sums[3] = LANE(moments, c);
+        sums[4] = LANE(squares, c);
+        out_end.data[pixel[c]] = LANE(end, c);
+        out_blended.data[pixel[c]] = LANE(blended, c);
     }
 """
 )
@@ -165,80 +149,75 @@ _FORWARD = (
 _BACKWARD = (
     _TILE
     + """
-    SCALAR pull[CHANNELS][LANES] = {}, pull_weight[LANES] = {}, pull_depth[LANES] = {}, pull_distortion[LANES] = {};
-    SCALAR weights[LANES] = {}, moments[LANES] = {}, squares[LANES] = {}, left[LANES], behind[LANES] = {};
-    int end[LANES] = {}, last = begin;
+#if !ON_CUDA
+"""
+    + SUMS_OF_LANES
+    + """
+#endif
+    Lanes pull[CHANNELS] = {}, pull_weight = zero, pull_depth = zero, pull_distortion = zero;
+    Lanes weights = zero, moments = zero, squares = zero, left = one, behind = zero;
+    Whole end = {};
+    int last = begin;
     for (int c = 0; c < LANES; ++c) {
-        left[c] = one;
         if (pixel[c] < 0) continue;
         const SCALAR* sum = sums.data + SUMS * (long long)pixel[c];
         const SCALAR* pulls = grad_sums.data + SUMS * (long long)pixel[c];
-        pull_weight[c] = pulls[0];
-        pull_depth[c] = pulls[1];
-        pull_distortion[c] = pulls[2];
-        weights[c] = sum[0];
-        moments[c] = sum[3];
-        squares[c] = sum[4];
+        LANE(pull_weight, c) = pulls[0];
+        LANE(pull_depth, c) = pulls[1];
+        LANE(pull_distortion, c) = pulls[2];
+        LANE(weights, c) = sum[0];
+        LANE(moments, c) = sum[3];
+        LANE(squares, c) = sum[4];
         // sum_i w_i dL/dw_i over the whole pixel; what is behind a hit is this minus what is in front of it.
-        behind[c] = pulls[0] * sum[0] + pulls[1] * sum[1] + SCALAR(2) * pulls[2] * sum[2];
+        SCALAR whole = pulls[0] * sum[0] + pulls[1] * sum[1] + SCALAR(2) * pulls[2] * sum[2];
         for (int k = 0; k < CHANNELS; ++k) {
-            pull[k][c] = grad_features_out.data[CHANNELS * (long long)pixel[c] + k];
-            behind[c] += pull[k][c] * features_out.data[CHANNELS * (long long)pixel[c] + k];
+            const SCALAR by_channel = grad_features_out.data[CHANNELS * (long long)pixel[c] + k];
+            LANE(pull[k], c) = by_channel;
+            whole += by_channel * features_out.data[CHANNELS * (long long)pixel[c] + k];
         }
-        end[c] = ends.data[pixel[c]];
-        last = end[c] > last ? end[c] : last;
+        LANE(behind, c) = whole;
+        LANE(end, c) = ends.data[pixel[c]];
+        last = ends.data[pixel[c]] > last ? ends.data[pixel[c]] : last;
     }
     for (int entry = begin; entry < last; ++entry) {
-        for (int c = 0; c < LANES; ++c) open[c] = entry < end[c];
+        open = Whole{} + entry < end;
 """
     + _MEET
     + """
-        SCALAR by_feature[CHANNELS][LANES], by_record[RECORD - 1][LANES], weight[LANES], slope_weight[LANES];
-        for (int c = 0; c < LANES; ++c) slope_weight[c] = pull_weight[c] + pull_depth[c] * depth[c];
-        for (int k = 0; k < CHANNELS; ++k)
-            for (int c = 0; c < LANES; ++c) slope_weight[c] += pull[k][c] * feature[k];
-        for (int c = 0; c < LANES; ++c) {
-            const SCALAR height = bell(square[c]), raw = r[10] * height;
-            const SCALAR capped = raw < SCALAR(MAX_ALPHA) ? raw : SCALAR(MAX_ALPHA);
-            const SCALAR alpha = met[c] ? capped : zero;
-            const SCALAR moment = depth[c] / image.depth_unit;
-            weight[c] = alpha * left[c];
-            slope_weight[c] += pull_distortion[c]
-                * (moment * moment * weights[c] + squares[c] - SCALAR(2) * moment * moments[c]);
-            behind[c] -= weight[c] * slope_weight[c];
-            const SCALAR by_alpha = left[c] * slope_weight[c] - behind[c] / (one - alpha);
-            const SCALAR by_depth = weight[c]
-                * (pull_depth[c]
-                   + SCALAR(2) * pull_distortion[c] * (moment * weights[c] - moments[c]) / image.depth_unit);
-            const SCALAR by_height = (met[c] & (raw < SCALAR(MAX_ALPHA))) ? by_alpha * height : zero;
-            const SCALAR by_u = met[c] ? -by_height * r[10] * u[c] * inverse[c] : zero;
-            const SCALAR by_v = met[c] ? -by_height * r[10] * v[c] * inverse[c] : zero;
-            const SCALAR by_t = met[c] ? by_depth * inverse[c] : zero;
-            const SCALAR by_slope = met[c] ? -(by_u * u[c] + by_v * v[c] + by_t * depth[c]) : zero;
-            by_record[0][c] = by_slope * rx[c];
-            by_record[1][c] = by_slope * ry[c];
-            by_record[2][c] = by_slope;
-            by_record[3][c] = by_u * rx[c];
-            by_record[4][c] = by_u * ry[c];
-            by_record[5][c] = by_u;
-            by_record[6][c] = by_v * rx[c];
-            by_record[7][c] = by_v * ry[c];
-            by_record[8][c] = by_v;
-            by_record[9][c] = by_t;
-            by_record[10][c] = by_height;
-            left[c] *= one - alpha;
-        }
-        for (int k = 0; k < CHANNELS; ++k)
-            for (int c = 0; c < LANES; ++c) by_feature[k][c] = weight[c] * pull[k][c];
-        auto sum_of = [](SCALAR* lanes) -> SCALAR {
-            for (int span = LANES / 2; span > 0; span /= 2)
-                for (int c = 0; c < span; ++c) lanes[c] += lanes[c + span];
-            return lanes[0];
+        Lanes slope_weight = pull_weight + pull_depth * depth;
+        for (int k = 0; k < CHANNELS; ++k) slope_weight += pull[k] * feature[k];
+        const Lanes height = bell(square), raw = r[10] * height;
+        const Mask uncapped = met & (raw < zero + SCALAR(MAX_ALPHA));
+        const Lanes alpha = met ? (uncapped ? raw : zero + SCALAR(MAX_ALPHA)) : zero;
+        const Lanes moment = depth / image.depth_unit;
+        const Lanes weight = alpha * left;
+        slope_weight += pull_distortion * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
+        behind -= weight * slope_weight;
+        const Lanes by_alpha = left * slope_weight - behind / (one - alpha);
+        const Lanes by_depth = weight
+            * (pull_depth + SCALAR(2) * pull_distortion * (moment * weights - moments) / image.depth_unit);
+        const Lanes by_height = uncapped ? by_alpha * height : zero;
+        const Lanes by_u = met ? -by_height * r[10] * u * inverse : zero;
+        const Lanes by_v = met ? -by_height * r[10] * v * inverse : zero;
+        const Lanes by_t = met ? by_depth * inverse : zero;
+        const Lanes by_slope = met ? -(by_u * u + by_v * v + by_t * depth) : zero;
+        // A row each: the record's numbers but the last, then the features.
+        Lanes by[ROWS] = {
+            by_slope * rx, by_slope * ry, by_slope, by_u * rx, by_u * ry, by_u, by_v * rx, by_v * ry, by_v, by_t, by_height,
         };
+        for (int k = 0; k < CHANNELS; ++k) by[RECORD - 1 + k] = weight * pull[k];
+        left *= one - alpha;
         SCALAR* to_record = grad_records.data + RECORD * (long long)member;
         SCALAR* to_feature = grad_features.data + CHANNELS * (long long)member;
-        for (int i = 0; i < RECORD - 1; ++i) wp::atomic_add(to_record + i, sum_of(by_record[i]));
-        for (int k = 0; k < CHANNELS; ++k) wp::atomic_add(to_feature + k, sum_of(by_feature[k]));
+#if ON_CUDA
+        for (int i = 0; i < RECORD - 1; ++i) wp::atomic_add(to_record + i, by[i]);
+        for (int k = 0; k < CHANNELS; ++k) wp::atomic_add(to_feature + k, by[RECORD - 1 + k]);
+#else
+        SCALAR total[ROWS];
+        for (int row = 0; row < ROWS; row += LANES) sums_of(by + row, total + row);
+        for (int i = 0; i < RECORD - 1; ++i) to_record[i] += total[i];
+        for (int k = 0; k < CHANNELS; ++k) to_feature[k] += total[RECORD - 1 + k];
+#endif
     }
 """
 )
@@ -339,8 +318,17 @@ def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool)
         "SUMS": str(PIXEL_SUMS),
         "MAX_ALPHA": repr(MAX_ALPHA),
         "STOP": repr(RASTER_TRANSMITTANCE_STOP),
+        "ROWS": str(_rows(channels, on_cuda)),
         "EXP_TERMS": str(SERIES_TERMS[dtype]),
+        "EXPONENT_OF_ONE": "127" if dtype == torch.float32 else "1023",
+        "MANTISSA_BITS": "23" if dtype == torch.float32 else "52",
         "LOG2_HIGH": repr(high),
         "LOG2_LOW": "-2.121944400546905827679e-4",
     }
     return native_text(snippet, dtype, on_cuda, words)
+
+
+def _rows(channels: int, on_cuda: bool) -> int:
+    """Rows of a surfel's gradients: on the CPU filled up with zeros to whole squares of lanes."""
+    rows, lanes = RECORD - 1 + channels, pixels_an_item(on_cuda)
+    return -(-rows // lanes) * lanes
