@@ -8,11 +8,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.errors import UsageError
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
-from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, displayed, splat, towards
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .effects.measure.image_share import image_share

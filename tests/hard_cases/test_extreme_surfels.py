@@ -24,7 +24,8 @@ from hard_cases.constructions import (
     with_radiance,
 )
 from hard_cases.ref64 import EPS
-from radiogs_core.kernels.surfel.geometry import ALPHA_THRESHOLD, can_be_met
+from radiogs_core.kernels.surfel.geometry import ALPHA_THRESHOLD
+from radiogs_core.kernels.surfel.support import support_of
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.trace import trace
 from radiogs_core.surfels.surfels import Surfels
@@ -71,7 +72,7 @@ def test_a_zero_quaternion_is_not_the_identity() -> None:
     both[0].sum().backward()
     assert broken.rotation.grad is not None
     assert bool((broken.rotation.grad == 0).all())
-    assert not bool(can_be_met(joined(sound, broken).geometry())[8:].any())
+    assert not bool(support_of(joined(sound, broken).geometry()).can_be_met[8:].any())
 
 
 @pytest.mark.case(1)

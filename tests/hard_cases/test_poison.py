@@ -17,6 +17,7 @@ from radiogs.model import Model
 from radiogs.rendering import Renderer
 from radiogs.variant import Variant
 from radiogs_core.errors import ExplainedError
+from radiogs_core.kernels.surfel.footprint_source import PIXEL_FILTER_VARIANCE
 from radiogs_core.kernels.surfel.geometry import (
     ALPHA_THRESHOLD,
     MAX_ALPHA,
@@ -25,7 +26,7 @@ from radiogs_core.kernels.surfel.geometry import (
 )
 from radiogs_core.kernels.trace.bvh import EMPTY
 from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.surfels import PIXEL_FILTER_VARIANCE, ROUGHNESS_FLOOR, Surfels
+from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 
 LARGEST = torch.finfo(torch.float32).max
 POISONS = (

@@ -82,3 +82,26 @@ def _step(points: Tensor, depth: Tensor, solid: Tensor, row: int, column: int, d
         return None
     side = min(bends, key=lambda sign: (bends[sign], -sign))
     return side * (points[row + side * down, column + side * right] - points[row, column])
+
+
+def displayed(blended: Tensor, alpha: Tensor, straight: bool, background: float) -> Tensor:
+    """Linear radiance that coverage was multiplied into, as display sRGB over a grey; pixel by pixel."""
+
+    def encoded(linear: Tensor) -> Tensor:
+        if linear <= 0.0031308:
+            return 12.92 * linear
+        return 1.055 * linear ** (1 / 2.4) - 0.055
+
+    images = []
+    for image in blended:
+        pixels = []
+        for colour, coverage in zip(image.reshape(-1, 3), alpha.reshape(-1), strict=True):
+            behind = background * (1 - coverage)
+            if straight and coverage == 0:
+                pixels.append((0 * colour.sum() + behind).expand(3))
+            elif straight:
+                pixels.append(torch.stack([coverage * encoded(value / coverage) + behind for value in colour]))
+            else:
+                pixels.append(torch.stack([encoded(value) + behind for value in colour]))
+        images.append(torch.stack(pixels).view(image.shape))
+    return torch.stack(images)

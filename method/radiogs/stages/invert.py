@@ -6,6 +6,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
@@ -20,7 +21,7 @@ from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_d
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.transport.plan import HIGHEST_DEGREE
-from radiogs_core.transport.splatting import displayed, own_radiance, splat, towards
+from radiogs_core.transport.splatting import own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
@@ -85,7 +86,7 @@ class InverseRendering:
 
     def _seen_model(self) -> Model:
         """Surfels and light, with as many harmonics of the surfels' radiance as the plan has."""
-        surfels = self.optimiser.surfels
+        surfels = self.optimiser.surfels.framed()
         if self.shader.plan.sh_degree < HIGHEST_DEGREE:
             surfels.sh = surfels.sh[:, : (self.shader.plan.sh_degree + 1) ** 2]
         return Model(surfels, self.optimiser.tensors["log_environment"])

@@ -24,7 +24,7 @@ VECTORS = """
 the type SCALAR, ``LANE`` to read or write one of them, and ``any``."""
 
 SUMS_OF_LANES = """
-    // sums[i] becomes the sum of the lanes of rows[i], for LANES rows of LANES = 16 numbers: each step folds pairs of rows
+    // sums[i] becomes the sum of the lanes of rows[i], for 16 rows of LANES = 16 numbers: each step folds pairs of rows
     // into one that holds half as many partial sums of each, and the last row holds all sums in their order.
     auto sums_of = [](Lanes* rows, SCALAR* sums) {
         for (int i = 0; i < 8; ++i) {

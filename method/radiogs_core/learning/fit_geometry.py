@@ -14,6 +14,7 @@ from torch import Tensor
 
 from ..contract import StageSpec, values_of
 from ..errors import DataError
+from ..kernels.image.display import displayed
 from ..kernels.image.edges import edge_allowance, edge_aware_smoothness
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
@@ -23,7 +24,7 @@ from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
 from ..surfels.surroundings import surrounded_surfels
-from ..transport.splatting import Splat, displayed, own_radiance, splat
+from ..transport.splatting import Splat, own_radiance, splat
 from .backward import backward
 from .contribution import largest_contribution
 from .geometry import GeometryLearning, turning
@@ -179,7 +180,7 @@ class FitGeometry:
         """One optimisation step; returns the weighted losses by name."""
         view = view_at(self.views, self.iteration, self.seed)
         self._set_rates()
-        surfels = self.optimiser.surfels
+        surfels = self.optimiser.surfels.framed()
         surfels.sh = surfels.sh[:, : self._coefficients()]
         losses, seen = self._losses(surfels, view)
         values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
@@ -238,8 +239,10 @@ class FitGeometry:
         target = view.over(background)
         blended = torch.stack(list(seen.images.values()))
         straight = self.learning.encoding == "straight"
-        display = displayed(blended, seen.alpha, straight) if self.learning.colour == "linear" else blended
-        composited = composite(display, seen.alpha, background)
+        if self.learning.colour == "linear":
+            composited = displayed(blended, seen.alpha, straight, background)
+        else:
+            composited = composite(blended, seen.alpha, background)
         found = reconstruction(composited, target, weights.absolute, weights.similarity)
         radiance, *shaded = zip(seen.images, found.unbind(), strict=True)
         return dict([radiance]) | {name: self.shading.image_weight * loss for name, loss in shaded}

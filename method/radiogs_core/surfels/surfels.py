@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import torch
@@ -9,6 +10,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
+from ..kernels.surfel.footprint import widened
 from ..kernels.surfel.frame import frames
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
@@ -16,13 +18,6 @@ from .harmonics import COEFFICIENTS, CONSTANT_BASIS
 
 ROUGHNESS_FLOOR = 0.05
 """Smallest roughness r: a GGX lobe (alpha = r^2) much narrower than a texel of the light cannot be learnt."""
-
-PIXEL_FILTER_VARIANCE = 1 / 12
-"""Variance, in pixels^2, of the box that a pixel averages over: the footprint a surfel is widened by."""
-
-EDGE_ON_COSINE = 0.05
-"""Cosine between view direction and normal below which a pixel's footprint in a surfel's plane grows no more: that of 1
-at 87 degrees would be 20 pixels long."""
 
 
 @dataclass
@@ -73,6 +68,10 @@ class Surfels:
         """
         return frames(self.rotation)
 
+    def framed(self) -> "Surfels":
+        """The surfels, connected to these, for all that a step asks of their frames: they are computed once."""
+        return _Framed(**self.parameters())
+
     def geometry(self) -> SplatGeometry:
         """The surfels as the tracer meets them."""
         tangent_u, tangent_v, normal = self.frame.unbind(-1)
@@ -81,30 +80,8 @@ class Surfels:
         return SplatGeometry(self.centre, *axes, normal.contiguous(), self.opacity)
 
     def geometry_for(self, camera: Camera) -> SplatGeometry:
-        """The surfels as a camera sees them: widened, in their own plane, by the footprint of a pixel.
-
-        A pixel that is seen at an angle leaves a longer footprint: with w the view direction's part in the plane (along
-        t_u, t_v) and c the cosine to the normal, the covariance becomes diag(s^2) + variance (z / f)^2 (1 + w w^T /
-        c^2). The opacity falls by the same area ratio, so that a surfel of less than a pixel, or one seen from the
-        edge, keeps its energy and never slips between pixel centres.
-        """
-        frame = self.frame
-        with torch.no_grad():
-            towards = normalize(camera.centre - self.centre, dim=-1)
-            along_u, along_v, cosine = (frame * towards[..., None]).sum(-2).unbind(-1)
-            pixel = camera.depth_of(self.centre).abs() * (2 / (camera.fx + camera.fy))
-            variance = PIXEL_FILTER_VARIANCE * pixel.square()
-            stretch = variance / cosine.square().clamp(min=EDGE_ON_COSINE**2)
-        scale_u, scale_v = self.scale.unbind(-1)
-        # Lower triangular root of the covariance: its inverse maps the plane to (u, v).
-        first = (scale_u.square() + variance + stretch * along_u.square()).sqrt()
-        mixed = stretch * along_u * along_v / first
-        second = (scale_v.square() + variance + stretch * along_v.square() - mixed.square()).sqrt()
-        tangent_u, tangent_v, normal = frame.unbind(-1)
-        axis_u = tangent_u / first[:, None]
-        axis_v = (tangent_v - mixed[:, None] * axis_u) / second[:, None]
-        share = scale_u * scale_v / (first * second)
-        return SplatGeometry(self.centre, axis_u, axis_v, normal.contiguous(), self.opacity * share)
+        """The surfels as a camera draws them: widened by the footprint of a pixel (``kernels.surfel.footprint``)."""
+        return widened(camera, self.centre, self.frame, self.scale, self.opacity)
 
     def parameters(self) -> dict[str, Tensor]:
         """The raw tensors by name."""
@@ -145,6 +122,14 @@ class Surfels:
     def take(self, index: Int[Tensor, " chosen"]) -> "Surfels":
         """The surfels at ``index``, without gradient history."""
         return Surfels(**{name: value.detach()[index] for name, value in self.parameters().items()})
+
+
+class _Framed(Surfels):
+    """Surfels whose rotations stay as they are."""
+
+    @cached_property
+    def frame(self) -> Float[Tensor, "surfels 3 3"]:
+        return frames(self.rotation)
 
 
 def surfels_at(

@@ -9,7 +9,8 @@ from jaxtyping import Float, Int
 from scipy.spatial import cKDTree
 from torch import Tensor
 
-from ..kernels.surfel.geometry import SplatGeometry, can_be_met
+from ..kernels.surfel.geometry import SplatGeometry
+from ..kernels.surfel.support import support_of
 from ..surfels.surfels import Surfels
 
 NEIGHBOURS = 12
@@ -23,7 +24,7 @@ def nearest(geometry: SplatGeometry) -> Int[Tensor, "surfels neighbours"]:
 
     Surfels that no ray can hit are neighbours of themselves only.
     """
-    solid = torch.nonzero(can_be_met(geometry))[:, 0]
+    solid = torch.nonzero(support_of(geometry).can_be_met)[:, 0]
     places = geometry.centre.detach()[solid].double().cpu().numpy()
     count = min(NEIGHBOURS + 1, len(places))
     around = torch.arange(len(geometry), device=solid.device)[:, None].repeat(1, max(1, count))

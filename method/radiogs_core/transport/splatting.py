@@ -7,10 +7,10 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
+from ..kernels.image.display import displayed
 from ..kernels.image.normals import one_sided_normals
 from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
-from ..scene.colour import srgb_encode
 from ..surfels.harmonics import surfel_radiance
 from ..surfels.surfels import Surfels
 from .depth_normals import depth_normals
@@ -66,22 +66,6 @@ def splat(
         dict(zip(channels, images, strict=True)),
         normal, raster.alpha, depth, raster.distortion, raster.touched,
     )  # fmt: skip
-
-
-def displayed(
-    blended: Float[Tensor, "*images height width 3"], alpha: Float[Tensor, "height width"], straight: bool = True
-) -> Float[Tensor, "*images height width 3"]:
-    """Blended linear radiance as a display-sRGB image on black, not clipped.
-
-    ``straight``: as images with an alpha channel are made, the radiance of the covered part of a pixel is encoded, then
-    multiplied by coverage. Otherwise radiance is encoded as it was blended, with the black around it, as splatting
-    codes do; partly covered pixels are then brighter.
-    """
-    if not straight:
-        return srgb_encode(blended)
-    seen = (alpha > 0)[..., None]
-    whole = torch.where(seen, alpha[..., None], 1.0)
-    return torch.where(seen, srgb_encode(blended / whole) * whole, 0.0)
 
 
 def shade_surfels(

@@ -14,10 +14,11 @@ from radiogs.model import Model
 from radiogs.relighting import RelitByRays, RelitBySurfels, relight
 from radiogs.variant import Relighting, Variant
 from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import displayed, own_radiance, radiance_maps
+from radiogs_core.transport.splatting import own_radiance, radiance_maps
 from scenes import surfels_over
 
 SPREAD = 24

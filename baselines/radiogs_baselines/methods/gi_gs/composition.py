@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from radiogs_core.transport.splatting import displayed
+from radiogs_core.kernels.image.display import displayed
 
 from .variant import Sum
 

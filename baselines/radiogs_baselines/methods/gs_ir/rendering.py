@@ -6,8 +6,9 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import Splat, displayed
+from radiogs_core.transport.splatting import Splat
 
 from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from ..split_sum import SplitSumLight

@@ -4,9 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.losses import light_prior
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import displayed
 
 from .shading import mean_direct_light
 

@@ -6,13 +6,14 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.met_surface import met_features
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
-from radiogs_core.transport.splatting import Splat, displayed
+from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
@@ -20,7 +21,7 @@ from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_d
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import Splat, displayed, own_radiance
+from radiogs_core.transport.splatting import Splat, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
 from ..seen_points import covered_pixels, seen_points, seen_surfels

@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.learning.losses import (
@@ -11,7 +12,7 @@ from radiogs_core.learning.losses import (
     light_prior,
     reconstruction,
 )
-from radiogs_core.transport.splatting import Splat, displayed
+from radiogs_core.transport.splatting import Splat
 
 from .learning import MaterialWeights
 

@@ -6,9 +6,10 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.splatting import displayed, splat, towards
+from radiogs_core.transport.splatting import splat, towards
 
 from .model import Model
 from .shading import Materials, shade_vertices

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.rasterize.rasterize import project
 from radiogs_core.learning.backward import backward
@@ -18,7 +19,7 @@ from radiogs_core.learning.losses import (
 )
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.transport.splatting import Splat, displayed, own_radiance, splat, towards
+from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
 
 from .losses import radiance_consistency
 from .model import LEARNT, Model

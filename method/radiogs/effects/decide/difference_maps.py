@@ -6,8 +6,9 @@ from dataclasses import replace
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.transport.plan import HIGHEST_DEGREE, everything
-from radiogs_core.transport.splatting import SOLID_ALPHA, displayed
+from radiogs_core.transport.splatting import SOLID_ALPHA
 
 from ..measure.covered_pixels import rendered_views
 from ..measure.plan_radiance import PlanRadiance

@@ -6,9 +6,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.rasterize import blend
 from radiogs_core.transport.plan import EffectPlan, everything
-from radiogs_core.transport.splatting import displayed
 
 from .plan_radiance import PlanRadiance
 

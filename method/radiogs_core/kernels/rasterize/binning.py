@@ -11,7 +11,8 @@ from torch import Tensor
 from ...scene.camera import Camera
 from ..arrangement import as_on_cuda
 from ..runtime import as_array, launch_in_parallel, require_countable
-from ..surfel.geometry import SplatGeometry, cull, support_radius
+from ..surfel.geometry import SplatGeometry
+from ..surfel.support import support_of
 from .binning_source import binning_kernels
 from .rasterize_source import TILE
 
@@ -57,9 +58,10 @@ def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Te
     counts = torch.empty(len(centre), dtype=torch.int64, device=centre.device)
     depth = torch.empty(len(centre), dtype=torch.float64, device=centre.device)
     vectors = [value.contiguous() for value in (centre, geometry.axis_u, geometry.axis_v, geometry.normal)]
-    radius, can_be_met = support_radius(geometry.opacity), cull(geometry)
+    support = support_of(geometry).counted()
     arguments = [
-        window, *(as_array(value, dtype=kernels.vector) for value in vectors), as_array(radius), as_array(can_be_met),
+        window, *(as_array(value, dtype=kernels.vector) for value in vectors), as_array(support.radius),
+        as_array(support.can_be_met),
         as_array(tiles, dtype=wp.vec4i), as_array(counts), as_array(depth),
     ]  # fmt: skip
     launch_in_parallel(kernels.bound, len(centre), centre.device, lambda _: arguments)

@@ -12,9 +12,10 @@ from ...instruments.finite import require_finite_blend
 from ...scene.camera import Camera
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
-from ..surfel.geometry import SplatGeometry, support_radius
+from ..surfel.geometry import SplatGeometry
 from .binning import TileLists, tile_lists
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
+from .records import records_of
 
 
 @dataclass(frozen=True)
@@ -48,10 +49,7 @@ def project(camera: Camera, geometry: SplatGeometry) -> Projection:
     camera take no part.
     """
     camera = camera.to(geometry.centre.device, geometry.centre.dtype)
-    homography = _homography(camera, geometry)
-    reach = support_radius(geometry.opacity.detach()).square()
-    records = torch.cat([*homography, geometry.opacity[:, None], reach[:, None]], -1)
-    return Projection(camera, tile_lists(camera, geometry), records)
+    return Projection(camera, tile_lists(camera, geometry), records_of(camera, geometry))
 
 
 def blend(seen: Projection, features: Float[Tensor, "surfels channels"], depth_unit: float) -> Raster:
@@ -74,18 +72,6 @@ def rasterize(
 ) -> Raster:
     """``blend`` what ``project`` makes of the surfels."""
     return blend(project(camera, geometry), features, depth_unit)
-
-
-def _homography(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Normal, map_u, map_v [surfels, 3] in camera axes and offset [surfels, 1]; see ``rasterize_source``."""
-    towards = geometry.centre - camera.centre
-    offset = (geometry.normal * towards).sum(-1)
-    maps = (
-        offset[:, None] * axis - (axis * towards).sum(-1, keepdim=True) * geometry.normal
-        for axis in (geometry.axis_u, geometry.axis_v)
-    )
-    map_u, map_v = maps
-    return geometry.normal @ camera.axes, map_u @ camera.axes, map_v @ camera.axes, offset[:, None]
 
 
 class _Blend(torch.autograd.Function):

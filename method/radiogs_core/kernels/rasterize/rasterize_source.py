@@ -203,7 +203,8 @@ _BACKWARD = (
         const Lanes by_slope = met ? -(by_u * u + by_v * v + by_t * depth) : zero;
         // A row each: the record's numbers but the last, then the features.
         Lanes by[ROWS] = {
-            by_slope * rx, by_slope * ry, by_slope, by_u * rx, by_u * ry, by_u, by_v * rx, by_v * ry, by_v, by_t, by_height,
+            by_slope * rx, by_slope * ry, by_slope, by_u * rx, by_u * ry, by_u, by_v * rx, by_v * ry, by_v,
+            by_t, by_height,
         };
         for (int k = 0; k < CHANNELS; ++k) by[RECORD - 1 + k] = weight * pull[k];
         left *= one - alpha;

@@ -11,7 +11,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..surfel.geometry import SplatGeometry, can_be_met, cull, support_extent, support_radius
+from ..surfel.geometry import SplatGeometry
+from ..surfel.support import Support, support_of
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 EMPTY = 1e30
@@ -79,11 +80,12 @@ class SurfelBVH:
         # Boxes of all nodes, then of all leaves, then the empty one that absent children point to.
         place = torch.where(child >= 0, child, nodes - 1 - child)
         low, high = (value.new_empty(nodes + len(order) + 1, 3) for value in 2 * [geometry.centre])
-        surfel_low, surfel_high = _surfel_boxes(geometry)
+        support = support_of(geometry).counted()
+        surfel_low, surfel_high = _surfel_boxes(geometry.centre, support)
         low[nodes:], high[nodes:] = EMPTY, -EMPTY
         low[nodes:-1] = surfel_low[order].amin(1)
         high[nodes:-1] = surfel_high[order].amax(1)
-        self.leaves = _records(geometry)[order].mT.contiguous()
+        self.leaves = _records(geometry, support)[order].mT.contiguous()
         self.boxes = geometry.centre.new_empty(nodes, 6 * WIDTH)
         ends = self.topology.level_end
         for begin, end in reversed(list(zip((0, *ends), ends, strict=False))):
@@ -98,7 +100,8 @@ def _topology(geometry: SplatGeometry) -> Topology:
         centre = torch.where(torch.isfinite(geometry.centre).all(-1, keepdim=True), geometry.centre, 0.0)
         if as_on_cuda(centre.device):
             return kd_topology(centre)
-        extent = torch.where(can_be_met(geometry)[:, None], support_extent(geometry), 0.0)
+        support = support_of(geometry)
+        extent = torch.where(support.can_be_met[:, None], support.extent, 0.0)
         return sah_topology(centre - extent, centre + extent)
 
 
@@ -107,19 +110,19 @@ def _half_area(side: Float[Tensor, "*boxes 3"]) -> Float[Tensor, "*boxes"]:
     return x * y + y * z + z * x
 
 
-def _surfel_boxes(geometry: SplatGeometry) -> tuple[Float[Tensor, "surfels_and_none 3"], ...]:
+def _surfel_boxes(
+    centre: Float[Tensor, "surfels 3"], support: Support
+) -> tuple[Float[Tensor, "surfels_and_none 3"], ...]:
     """Corners of every surfel's padded box, and of an empty one after the last."""
-    extent, centre = support_extent(geometry), geometry.centre
+    extent, alive = support.extent, support.can_be_met[:, None]
     padded = extent + RELATIVE_PADDING * extent.amax(-1, keepdim=True) + COORDINATE_PADDING * centre.abs()
-    alive = cull(geometry)[:, None]
     low = torch.where(alive, centre - padded, EMPTY)
     high = torch.where(alive, centre + padded, -EMPTY)
     return torch.cat([low, low.new_full((1, 3), EMPTY)]), torch.cat([high, high.new_full((1, 3), -EMPTY)])
 
 
-def _records(geometry: SplatGeometry) -> Float[Tensor, "surfels_and_none fields"]:
-    reach = support_radius(geometry.opacity).square()
+def _records(geometry: SplatGeometry, support: Support) -> Float[Tensor, "surfels_and_none fields"]:
     columns = [geometry.centre, geometry.axis_u, geometry.axis_v, geometry.normal]
-    fields = torch.cat([*columns, geometry.opacity[:, None], reach[:, None]], -1)
-    fields = torch.where(can_be_met(geometry)[:, None], fields, 0.0)
+    fields = torch.cat([*columns, geometry.opacity[:, None], support.radius.square()[:, None]], -1)
+    fields = torch.where(support.can_be_met[:, None], fields, 0.0)
     return torch.cat([fields, fields.new_zeros(1, LEAF_FIELDS)])

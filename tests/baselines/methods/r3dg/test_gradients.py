@@ -15,10 +15,11 @@ from radiogs_baselines.methods.r3dg.model import Model, before_softplus
 from radiogs_baselines.methods.r3dg.shading import Lit, blended, light_surfels
 from radiogs_baselines.methods.r3dg.variant import LocalLight
 from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import Splat, displayed
+from radiogs_core.transport.splatting import Splat
 from reference.differences import Values, assert_gradients
 from reference.images import sobel
 from reference.rasterize import rasterize

@@ -7,15 +7,19 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
 from radiogs_core.kernels.image.normals_source import normal_kernels
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
+from radiogs_core.kernels.rasterize.records_source import record_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
 from radiogs_core.kernels.shade.splitsum_source import splitsum_kernels
+from radiogs_core.kernels.surfel.footprint_source import footprint_kernels
 from radiogs_core.kernels.surfel.frame_source import frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
+from radiogs_core.kernels.surfel.support_source import support_kernel
 from radiogs_core.kernels.trace.hits_source import hit_kernels
 from radiogs_core.kernels.trace.trace_source import trace_kernels
 
@@ -35,6 +39,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         normal_kernels(dtype),
         edge_kernels(dtype, on_cuda=True, channels=3),
     )
+    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype)
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
@@ -42,6 +47,8 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         splitsum.forward, splitsum.backward,
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
+        footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
+        support_kernel(dtype),
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

@@ -1,4 +1,4 @@
-"""K7 to K9 against dense float64 implementations and their gradients, skimage's SSIM, and central differences."""
+"""K7 to K9 and K12 against dense float64 implementations and gradients, skimage's SSIM, and central differences."""
 
 from collections.abc import Callable
 
@@ -8,6 +8,7 @@ import torch
 from skimage.metrics import structural_similarity
 
 from radiogs_core.kernels.image.blocks import COLUMNS
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.image.normals import one_sided_normals
 from radiogs_core.kernels.image.similarity import compared
@@ -168,3 +169,32 @@ def test_gradients_equal_central_differences() -> None:
     assert torch.autograd.gradcheck(
         lambda data: edge_aware_smoothness(data, allowance), (image(6, 7).requires_grad_(),)
     )
+
+
+@pytest.mark.parametrize("background", [0.0, 1.0])
+@pytest.mark.parametrize("straight", [True, False])
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (13, 11)])
+def test_images_are_encoded_as_by_the_dense_curve(height: int, width: int, straight: bool, background: float) -> None:
+    """Uncovered pixels, negative radiance, values below the curve's knee, and images brighter than white."""
+    alpha = torch.rand(height, width, dtype=torch.float64)
+    blended = torch.stack(
+        [image(height, width, highest=2.0), image(height, width, highest=0.004), -image(height, width)]
+    )
+    if height > 1:
+        alpha[:3], blended[:, :3] = 0, 0
+    for part, given in enumerate((blended, alpha)):
+        others = [blended, alpha]
+
+        def shown(value: torch.Tensor, part: int = part, others: list[torch.Tensor] = others) -> torch.Tensor:
+            return displayed(*[value if k == part else other for k, other in enumerate(others)], straight, background)
+
+        def expected(value: torch.Tensor, part: int = part, others: list[torch.Tensor] = others) -> torch.Tensor:
+            mixed = [value if k == part else other.cpu() for k, other in enumerate(others)]
+            return dense.displayed(*mixed, straight, background)
+
+        assert_equal_with_gradients(shown, expected, given)
+
+
+def test_no_image_has_no_display() -> None:
+    assert displayed(torch.zeros(0, 4, 5, 3), torch.ones(4, 5)).shape == (0, 4, 5, 3)
+    assert displayed(torch.zeros(2, 0, 5, 3), torch.ones(0, 5)).shape == (2, 0, 5, 3)

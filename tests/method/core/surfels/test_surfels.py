@@ -5,11 +5,10 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
+from radiogs_core.kernels.surfel.footprint_source import EDGE_ON_COSINE, PIXEL_FILTER_VARIANCE
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import (
-    EDGE_ON_COSINE,
-    PIXEL_FILTER_VARIANCE,
     Surfels,
     radiance_to_sh,
     roughness_to_logit,

@@ -1,0 +1,50 @@
+"""K12: blended linear radiance as display sRGB over a background, with gradient."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..runtime import as_array, launch_in_parallel
+from .display_source import display_kernels
+
+
+def displayed(
+    blended: Float[Tensor, "*images height width 3"],
+    alpha: Float[Tensor, "height width"],
+    straight: bool = True,
+    background: float = 0.0,
+) -> Float[Tensor, "*images height width 3"]:
+    """Blended linear radiance (multiplied by coverage ``alpha``) as display-sRGB images, not clipped.
+
+    ``straight``: as images with an alpha channel are made, the radiance of the covered part of a pixel is encoded, then
+    multiplied by coverage. Otherwise radiance is encoded as it was blended, with the black around it, as splatting
+    codes do; partly covered pixels are then brighter. ``background``: grey display value that shows through.
+    """
+    flat = blended.reshape(blended.shape[:-3].numel(), alpha.numel(), 3)
+    return _Displayed.apply(flat, alpha.reshape(-1), straight, background).view(blended.shape)
+
+
+class _Displayed(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, blended: Tensor, alpha: Tensor, straight: bool, background: float) -> Tensor:
+        given = blended.detach().contiguous(), alpha.detach().contiguous()
+        kernels, encoded, out = display_kernels(given[0].dtype), *(torch.empty_like(given[0]) for _ in range(2))
+        ctx.values = [len(alpha), len(blended), int(straight), background]
+        arguments = [*ctx.values, *map(_flat, (*given, encoded, out))]
+        launch_in_parallel(kernels.forward, len(alpha), out.device, lambda _: arguments)
+        ctx.save_for_backward(*given, encoded)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor, None, None]:
+        blended, alpha, encoded = ctx.saved_tensors
+        kernels, out = display_kernels(pull.dtype), (torch.empty_like(blended), torch.empty_like(alpha))
+        arguments = [*ctx.values, *map(_flat, (blended, alpha, encoded, pull.contiguous(), *out))]
+        launch_in_parallel(kernels.backward, len(alpha), pull.device, lambda _: arguments)
+        return *out, None, None
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

@@ -1,0 +1,64 @@
+"""K10: surfels as a camera draws them, widened by the footprint of a pixel, with gradient."""
+
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ...scene.camera import Camera
+from ..runtime import as_array, launch_in_parallel
+from .footprint_source import footprint_kernels
+from .geometry import SplatGeometry
+
+
+def widened(
+    camera: Camera,
+    centre: Float[Tensor, "surfels 3"],
+    frame: Float[Tensor, "surfels 3 3"],
+    scale: Float[Tensor, "surfels 2"],
+    opacity: Float[Tensor, " surfels"],
+) -> SplatGeometry:
+    """Surfels in the world, widened in their own planes by the footprint of a pixel.
+
+    A pixel that is seen at an angle leaves a longer footprint: with w the view direction's part in the plane (along
+    t_u, t_v) and c the cosine to the normal, the covariance becomes diag(s^2) + variance (z / f)^2 (1 + w w^T /
+    c^2). The opacity falls by the same area ratio, so that a surfel of less than a pixel, or one seen from the
+    edge, keeps its energy and never slips between pixel centres. ``scale``: standard deviations, world units;
+    ``frame``: its columns are t_u, t_v, n. Gradients flow to frame, scale and opacity; the footprint itself has none.
+    """
+    camera = camera.to(centre.device, centre.dtype)
+    return SplatGeometry(centre, *_Widened.apply(camera, centre, frame, scale, opacity))
+
+
+class _Widened(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any, camera: Camera, centre: Tensor, frame: Tensor, scale: Tensor, opacity: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+        kernels = footprint_kernels(centre.dtype)
+        given = [value.detach().contiguous() for value in (centre, frame, scale, opacity)]
+        axis_u, axis_v, normal, widened_opacity = map(torch.empty_like, (centre, centre, centre, opacity))
+        out = axis_u, axis_v, normal, widened_opacity
+        ctx.arguments = [
+            _flat(camera.camera_to_world.contiguous()), 2 / (camera.fx + camera.fy), *map(_flat, given)
+        ]  # fmt: skip
+        arguments = [*ctx.arguments, *map(_flat, out)]
+        launch_in_parallel(kernels.forward, len(centre), centre.device, lambda _: arguments)
+        ctx.save_for_backward(*given)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, *pulls: Tensor) -> tuple[None, None, Tensor, Tensor, Tensor]:
+        _, frame, scale, opacity = ctx.saved_tensors
+        to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
+        given = (pull.contiguous() for pull in pulls)
+        arguments = [*ctx.arguments, *map(_flat, (*given, to_frame, to_scale, to_opacity))]
+        launch_in_parallel(
+            footprint_kernels(scale.dtype).backward, len(scale), scale.device, lambda _: arguments
+        )  # fmt: skip
+        return None, None, to_frame, to_scale, to_opacity
+
+
+def _flat(value: Tensor) -> Any:
+    return as_array(value.view(-1))

@@ -1,0 +1,107 @@
+"""K10 against dense matrices and their gradients, K11 against planes that rays meet, K13 against points of the rim."""
+
+import pytest
+import torch
+
+from radiogs_core.kernels.rasterize.records import records_of
+from radiogs_core.kernels.surfel.footprint import widened
+from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
+from radiogs_core.kernels.surfel.support import support_of
+from radiogs_core.kernels.surfel.support_source import DEGENERATE, FAINT, MET, SATURABLE
+from radiogs_core.scene.camera import Camera
+from reference import surfels as dense
+from scenes import look_at
+
+NAMES = ("centre", "frame", "scale", "opacity")
+
+
+def camera() -> Camera:
+    looking = look_at(torch.tensor([4.0, 0.3, 0.5]), torch.zeros(3), 16, 20.0).to(dtype=torch.float64)
+    return Camera(looking.camera_to_world, 20.0, 19.0, 8.3, 6.5, 17, 13)
+
+
+def surfels(count: int = 30) -> dict[str, torch.Tensor]:
+    return {
+        "centre": torch.randn(count, 3, dtype=torch.float64),
+        "frame": torch.linalg.qr(torch.randn(count, 3, 3, dtype=torch.float64)).Q,
+        "scale": 0.01 + 0.3 * torch.rand(count, 2, dtype=torch.float64),
+        "opacity": torch.rand(count, dtype=torch.float64),
+    }
+
+
+def ours(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    found = widened(camera(), *given.values())
+    return found.axis_u, found.axis_v, found.normal, found.opacity
+
+
+def theirs(given: dict[str, torch.Tensor]) -> tuple[torch.Tensor, ...]:
+    view = camera()
+    return dense.widened(view.centre, view.axes[:, 2], (view.fx + view.fy) / 2, *given.values())
+
+
+def test_widened_surfels_and_their_gradients_are_those_of_the_matrices() -> None:
+    given = surfels()
+    pulls = [torch.randn_like(value) for value in theirs(given)]
+    gradients = []
+    for of in (ours, theirs):
+        leaves = {name: value.clone().requires_grad_() for name, value in given.items()}
+        found = of(leaves)
+        for one, expected in zip(found, theirs(given), strict=True):
+            torch.testing.assert_close(one, expected, rtol=1e-11, atol=1e-13)
+        torch.autograd.backward(found, pulls)
+        gradients.append({name: leaf.grad for name, leaf in leaves.items()})
+    for name in NAMES[1:]:
+        assert gradients[1][name].abs().max() > 0
+        torch.testing.assert_close(gradients[0][name], gradients[1][name], rtol=1e-9, atol=1e-12)
+    assert gradients[0]["centre"] is None
+
+
+@pytest.mark.parametrize("pixel", [(0, 0), (7, 3)])
+def test_a_record_says_where_a_pixel_s_ray_meets_the_surfel(pixel: tuple[int, int]) -> None:
+    """Depth, u and v by the record, against the intersection with the plane; gradients by both, too."""
+    view, given = camera(), surfels()
+    column, row = pixel
+    along = torch.tensor([(column + 0.5 - view.cx) / view.fx, (row + 0.5 - view.cy) / view.fy, 1], dtype=torch.float64)
+    values = {name: value.requires_grad_() for name, value in zip(("u", "v", "n", "o"), ours(given), strict=True)}
+    centre = given["centre"].requires_grad_()
+    record = records_of(view, SplatGeometry(centre, *values.values()))
+    slope = record[:, :3] @ along
+    by_record = torch.stack([record[:, 9], record[:, 3:6] @ along, record[:, 6:9] @ along, record[:, 10] * slope], 1)
+    ray = view.axes @ along
+    towards = centre - view.centre
+    depth = (values["n"] * towards).sum(-1) / (values["n"] @ ray)
+    offset = depth[:, None] * ray - towards
+    beside = torch.stack([depth, (values["u"] * offset).sum(-1), (values["v"] * offset).sum(-1), values["o"]], 1)
+    torch.testing.assert_close(by_record / slope[:, None], beside)
+    pull = torch.randn_like(beside)
+    asked = [centre, *values.values()]
+    found = torch.autograd.grad(by_record / slope[:, None], asked, pull)
+    expected = torch.autograd.grad(beside, asked, pull)
+    for one, other in zip(found, expected, strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-8, atol=1e-9)
+    support = torch.tensor([dense.support_squared(o) for o in values["o"].tolist()], dtype=torch.float64)
+    torch.testing.assert_close(record[:, 11].detach(), support)
+
+
+def test_the_box_of_a_support_touches_the_points_where_alpha_is_one_grey_level() -> None:
+    """Points all along each rim, found from the axes alone; the box is theirs, to the spacing of the points."""
+    geometry = widened(camera(), *surfels().values())
+    support = support_of(geometry)
+    angle = torch.linspace(0, 2 * torch.pi, 20_001, dtype=torch.float64)[:, None]
+    for i in torch.nonzero(support.can_be_met)[:, 0].tolist():
+        radius = dense.support_squared(float(geometry.opacity[i])) ** 0.5
+        torch.testing.assert_close(float(support.radius[i]), radius)
+        axes = torch.stack([geometry.axis_u[i], geometry.axis_v[i]])
+        rim = radius * torch.cat([angle.cos(), angle.sin()], 1) @ torch.linalg.pinv(axes).mT
+        torch.testing.assert_close(rim.abs().amax(0), support.extent[i], rtol=1e-6, atol=0)
+
+
+def test_kinds_of_surfels() -> None:
+    given = widened(camera(), *surfels(9).values())
+    opacities = [0.5, MAX_ALPHA, 0.995, 0.003, 0.5, 0.5, 0.5, torch.nan, torch.inf]
+    given.opacity[:] = torch.tensor(opacities, dtype=torch.float64)
+    given.centre[4, 1] = torch.inf
+    given.axis_u[5] = 0
+    given.axis_v[6, 2] = torch.nan
+    expected = [MET, MET, SATURABLE, FAINT, *5 * [DEGENERATE]]
+    assert support_of(given).kind.tolist() == expected
