@@ -1,9 +1,13 @@
-"""``radiogs-bench bench kernels|frames``: speed of the kernels and of a relit frame, beside yardsticks."""
+"""``radiogs-bench bench kernels|frames``: speed of the kernels and of a relit frame, beside yardsticks.
+
+``bench steps`` and ``bench growth`` are in ``bench_steps``.
+"""
 
 import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from . import bench_steps
 from .options import add_verbose, names, positive
 
 if TYPE_CHECKING:
@@ -34,6 +38,7 @@ def add_to(commands: "Commands") -> None:
         each.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
         each.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
         add_verbose(each)
+    bench_steps.add_to(subjects)
 
 
 def bench_kernels(options: argparse.Namespace) -> int:

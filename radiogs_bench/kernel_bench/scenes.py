@@ -60,17 +60,16 @@ def sphere_and_plane() -> KernelScene:
     return _scene("S", torch.cat([ball, plane]), torch.cat([ball, upwards]), _spacing(half), 1 << 14, generator)
 
 
-def blob(inside: bool) -> KernelScene:
-    """Scene M, or Mi from inside."""
+def blob(inside: bool, count: int = 100_000, rays: int = 1 << 18) -> KernelScene:
+    """Scene M, or Mi from inside; or the same blob under another number of surfels, with another number of rays."""
     generator = torch.Generator().manual_seed(0)
-    count = 100_000
     towards = _spread_over_sphere(count)
     centre = (towards * _blob_radius(towards)[:, None]).requires_grad_()
     # The surface is |p| = r(p / |p|); its normal is the gradient of the difference.
     length = centre.norm(dim=-1)
     (slope,) = torch.autograd.grad((length - _blob_radius(centre / length[:, None])).sum(), centre)
     normal = torch.nn.functional.normalize(slope, dim=-1) * (-1 if inside else 1)
-    return _scene("Mi" if inside else "M", centre.detach(), normal, _spacing(count), 1 << 18, generator)
+    return _scene("Mi" if inside else "M", centre.detach(), normal, _spacing(count), rays, generator)
 
 
 def cloud(path: Path) -> KernelScene:

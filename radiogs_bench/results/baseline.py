@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from radiogs_core.errors import DataError
+from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
 from ..suites.rows_from_files import measured
+from ..suites.suite import MEASURES
 from ..suites.sweep import Sweep, label
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/2"
@@ -144,7 +146,26 @@ def _kept(result: Result) -> dict[str, Any]:
         "metrics": {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None},
         "work": result["work"],
         "seconds": training_seconds(result),
+        "settled": settled(result),
     }
+
+
+def settled(result: Result) -> dict[str, float]:
+    """Seconds of training until each metric stays near its final value; empty where none was scored meanwhile."""
+    found = {}
+    for key in result["metrics"]:
+        points = curve(result, key)
+        if points:
+            measure = key.partition("/")[2]
+            seconds = settled_after(points, band_of(measure, unit_of(measure), points[-1].value))
+            if seconds is not None:
+                found[key] = seconds
+    return found
+
+
+def unit_of(measure: str) -> str:
+    """The unit of a measure; none for one that no table knows."""
+    return MEASURES[measure].unit if measure in MEASURES else ""
 
 
 def _bands(sweep: Sweep, results: Mapping[str, Result]) -> dict[str, dict[str, float]]:

@@ -1,4 +1,5 @@
-"""Compares a run with a baseline: work counters exactly, metrics within a band, time as a warning.
+"""Compares a run with a baseline: work counters exactly, metrics within a band, time as a warning, and time to quality
+as a remark.
 
 A run on the CPU repeats bit for bit with the same threads, processor and library versions; then counters must be equal,
 otherwise a difference is a warning.
@@ -14,7 +15,7 @@ from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..suites.rows_from_files import measured
 from ..suites.sweep import Sweep, label
-from .baseline import SETTINGS, group_of, machine_of
+from .baseline import SETTINGS, group_of, machine_of, settled
 
 SLOWER = 1.3
 """Ratio of seconds to the baseline's above which time is a warning."""
@@ -26,7 +27,7 @@ class Change:
 
     cell: str
     what: str
-    severity: Literal["regression", "warning"] = "regression"
+    severity: Literal["regression", "remark", "warning"] = "regression"
 
 
 def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Change]:
@@ -86,6 +87,17 @@ def _compare_cell(name: str, result: Result, kept: Mapping[str, Any], baseline: 
     earlier, later = float(kept["seconds"]), training_seconds(result)
     if same and later > SLOWER * earlier:
         yield Change(name, f"{later:.1f} s instead of {earlier:.1f} s", "warning")
+    yield from _remark(name, settled(result), kept.get("settled", {}), same)
+
+
+def _remark(name: str, now: Mapping[str, float], before: Mapping[str, float], same: bool) -> Iterator[Change]:
+    """When each metric came near its final value, beside when it did in the baseline on the same machine."""
+    said = [
+        f"{metric} after {seconds:.1f} s" + (f" ({before[metric]:.1f} before)" if same and metric in before else "")
+        for metric, seconds in now.items()
+    ]
+    if said:
+        yield Change(name, f"near their final values: {', '.join(said)}", "remark")
 
 
 Work = Mapping[str, Mapping[str, int]]

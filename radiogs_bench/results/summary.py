@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from radiogs_baselines.published import published as published_table
 from radiogs_reports.analysis.ranks import resolved_ranks
+from radiogs_reports.analysis.settling import settling
 from radiogs_reports.statistics import Sample, estimate, paired_difference
 from radiogs_reports.summary import (
     SCHEMA,
@@ -68,6 +69,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
+    if found := settling(made):
+        made["settling"] = found
     if "command" in sweep:
         made["command"] = sweep["command"]
     return made

@@ -7,6 +7,7 @@ from .analysis.audit import audit_report
 from .analysis.cost import cost_report
 from .analysis.ladder import ladder_report
 from .analysis.published_order import order_report
+from .analysis.settling import settling_report
 from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
@@ -22,6 +23,7 @@ from .write.ladder import ladder_csv
 from .write.markdown import without_markup
 from .write.order import order_csv
 from .write.paper import paper_csv, paper_latex, paper_markdown
+from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 
@@ -90,6 +92,7 @@ def _tables(summary: Summary) -> dict[str, str]:
 def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
     """Title, findings and CSV of every analysis that the run allows, by file name."""
     audit, ladder, order = audit_report(summary), ladder_report(summary), order_report(summary)
+    settling = settling_report(summary)
     found: dict[str, tuple[str, Findings, str]] = {}
     if audit is not None:
         found["audit"] = "the audit of plans", audit, audit_csv(audit)
@@ -97,4 +100,6 @@ def _findings(summary: Summary) -> dict[str, tuple[str, Findings, str]]:
         found["ladder"] = "the oracle ladder", ladder, ladder_csv(ladder)
     if order is not None:
         found["published_order"] = "measured and published order", order, order_csv(order)
+    if settling is not None:
+        found["settling"] = "time to quality", settling, settling_csv(summary)
     return found

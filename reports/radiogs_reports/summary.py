@@ -70,6 +70,16 @@ class RowSummary(TypedDict):
     """The title of the method that they were given to."""
 
 
+class Settled(TypedDict):
+    """Mean seconds of training until a metric stays near its final value (``analysis.settling``), over ``count``
+    (scene, seed) pairs, and the ends of the 95 % interval (None for one pair)."""
+
+    seconds: float
+    low: float | None
+    high: float | None
+    count: int
+
+
 class Doubt(TypedDict):
     """Why values of a column are not to be taken at their word, in the rows where that is so.
 
@@ -251,6 +261,8 @@ class Summary(TypedDict):
     """Tables of the paper with at least one measured value, those of other suites included."""
     doubts: NotRequired[list[Doubt]]
     """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
+    settling: NotRequired[dict[str, dict[str, Settled]]]
+    """Time to quality by row, then column, of what was scored during training; absent in earlier summaries."""
     command: NotRequired[list[str]]
     """What was typed after the program's name to ask for the run; absent where nothing was."""
     conventions: dict[str, Any]

@@ -14,6 +14,7 @@ from ..analysis.ladder import ladder_report
 from ..analysis.pareto import points
 from ..analysis.published_order import order_report
 from ..analysis.samples import COSTS, cost_of
+from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
@@ -69,7 +70,7 @@ def page(
 ) -> str:
     """The page as text. ``surfels``: of cells by key, for its 3-D view."""
     cost, audit, ladder = cost_report(summary), audit_report(summary), ladder_report(summary)
-    order = order_report(summary)
+    order, settling = order_report(summary), settling_report(summary)
     script = "\n".join([part("vendor", "uplot", "uPlot.iife.min.js"), scripts(SCRIPTS)])
     style = "\n".join([part("vendor", "uplot", "uPlot.min.css"), styles(STYLES)])
     return (
@@ -89,6 +90,8 @@ def page(
             ladder_table=None if ladder is None else grid_table(ladder.grid),
             order=order,
             order_table=None if order is None else grid_table(order.grid),
+            settling=settling,
+            settling_table=None if settling is None else grid_table(settling.grid),
             figures=figures,
             note=run_note(summary),
             missing=missing(summary),

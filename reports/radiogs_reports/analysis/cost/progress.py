@@ -8,18 +8,12 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ...statistics import Estimate, Pair, estimate, paired_difference
-from ...summary import EVALUATION, ColumnSummary, RunSummary, Summary, last_stage, last_trail, reference_of
+from ...summary import ColumnSummary, Summary, reference_of
 from ..samples import runs_of
+from ..settling import Point, curve
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
 """Targets, as shares of what the reference row gains from its first scored point to its last."""
-
-
-class Point(NamedTuple):
-    """A metric value after so many seconds of training, earlier stages included."""
-
-    seconds: float
-    value: float
 
 
 class AtTime(NamedTuple):
@@ -45,18 +39,6 @@ class ToQuality(NamedTuple):
     seconds: float
     reference: float
     reached: int
-
-
-def curve(run: RunSummary, column: str) -> list[Point]:
-    """Scored points of a run's last training stage, in the order of time."""
-    stage = last_stage(run)
-    excluded = (EVALUATION,) if stage is None else (EVALUATION, stage["name"])
-    before = math.fsum(seconds for name, seconds in run["seconds"].items() if name not in excluded)
-    return [
-        Point(before + point["seconds"], point["metrics"][column])
-        for point in last_trail(run)
-        if column in point["metrics"]
-    ]
 
 
 def curves(summary: Summary, row: str, column: str) -> dict[Pair, list[Point]]:

@@ -1,0 +1,152 @@
+"""Time to quality: seconds of training until a metric stands near its final value, and stays there.
+
+Only models that were scored during training tell it (suite ``cost``, with any method). Values during training are means
+over a few test views.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+from ..statistics import Pair, estimate
+from ..summary import EVALUATION, ColumnSummary, RowSummary, Settled, Summary
+from .grid import Grid, Item, name_item
+from .samples import runs_of
+
+DECIBELS = 0.5
+BANDS: Mapping[str, float] = {"mae": 0.5, "delta_e": 0.5, "ssim": 0.01, "lpips": 0.01}
+"""Widths of the band on either side of the final value, by measure, where it is in other units than dB."""
+
+SHARE = 0.05
+"""The width for other measures, as a share of the final value."""
+
+UNSCORED = "its model was not scored during training"
+
+
+class Point(NamedTuple):
+    """A metric value after so many seconds of training, earlier stages included."""
+
+    seconds: float
+    value: float
+
+
+def curve(run: Mapping[str, Any], column: str) -> list[Point]:
+    """Scored points of a run's last training stage, in the order of time.
+
+    ``run``: of a summary, or a stored result.
+    """
+    if not run["stages"]:
+        return []
+    last = run["stages"][-1]["name"]
+    before = math.fsum(seconds for name, seconds in run["seconds"].items() if name not in (EVALUATION, last))
+    return [
+        Point(before + point["seconds"], point["metrics"][column])
+        for point in run["trail"].get(last, [])
+        if column in point["metrics"]
+    ]
+
+
+def band_of(measure: str, unit: str, final: float) -> float:
+    """How far a value may be from its final one to count as near it."""
+    return DECIBELS if unit == "dB" else BANDS.get(measure, SHARE * abs(final))
+
+
+def settled_after(points: Sequence[Point], band: float) -> float | None:
+    """Seconds from which on the value stays within ``band`` of the last one, linear between scored points.
+
+    None for fewer than two points. A value that is near it at the first point was so by then: that point's seconds.
+    """
+    if len(points) < 2:
+        return None
+    final = points[-1].value
+    for earlier, later in zip(points[-2::-1], points[:0:-1], strict=True):
+        beyond, within = abs(earlier.value - final), abs(later.value - final)
+        if beyond > band:
+            share = (beyond - band) / (beyond - within)
+            return earlier.seconds + share * (later.seconds - earlier.seconds)
+    return points[0].seconds
+
+
+def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
+    """By row, then column, for everything that was scored during training."""
+    found: dict[str, dict[str, Settled]] = {}
+    for row in summary["rows"]:
+        for column in summary["columns"]:
+            after = _by_pair(summary, row["key"], column)
+            mean = estimate([after[pair] for pair in sorted(after)])
+            if mean is not None:
+                found.setdefault(row["key"], {})[column["key"]] = Settled(
+                    seconds=mean.mean, low=mean.low, high=mean.high, count=mean.count
+                )
+    return found
+
+
+def _by_pair(summary: Summary, row: str, column: ColumnSummary) -> dict[Pair, float]:
+    found = {}
+    for pair, run in runs_of(summary, row).items():
+        points = curve(run, column["key"])
+        if points:
+            measure = column["key"].partition("/")[2]
+            seconds = settled_after(points, band_of(measure, column["unit"], points[-1].value))
+            if seconds is not None:
+                found[pair] = seconds
+    return found
+
+
+class SettlingReport(NamedTuple):
+    """When metrics stand near their final values, as sentences and as a grid."""
+
+    sentences: list[str]
+    grid: Grid
+
+
+def settling_report(summary: Summary) -> SettlingReport | None:
+    """The report of a run; None where nothing was scored during training."""
+    found = summary.get("settling", {})
+    if not found:
+        return None
+    columns = [column for column in summary["columns"] if any(column["key"] in each for each in found.values())]
+    rows = [row for row in summary["rows"] if row["key"] in found]
+    sentences = [_sentence(column, rows, found) for column in columns]
+    lines = [
+        [
+            name_item(row["text"]),
+            *(_item(found[row["key"]].get(column["key"])) for column in columns),
+            Item("n/a") if row["seconds"] is None else Item(f"{row['seconds']:.1f}", row["seconds"]),
+        ]
+        for row in rows
+    ]
+    grid = Grid(
+        "settling",
+        "Seconds until a metric stays near its final value",
+        f"Near is within {DECIBELS:g} dB, {_bands()} of the row's own final value. Seconds of training, all stages"
+        " included, linear between scored points; half-width of the 95 % t interval over scenes and seeds. What is near"
+        " at the first scored point was so by then.",
+        ["row", *(column["label"] for column in columns), "whole training"],
+        lines,
+    )
+    return SettlingReport(sentences, grid)
+
+
+def _sentence(column: ColumnSummary, rows: Sequence[RowSummary], found: Mapping[str, Mapping[str, Settled]]) -> str:
+    """Such as ``NVS PSNR settles after 12.3 s of 40.1 s (ours).``, of the row that comes first."""
+    row = next(row for row in rows if column["key"] in found[row["key"]])
+    whole = "" if row["seconds"] is None else f" of {row['seconds']:.1f} s"
+    return (
+        f"{column['label']} settles after {found[row['key']][column['key']]['seconds']:.1f} s{whole} ({row['text']})."
+    )
+
+
+def _bands() -> str:
+    widths = {f"{width:g}": [each for each, other in BANDS.items() if other == width] for width in BANDS.values()}
+    names = {"mae": "degrees of MAE", "delta_e": "CIEDE2000", "ssim": "SSIM", "lpips": "LPIPS"}
+    said = [f"{width} {' or '.join(names[each] for each in measures)}" for width, measures in widths.items()]
+    return f"{', '.join(said)}, or {100 * SHARE:g} % of another metric"
+
+
+def _item(settled: Settled | None) -> Item:
+    if settled is None:
+        return Item("n/a", None, UNSCORED)
+    low, high = settled["low"], settled["high"]
+    text = f"{settled['seconds']:.1f}"
+    return Item(text if low is None or high is None else f"{text} ± {(high - low) / 2:.1f}", settled["seconds"])

@@ -1,0 +1,278 @@
+"""``bench steps``: what it times, counts and says where time goes; ratios, history and the document."""
+
+import importlib.util
+import json
+import shutil
+import time
+from pathlib import Path
+from types import FunctionType
+from typing import Any
+
+import pytest
+import torch
+from scipy import stats
+
+from bench.fake_method import FAKE
+from radiogs_bench.cli import main
+from radiogs_bench.kernel_bench.scenes import sphere_and_plane
+from radiogs_bench.methods import method, substitutes
+from radiogs_bench.step_bench import yardsticks
+from radiogs_bench.step_bench.counting import counting
+from radiogs_bench.step_bench.document import table_of, with_tables
+from radiogs_bench.step_bench.estimates import exponent_of, median_of, ratio_of_medians
+from radiogs_bench.step_bench.history import append, read_history
+from radiogs_bench.step_bench.passes import one_pass
+from radiogs_bench.step_bench.ratios import compared, read_record, require_comparable
+from radiogs_bench.step_bench.sampling import PARTS, Looking, placed
+from radiogs_bench.step_bench.sizes import SIZES
+from radiogs_bench.step_bench.subject import ON_SURFACES, OWN_START, subject_of, surfels_over
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.instruments import recording
+from radiogs_core.transport.tracer import SurfelTracer, gather_incident
+from radiogs_datasets import load_scene
+
+ROOT = Path(__file__).parents[2]
+CPU = torch.device("cpu")
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A record of the smallest size, and the history that it began."""
+    folder = tmp_path_factory.mktemp("steps")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(yardsticks, "REPETITIONS", 1)
+        patch.setitem(yardsticks.SCENES, "M", sphere_and_plane)  # a hundredth of the rays
+        return _measured(folder)
+
+
+def _measured(folder: Path) -> tuple[Path, Path]:
+    record, history = folder / "steps.json", folder / "history.jsonl"
+    given = ["--sizes", "smoke", "--passes", "2", "--json", str(record), "--history", str(history)]
+    assert main(["bench", "steps", *given]) == 0
+    return record, history
+
+
+def test_steps_of_every_kind_starting_points_and_frames_are_measured(measured: tuple[Path, Path]) -> None:
+    record = read_record(measured[0])
+    size = record["sizes"]["smoke"]
+    assert (size["surfels"], size["side"], size["model"]) == (400, 32, ON_SURFACES)
+    rows = {row["title"]: row for row in size["rows"]}
+    one, two = "stage 1, initialisation", "stage 2, inverse rendering"
+    once = {f"{one}: beginning", f"{two}: beginning", f"{two}: step that traces all light anew"}
+    assert {*once, f"{one}: step", f"{two}: step", f"{one}: round of density control"} <= rows.keys()
+    assert sum("a frame" in title for title in rows) == 3
+    assert all([len(each) for each in rows[title]["passes"]] == [1] for title in once), (
+        "the pass that counts is left out"
+    )
+    assert [len(each) for each in rows[f"{two}: step"]["passes"]] == [7, 8]
+    for row in rows.values():
+        assert row["median"] > 0
+        assert row["operations"] > 50
+        assert sum(row["parts"].values()) == pytest.approx(1) or not row["parts"]
+    assert rows[f"{one}: step"]["launches"] > 10
+    assert "rays" not in rows[f"{one}: step"]["work"]
+    anew, usual = (rows[f"{two}: {kind}"]["work"]["rays"] for kind in ("step that traces all light anew", "step"))
+    assert anew - usual == 400 * 8
+    assert set(record["yardsticks"]) >= {"PyTorch, 1024 x 1024 matrices"}
+
+
+def test_a_frame_by_rays_shades_and_one_by_surfels_alone_does_not(measured: tuple[Path, Path]) -> None:
+    rows = {row["title"]: row["work"] for row in read_record(measured[0])["sizes"]["smoke"]["rows"]}
+    assert rows["relighting by rays, split sum: a frame"]["shaded_samples"] == 400 * 32
+    assert "shaded_samples" not in rows["relighting by surfels alone, fine-tuned: a frame"]
+
+
+def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(substitutes, FAKE.name, FAKE)
+    done: list[str] = []
+
+    def observe(titles: tuple[str, ...], work: Any) -> Any:
+        done.extend(titles)
+        return work()
+
+    subject = subject_of(method(FAKE.name), load_scene("corner"), SIZES["smoke"], CPU)
+    assert one_pass(subject, observe) == OWN_START
+    assert any(title.endswith(": step") for title in done)
+
+
+def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
+    """Starting points, which fill the hull, are met by 48 a ray."""
+    surfels = surfels_over(load_scene("corner"), 3000)
+    assert len(surfels) == 3000
+    with recording() as found:
+        gather_incident(SurfelTracer(surfels), surfels, 4, None)
+    assert 3 < found.work["hits"] / found.work["rays"] < 12
+
+
+def test_every_part_is_of_modules_that_there_are() -> None:
+    for places in PARTS.values():
+        for place in places:
+            assert importlib.util.find_spec(place) is not None, place
+
+
+def _inside(module: str, function: FunctionType) -> FunctionType:
+    """The function as if it were of another module."""
+    return FunctionType(function.__code__, {**function.__globals__, "__name__": module}, function.__name__)
+
+
+def _busy(seconds: float) -> None:
+    until = time.process_time() + seconds
+    while time.process_time() < until:
+        pass
+
+
+def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
+    class Traced(torch.autograd.Function):
+        @staticmethod
+        def forward(context: Any, value: torch.Tensor) -> torch.Tensor:
+            _inside("radiogs_core.learning.losses", _busy)(0.03)
+            return value.clone()
+
+        @staticmethod
+        def backward(context: Any, slope: torch.Tensor) -> torch.Tensor:  # type: ignore[override]
+            _inside("radiogs_core.kernels.trace.hits", _busy)(0.09)
+            return slope
+
+    with Looking() as looking:
+        Traced.apply(torch.ones(1, requires_grad=True)).sum().backward()  # type: ignore[no-untyped-call]
+    shares = looking.shares()
+    assert shares["tracing, backward"] == pytest.approx(0.75, abs=0.15)
+    assert shares["image losses, forward"] == pytest.approx(0.25, abs=0.15)
+    assert placed(None) == ("other", "forward")
+
+
+def test_operations_are_counted_with_those_of_the_backward_pass() -> None:
+    value = torch.ones(3, requires_grad=True)
+    with counting() as forward:
+        total = (value * 2).sum()
+    with counting() as both:
+        (value * 2).sum().backward()
+    assert forward.operations == 2
+    assert both.operations > 4
+    assert both.launches == 0
+    assert total.item() == 6
+
+
+def test_an_interval_of_a_median_holds_as_much_as_it_says() -> None:
+    values = [float(each) for each in range(20)]
+    found = median_of([values[10:], values[:10]])
+    assert (found.value, found.low, found.high) == (9.5, 5, 14)
+    assert 1 - 2 * stats.binom.cdf(5, 20, 0.5) >= 0.95
+    assert 1 - 2 * stats.binom.cdf(6, 20, 0.5) < 0.95
+    assert median_of([values[:5]])[1:] == (None, None)
+
+
+def test_an_exponent_is_the_slope_of_logarithms() -> None:
+    sizes, amounts = [10, 20, 40, 80], [1.0, 2.1, 3.8, 8.3]
+    found, line = (
+        exponent_of(sizes, amounts),
+        stats.linregress(*(torch.tensor(each).log() for each in (sizes, amounts))),
+    )
+    assert found is not None
+    reach = stats.t.ppf(0.975, 2) * line.stderr
+    assert found == pytest.approx((line.slope, line.slope - reach, line.slope + reach), rel=1e-4)
+    assert exponent_of([1, 2, 3], [1.0, 0.0, 1.0]) is None
+
+
+def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
+    loads = [1.0, 3.0, 2.0, 5.0, 1.5, 4.0, 2.5, 1.2]
+    before, after = [[2 * load] for load in loads], [[load] for load in loads]
+    paired, apart = (ratio_of_medians(before, after, each) for each in (True, False))
+    assert paired == (2.0, 2.0, 2.0)
+    assert apart.value == 2.0
+    assert apart.low is not None
+    assert apart.low < 1.5
+    assert ratio_of_medians(before[:1], after, True).low is None
+
+
+def test_records_are_compared_on_one_machine_and_tell_of_other_work(measured: tuple[Path, Path]) -> None:
+    record = read_record(measured[0])
+    size = record["sizes"]["smoke"]
+    other = json.loads(json.dumps(size))
+    other["rows"][0]["passes"] = [[2 * value for value in each] for each in other["rows"][0]["passes"]]
+    other["rows"][-1]["work"] = {name: 2 * amount for name, amount in other["rows"][-1]["work"].items()}
+    first, *_, last = compared(size, other, paired=False)
+    assert first["value"] == pytest.approx(2)
+    assert first["other work"] == {}
+    assert set(last["other work"].values()) == {0.5}
+    with pytest.raises(UsageError, match="surfels 400 against 300"):
+        list(compared(size, {**other, "surfels": 300}, paired=False))
+    with pytest.raises(UsageError, match="differ in cpu"):
+        require_comparable(record, {**record, "machine": {**record["machine"], "cpu": "another"}})
+
+
+def test_a_history_has_a_line_for_each_time_and_no_name_of_the_host(
+    measured: tuple[Path, Path], tmp_path: Path
+) -> None:
+    (line,) = read_history(measured[1])
+    record = read_record(measured[0])
+    row = record["sizes"]["smoke"]["rows"][0]
+    for name, each in record["yardsticks"].items():
+        assert line["ratios"]["smoke"][row["title"]][name] == pytest.approx(row["median"] / each["median"], rel=1e-3)
+    assert record["machine"]["cpu"] in line["machine"]
+    again = tmp_path / "history.jsonl"
+    append(again, line)
+    append(again, {**line, "commit": "f" * 40})
+    assert [each["commit"] for each in read_history(again)] == [line["commit"], "f" * 40]
+    table = table_of(again)
+    assert any(f"| {line['date'][:10]} ffffff" in each for each in table)
+    again.write_text(again.read_text() + "{}\n")
+    before = again.read_bytes()
+    with pytest.raises(DataError, match="line 3 of"):
+        append(again, line)
+    assert again.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("wrong", "code", "said"),
+    [
+        (["--sizes", "huge"], 2, "there is no size 'huge'"),
+        (["--method", "nobody"], 2, "there is no method 'nobody'"),
+        (["--compare", "nowhere.json"], 3, "there is no record nowhere.json"),
+        (["--against", "."], 2, "is no checkout of this project"),
+        (["--against", ".", "--history", "h.jsonl"], 2, "--history is of this checkout alone"),
+    ],
+)
+def test_what_cannot_be_measured_is_said(
+    wrong: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    assert main(["bench", "steps", *wrong]) == code
+    assert said in capsys.readouterr().err
+
+
+DOCUMENT = ROOT / "docs" / "performance.md"
+
+
+def test_the_document_shows_what_was_stored() -> None:
+    files = sorted((ROOT / "docs" / "performance").glob("*.json*"))
+    assert {file.stem for file in files} >= {"steps", "growth", "history"}
+    text = DOCUMENT.read_text()
+    assert with_tables(text, {file.stem: table_of(file) for file in files}) == text, (
+        "python -m radiogs_bench.step_bench.document docs/performance.md docs/performance/*.json*"
+    )
+
+
+def test_a_document_without_a_place_is_an_error() -> None:
+    with pytest.raises(DataError, match="no place for 'growth'"):
+        with_tables("# Performance\n", {"growth": []})
+
+
+@pytest.mark.slow
+def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A copy whose optimiser waits for 20 ms is slower where the optimiser steps, and nowhere else."""
+    for room in ("method", "datasets", "baselines"):
+        shutil.copytree(ROOT / room, tmp_path / "other" / room, ignore=shutil.ignore_patterns("__pycache__"))
+    optimiser = tmp_path / "other" / "method" / "radiogs_core" / "surfels" / "optimiser.py"
+    wait = "import time\n        until = time.process_time() + 0.05\n        while time.process_time() < until: pass\n"
+    changed = optimiser.read_text().replace("        self.adam.step()\n", f"        {wait}        self.adam.step()\n")
+    assert changed != optimiser.read_text()
+    optimiser.write_text(changed)
+    record = tmp_path / "against.json"
+    given = ["--against", str(tmp_path / "other"), "--sizes", "smoke", "--passes", "2", "--json", str(record)]
+    assert main(["bench", "steps", *given]) == 0
+    ratios = {each["title"]: each["value"] for each in json.loads(record.read_text())["ratios"]["smoke"]}
+    assert ratios["stage 1, initialisation: step"] > 2
+    assert ratios["relighting by rays, split sum: a frame"] < 2
+    assert "times as fast" in capsys.readouterr().out
