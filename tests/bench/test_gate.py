@@ -116,6 +116,34 @@ def test_longer_is_remarked_on_and_never_stops(
     assert "warning: fake ours seed 1:" in capsys.readouterr().out
 
 
+def test_time_to_quality_is_a_remark_and_never_stops(
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A metric that came near its final value after 5 s here, and after 4 in the baseline."""
+    monkeypatch.setattr(Store, "result", _with_trail(Store.result))
+    assert main(["gate", str(finished), "--baseline", str(baseline)]) == 0
+    assert "remark: fake ours seed 1: near their final values: nvs/psnr after 5.0 s\n" in capsys.readouterr().out
+    assert baseline_of(Store(finished), read_sweep(finished))["cells"]["fake ours seed 1"]["settled"] == {"nvs/psnr": 5}
+    file = altered(baseline, lambda cell: cell.update(settled={"nvs/psnr": 4.0}))
+    assert main(["gate", str(finished), "--baseline", file]) == 0
+    assert "nvs/psnr after 5.0 s (4.0 before)" in capsys.readouterr().out
+
+
+def _with_trail(read: Callable[[Store, str], Any]) -> Callable[[Store, str], Any]:
+    """Results whose last stage was scored after 2, 5 and 9 s; the stages before it took no time."""
+
+    def scored(store: Store, key: str) -> Any:
+        result = read(store, key)
+        last = result["stages"][-1]["name"]
+        points = [
+            {"iteration": second, "seconds": float(second), "losses": {}, "metrics": {"nvs/psnr": value}}
+            for second, value in ((2, 10.0), (5, 29.5), (9, 30.0))
+        ]
+        return {**result, "trail": {last: points}, "seconds": dict.fromkeys(result["seconds"], 0.0)}
+
+    return scored
+
+
 def test_runs_of_another_kind_are_not_compared(finished: Path, baseline: Path) -> None:
     content = json.loads(baseline.read_text()) | {"preset": "paper"}
     with pytest.raises(DataError, match="preset smoke against paper"):
