@@ -57,7 +57,8 @@ def bench_growth(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..methods import method
-    from ..step_bench.growth import SCHEMA, bench_growth, growth_table
+    from ..step_bench.growth import SCHEMA, bench_growth
+    from ..step_bench.growth_table import growth_table
     from ..store.provenance import session
     from .reporter import complain, show
 

@@ -16,7 +16,7 @@ from typing import Any
 from radiogs_core.errors import DataError
 
 from .growth import SCHEMA as GROWTH
-from .growth import within
+from .growth_table import within
 from .history import read_history, titles_of
 from .record import SCHEMA as STEPS
 from .record import ends, headline, milliseconds, parts_said, yardstick_said

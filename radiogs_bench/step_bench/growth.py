@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any
 
 import torch
 
@@ -16,12 +16,9 @@ from ..kernel_bench.clock import peak_bytes, seconds
 from ..kernel_bench.scenes import blob
 from .estimates import exponent_of
 from .passes import one_pass
-from .record import milliseconds
 from .sizes import WARM_UP, Size
 from .subject import subject_of
-
-if TYPE_CHECKING:
-    from rich.table import Table
+from .watching import Watching
 
 SCHEMA = "radiogs-bench/growth/1"
 
@@ -33,7 +30,6 @@ SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
 LEAST_BYTES = 1 << 20
 """Peaks below it are pages and rounding; an exponent is of those above it."""
 
-Result = TypeVar("Result")
 Plain = dict[str, Any]
 
 
@@ -80,10 +76,10 @@ def bench_growth(
         found: defaultdict[str, list[tuple[float, int]]] = defaultdict(list)
         for value in axis.values:
             announce(f"steps: {value:,} {axis.grows}")
-            watching = _Watching(device)
+            watching = Watching(device)
             one_pass(subject_of(method, scene, _size(axis, value), device), watching)
-            for title, (taken, peaks) in watching.found.items():
-                found[title].append((median(taken), max(peaks)))
+            for title, pair in watching.found().items():
+                found[title].append(pair)
         yield from _rows(axis, {title: each for title, each in found.items() if len(each) == len(axis.values)})
 
 
@@ -107,42 +103,6 @@ def _size(axis: Axis, value: int) -> Size:
     return replace(USUAL, **changed[axis.grows])
 
 
-def growth_table(rows: Sequence[Mapping[str, Any]]) -> "Table":
-    """A line for each thing and what grows."""
-    from rich.table import Table
-
-    table = Table("", "grows", "from", "to", "seconds from", "to", "exponent", "95 % interval", "exponent of bytes")
-    for row in rows:
-        found = row["seconds exponent"]
-        between = "" if found["low"] is None else f"{found['low']:.2f} to {found['high']:.2f}"
-        of_bytes = row["bytes exponent"]
-        table.add_row(
-            row["title"], row["grows"], f"{row['values'][0]:,}", f"{row['values'][-1]:,}",
-            milliseconds(row["seconds"][0]), milliseconds(row["seconds"][-1]), f"{found['value']:.2f}", between,
-            "n/a" if of_bytes is None else f"{of_bytes['value']:.2f}",
-        )  # fmt: skip
-    return table
-
-
-class _Watching:
-    """Seconds and peak bytes of every time that something was done, by title."""
-
-    def __init__(self, device: torch.device) -> None:
-        self.device = device
-        self.found: defaultdict[str, tuple[list[float], list[int]]] = defaultdict(lambda: ([], []))
-
-    def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
-        if not titles:
-            return work()
-        results: list[Result] = []
-        taken: list[float] = []
-        peak = peak_bytes(lambda: taken.append(seconds(lambda: results.append(work()), self.device)), self.device)
-        for title in titles:
-            self.found[title][0].extend(taken)
-            self.found[title][1].append(peak)
-        return results[0]
-
-
 def _rows(axis: Axis, found: Mapping[str, Sequence[tuple[float, int]]]) -> Iterator[Plain]:
     for title, each in found.items():
         taken, peaks = [pair[0] for pair in each], [pair[1] for pair in each]
@@ -160,12 +120,3 @@ def _rows(axis: Axis, found: Mapping[str, Sequence[tuple[float, int]]]) -> Itera
             "bytes exponent": None if by_bytes is None else by_bytes._asdict(),
             "at most": axis.at_most,
         }
-
-
-def within(row: Mapping[str, Any]) -> bool | None:
-    """Whether seconds grow no faster than expected, as far as the interval tells; None where nothing is expected."""
-    exponent = row["seconds exponent"]
-    if row["at most"] is None or exponent is None:
-        return None
-    low = exponent["value"] if exponent["low"] is None else exponent["low"]
-    return bool(low <= row["at most"])

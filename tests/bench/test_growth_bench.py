@@ -11,7 +11,8 @@ from scipy import stats
 from radiogs_bench.cli import main
 from radiogs_bench.step_bench import growth
 from radiogs_bench.step_bench.document import table_of
-from radiogs_bench.step_bench.growth import Axis, within
+from radiogs_bench.step_bench.growth import Axis
+from radiogs_bench.step_bench.growth_table import within
 
 
 def test_the_command_fits_what_it_measured(

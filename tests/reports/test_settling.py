@@ -44,7 +44,10 @@ def test_a_value_is_settled_once_it_stays_within_the_band(values: list[float], e
     found = settled_after(points, 0.5)
     assert found == pytest.approx(expected)
     grid = np.linspace(1, 8, 70_001)
-    near = np.abs(np.interp(grid, *zip(*points, strict=True)) - values[-1]) <= 0.5 + 1e-9
+    near = (
+        np.abs(np.interp(grid, [point.seconds for point in points], [point.value for point in points]) - values[-1])
+        <= 0.5 + 1e-9
+    )
     assert grid[len(near) - np.argmin(near[::-1]) if not near.all() else 0] == pytest.approx(expected, abs=1e-3)
 
 
@@ -85,5 +88,6 @@ def test_nothing_is_said_where_nothing_was_scored_during_training() -> None:
     made = summary()
     for each in made["runs"]:
         each["trail"] = {}
-    assert settling(made) == {}
-    assert settling_report({**made, "settling": {}}) is None
+    made["settling"] = settling(made)
+    assert made["settling"] == {}
+    assert settling_report(made) is None

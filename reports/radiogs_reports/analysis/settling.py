@@ -139,7 +139,7 @@ def _sentence(column: ColumnSummary, rows: Sequence[RowSummary], found: Mapping[
 
 def _bands() -> str:
     widths = {f"{width:g}": [each for each, other in BANDS.items() if other == width] for width in BANDS.values()}
-    names = {"mae": "degrees of MAE", "delta_e": "CIEDE2000", "ssim": "SSIM", "lpips": "LPIPS"}
+    names = {"mae": "degrees", "delta_e": "of CIEDE2000", "ssim": "of SSIM", "lpips": "of LPIPS"}
     said = [f"{width} {' or '.join(names[each] for each in measures)}" for width, measures in widths.items()]
     return f"{', '.join(said)}, or {100 * SHARE:g} % of another metric"
 
