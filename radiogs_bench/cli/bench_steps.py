@@ -26,7 +26,7 @@ def add_to(subjects: "Commands") -> None:
     steps.add_argument(
         "--sizes", type=names, default=SIZES, metavar="A,B", help="of tiny,20k,small,paper (default: tiny,20k)"
     )
-    steps.add_argument("--passes", type=positive, metavar="N", help="how often all is done (default: by size, 1 to 5)")
+    steps.add_argument("--passes", type=positive, metavar="N", help="how often all is done (default: by size, 1 to 4)")
     steps.add_argument("--stages", type=positive, metavar="N", help="only the first N stages, without relighting")
     other = steps.add_mutually_exclusive_group()
     other.add_argument("--compare", type=Path, metavar="FILE", help="ratios to an earlier record of this machine")

@@ -26,8 +26,8 @@ SIZES = {
     size.name: size
     for size in (
         Size("smoke", "smoke", 32, 400, 4, 1),
-        Size("tiny", "tiny", 96, None, 48, 5),
-        Size("20k", "small", 100, 20_000, 48, 3),
+        Size("tiny", "tiny", 96, None, 48, 4),
+        Size("20k", "small", 100, 20_000, 48, 2),
         Size("small", "small", 200, None, 48, 2),
         Size("paper", "paper", 800, 100_000, 100, 1),
     )
