@@ -20,6 +20,7 @@ from .growth_table import within
 from .history import read_history, titles_of
 from .record import SCHEMA as STEPS
 from .record import ends, headline, milliseconds, parts_said, yardstick_said
+from .sizes import SIZES
 
 END = "<!-- end of measured -->"
 LAST = 8
@@ -59,7 +60,8 @@ def _where(record: Mapping[str, Any]) -> str:
 def steps_lines(record: Mapping[str, Any]) -> Iterator[str]:
     """A table for each size."""
     yield f"`{record['method']}` on `{record['scene']}`. {_where(record)} {yardstick_said(record)}."
-    for name, size in record["sizes"].items():
+    for name in sorted(record["sizes"], key=list(SIZES).index):
+        size = record["sizes"][name]
         yield from ["", f"**{headline(name, size)}**", ""]
         yield "| | median | 95 % interval | operations | launches | where its time goes |"
         yield "|---|---:|---:|---:|---:|---|"

@@ -43,7 +43,8 @@ def ends(low: float | None, high: float | None) -> str:
 
 def parts_said(parts: Mapping[str, float], most: int = MOST_PARTS) -> str:
     """The parts that take most, in percent."""
-    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in list(parts.items())[:most])
+    largest = sorted(parts.items(), key=lambda item: -item[1])
+    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in largest[:most])
 
 
 def headline(name: str, size: Mapping[str, Any]) -> str:

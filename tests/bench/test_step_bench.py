@@ -24,6 +24,7 @@ from radiogs_bench.step_bench.estimates import exponent_of, median_of, ratio_of_
 from radiogs_bench.step_bench.history import append, read_history
 from radiogs_bench.step_bench.passes import one_pass
 from radiogs_bench.step_bench.ratios import compared, read_record, require_comparable
+from radiogs_bench.step_bench.record import parts_said
 from radiogs_bench.step_bench.sampling import PARTS, Looking, placed
 from radiogs_bench.step_bench.sizes import SIZES
 from radiogs_bench.step_bench.subject import ON_SURFACES, OWN_START, subject_of, surfels_over
@@ -252,6 +253,13 @@ def test_the_document_shows_what_was_stored() -> None:
     text = DOCUMENT.read_text()
     assert with_tables(text, {file.stem: table_of(file) for file in files}) == text, (
         "python -m radiogs_bench.step_bench.document docs/performance.md docs/performance/*.json*"
+    )
+
+
+def test_parts_are_said_largest_first() -> None:
+    """Stored records have them by name."""
+    assert (
+        parts_said({"density, forward": 0.1, "tracing, forward": 0.7, "z": 0.2}, 2) == "tracing, forward 70 %, z 20 %"
     )
 
 
