@@ -24,7 +24,8 @@ FIRST_SPACING = 0.05
 """Distance between surfels, in scene extents, from which the wanted number is approached."""
 
 SPARE = 1.05
-"""Surfels that are laid for each that is wanted: the others are drawn away, so that the number is exact."""
+"""Surfels that are laid for each that is wanted, at least: some are drawn away, so that the number is exact, and those
+that stay are wider by as much."""
 
 TEST_VIEWS = 4
 
@@ -95,11 +96,12 @@ def surfels_over(scene: Scene, count: int) -> Surfels:
     generator = torch.Generator().manual_seed(0)
     kept = torch.randperm(len(samples), generator=generator)[:count].sort().values
     surfels = surfels_on(samples).take(kept)
+    wider = OVERLAP / OVERLAP_OF_KNOWN * math.sqrt(len(samples) / count)
     noise = torch.randn(count, 2, generator=generator)
     opacity = 0.5 + 0.49 * torch.rand(count, generator=generator)
     return replace(
         surfels,
-        log_scale=surfels.log_scale + math.log(OVERLAP / OVERLAP_OF_KNOWN) + SPREAD * noise,
+        log_scale=surfels.log_scale + math.log(wider) + SPREAD * noise,
         opacity_logit=torch.logit(opacity),
         sh=0.1 * torch.randn(surfels.sh.shape, generator=generator),
     )

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import math
 import shutil
 import time
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from scipy import stats
 
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
-from radiogs_bench.kernel_bench.scenes import sphere_and_plane
+from radiogs_bench.kernel_bench.scenes import OVERLAP, SPREAD, sphere_and_plane
 from radiogs_bench.methods import method, substitutes
 from radiogs_bench.step_bench import yardsticks
 from radiogs_bench.step_bench.counting import counting
@@ -99,11 +100,15 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
 
 def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
     """Starting points, which fill the hull, are met by 48 a ray."""
-    surfels = surfels_over(load_scene("corner"), 3000)
+    scene = load_scene("corner")
+    surfels = surfels_over(scene, 3000)
     assert len(surfels) == 3000
+    area = float(scene.true_surfaces(0.05 * scene.extent).size.prod(-1).sum())
+    covered = float(surfels.log_scale.sum(-1).exp().sum()) / math.exp(SPREAD**2)  # the mean of lognormal areas
+    assert covered / area == pytest.approx(OVERLAP**2, rel=0.1)
     with recording() as found:
         gather_incident(SurfelTracer(surfels), surfels, 4, None)
-    assert 3 < found.work["hits"] / found.work["rays"] < 12
+    assert 3.5 < found.work["hits"] / found.work["rays"] < 7
 
 
 def test_every_part_is_of_modules_that_there_are() -> None:
