@@ -63,9 +63,10 @@ def bench_growth(options: argparse.Namespace) -> int:
     from .reporter import complain, show
 
     device = chosen_device(options)
+    began = session(device)
     rows = list(bench_growth(method(options.method), load_scene(options.scene), device, complain))
     show(growth_table(rows))
-    _write(options.json, {"schema": SCHEMA, **session(device), **_place(options), "rows": rows})
+    _write(options.json, {"schema": SCHEMA, **began, **_place(options), "rows": rows})
     return 0
 
 
@@ -81,9 +82,10 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     from .reporter import complain, say, show
 
     device, found = chosen_device(options), {}
+    began = session(device)
     earlier = None if options.compare is None else read_record(options.compare)
     if earlier is not None:
-        require_comparable({**session(device), **_place(options)}, earlier)
+        require_comparable({**began, **_place(options)}, earlier)
     yardsticks = Yardsticks()
     here = Here(partial(named_subject, options.method, options.scene, options.device), options.stages)
     for size in sizes:
@@ -91,7 +93,7 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
         (found[size.name],) = measured([here], size, options.passes or size.passes, complain)
         show(as_table(size.name, found[size.name]))
     yardsticks.measure()
-    record = record_of(session(device), _place(options), yardsticks, found)
+    record = record_of(began, _place(options), yardsticks, found)
     say(yardstick_said(record))
     if earlier is not None:
         _ratios(found, earlier["sizes"], paired=False)
