@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 
 .DEFAULT_GOAL := help
-.PHONY: help venv ablations test test-slow mutants lint site gpu offline-bundle clean
+.PHONY: help venv browser ablations test test-slow mutants lint site gpu offline-bundle clean
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 24
@@ -32,6 +32,11 @@ lint: $(READY) ## style, types, which room may import which, how large functions
 
 test: lint ## lint, then every test that is fast, in two processes (those for a GPU skip themselves)
 	$(BIN)/python -m pytest -m "not slow" --numprocesses 2 --dist loadfile
+
+browser: ## Chromium for the tests of report.html (Debian, as root); without it they skip themselves
+	@{ command -v chromium || command -v google-chrome; } >/dev/null \
+	|| { apt-get -qq -o Acquire::http::Timeout=20 update && DEBIAN_FRONTEND=noninteractive apt-get -qq install --yes chromium; } >/dev/null 2>&1 \
+	|| echo "make browser: no Chromium here, and it could not be installed; tests of report.html in a browser will skip themselves"
 
 test-slow: $(READY) ## the tests that take minutes
 	$(BIN)/python -m pytest -m slow

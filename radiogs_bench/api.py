@@ -31,7 +31,7 @@ from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.lights import read_light as read_light_file
 
 from .engines.scene_digest import checksum_now
-from .evaluation.evaluate import evaluate
+from .evaluation.evaluate import SCORES_ALONE, evaluate
 from .evaluation.maps import on_black
 from .methods import budget_of, method_names, variant_of
 from .methods import method as installed_method
@@ -101,7 +101,12 @@ class Model:
         Columns: ``value``, the mean; ``reason``, why there is none; and the value of each view under its name.
         """
         result = evaluate(
-            self.trained, self.run.scene, protocol_of(protocol), self.run.device, lambda done, total: None, timed=False
+            self.trained,
+            self.run.scene,
+            protocol_of(protocol),
+            self.run.device,
+            lambda done, total: None,
+            scope=SCORES_ALONE,
         )
         lines = {
             name: {

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from radiogs_reports.page import write_page
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
@@ -22,6 +23,9 @@ EMPTY = ("metrics", "seconds", "work", "guards", "losses", "trail", "made_from",
 
 LIGHTS = ("sky", "night")
 """Lights under which a relit view is kept."""
+
+KEPT_CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "depth": 1}
+"""Maps that are kept of further views."""
 
 CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
 
@@ -236,8 +240,16 @@ def write_run(folder: Path, made: Summary, size: int = 16) -> Path:
     return folder
 
 
+def written_page(made: Summary, folder: Path, size: int = 16) -> Path:
+    """The page of the run, in its folder."""
+    return write_page(made, write_run(folder, made, size))[0]
+
+
 def arrays(seed: int, size: int = 16) -> dict[str, Any]:
-    """Maps and light of a cell. All cells share the ground truth; incident light has none. Normals have length 1."""
+    """Maps, light and codes of a cell. All share the ground truth; incident light has none. Normals have length 1.
+
+    Codes are of the first and the last view, the maps of the one between them.
+    """
     generators = {"truth": np.random.default_rng(99), "render": np.random.default_rng(seed)}
     maps = {
         f"{side}/{name}": generator.random((size, size, count), dtype=np.float32)
@@ -250,4 +262,9 @@ def arrays(seed: int, size: int = 16) -> dict[str, Any]:
         maps[f"{side}/environment"] = generator.random((4, 8, 3), dtype=np.float32)
         normal = maps[f"{side}/normal"] * 2 - 1
         maps[f"{side}/normal"] = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        maps |= {
+            f"views/{view}/{side}/{name}": generator.integers(1, 256, (size, size, count), dtype=np.uint8)
+            for view in (0, 2)
+            for name, count in {**KEPT_CHANNELS, **{f"relit/{light}": 3 for light in LIGHTS}}.items()
+        }
     return maps

@@ -16,7 +16,7 @@ import torch
 from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.variant import Variant
-from radiogs_bench.evaluation.evaluate import evaluate
+from radiogs_bench.evaluation.evaluate import SCORES_ALONE, evaluate
 from radiogs_bench.metrics import protocol
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
@@ -69,7 +69,7 @@ def main(name: str = "convex", seed: str = "0", samples: str = "32", preset: str
             varied = replace(run, variant=replace(variant, radiometric_weight=weight))
             trained = RADIOGS.restore(varied, product_of(1, varied, first))
             rules = protocol("default")
-            metrics = evaluate(trained, run.scene, rules, CPU, lambda done, total: None, timed=False).metrics
+            metrics = evaluate(trained, run.scene, rules, CPU, lambda done, total: None, scope=SCORES_ALONE).metrics
             scores = ", ".join(f"{key} {metrics[key]['value']:.3f}" for key in SCORES)
             share, arriving, consistent = blocked(trained.model)
             line = f"{geometry}, lambda_rad {weight}: {scores}; blocked {share:.4f}, L_ind {arriving:.4f}"

@@ -48,9 +48,9 @@ def name_of(run: Sweep) -> str:
 
 
 def _is_own_file(folder: Path, name: str) -> bool:
-    """Whether a name of the record is a file of the folder, or of ``tables/`` and ``figures/``, and no link."""
+    """Whether a name of the record is a file of the folder, or of one of its folders of reports, and no link."""
     *within, last = name.split("/")
-    plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"])
+    plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
     return plain and (folder / name).is_file() and not any(place.is_symlink() for place in places)
 

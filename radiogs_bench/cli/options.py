@@ -2,6 +2,7 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -86,6 +87,15 @@ def positive(text: str) -> int:
     """A whole number above zero."""
     if not text.isdecimal() or len(text) > LONGEST_COUNT or int(text) < 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number above zero")
+    return int(text)
+
+
+def views_kept(text: str) -> int:
+    """A whole number, or ``all``."""
+    if text == "all":
+        return sys.maxsize
+    if not text.isdecimal() or len(text) > LONGEST_COUNT:
+        raise argparse.ArgumentTypeError(f"'{text}' is neither a whole number nor 'all'")
     return int(text)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..engines.choice import ENGINES, choose
-from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive, seeds
+from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive, seeds, views_kept
 
 if TYPE_CHECKING:
     from ..suites.suite import Suite
@@ -38,6 +38,12 @@ def add_to(commands: "Commands") -> None:
     parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
     parser.add_argument(
         "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
+    )
+    parser.add_argument(
+        "--keep-views",
+        type=views_kept,
+        metavar="N|all",
+        help="keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed)",
     )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
     parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
@@ -75,7 +81,7 @@ def _run(options: argparse.Namespace) -> int:
     request, device = wanted(options, chosen)
     store = Store(folder)
     if options.worker is not None:
-        return work_along_with(request, store, device, *options.worker)
+        return work_along_with(request, store, device, options)
     say_repairs(request.scenes, options.json)
     if options.dry_run:
         return show_request(request, store, engine, options.json)

@@ -21,9 +21,12 @@ from .reporter import console, say, show
 PAGE = "report.html"
 
 
-def write_and_show(store: Store, sweep: Sweep) -> None:
-    """Rebuild the summary and the reports of a run, print the table; the last line says what to open."""
-    summary, written = write(store, sweep)
+def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
+    """Rebuild the summary and the reports of a run, print the table; the last line says what to open.
+
+    ``alone``: as in ``write``.
+    """
+    summary, written = write(store, sweep, alone)
     for table in tables_of(summary, console().width):
         show(table)
     say(explanation(summary))
@@ -42,14 +45,17 @@ def say_remarks(summary: Summary) -> None:
         say(f"The page has {count_of(count, 'remark')} more, on what differs from the published and what is not known.")
 
 
-def write(store: Store, sweep: Sweep) -> tuple[Summary, list[Path]]:
-    """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files."""
+def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, list[Path]]:
+    """Rebuild the summary and the reports of a run, given by its manifest; returns the summary and all files.
+
+    ``alone``: the page has to be a single file.
+    """
     table = published(sweep["published"]) if sweep["published"] else None
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"):
         write_atomically(store.folder / "summary.json", strict_json(sealed(summary)))
         with explained(store.folder):
-            written = write_reports(store.folder)
+            written = write_reports(store.folder, alone)
     return summary, [store.folder / "summary.json", *written]
 
 

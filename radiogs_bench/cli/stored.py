@@ -21,7 +21,12 @@ FORMATS = ("csv", "json", "parquet", "tensorboard")
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
     _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
-    _declare(commands, "report", "rebuild tables and figures from stored results", report)
+    reporting = _declare(commands, "report", "rebuild tables and figures from stored results", report)
+    reporting.add_argument(
+        "--self-contained",
+        action="store_true",
+        help="report.html as a single file below 25 MB: of many pictures it has fewer views, then smaller ones",
+    )
     exporting = _declare(
         commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
     )
@@ -76,7 +81,7 @@ def report(options: argparse.Namespace) -> int:
     from ..suites.sweep import read_sweep
     from .showing import write_and_show
 
-    write_and_show(Store(options.out), read_sweep(options.out))
+    write_and_show(Store(options.out), read_sweep(options.out), options.self_contained)
     return 0
 
 

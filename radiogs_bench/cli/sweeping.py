@@ -92,7 +92,7 @@ def run_request(
     with bars as progress, Interruption() as interruption:
         ended = bring_to_end(
             request,
-            Bench(store, device, progress, interruption, request.method, checksum_now),
+            Bench(store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views),
             engine,
             options.arguments,
         )
@@ -151,14 +151,13 @@ def say_other_run(store: Store, manifest: Sweep) -> None:
         )
 
 
-def work_along_with(request: Request, store: Store, device: torch.device, number: int, count: int) -> int:
-    """Run as worker ``number`` of ``count``; returns its exit code."""
+def work_along_with(request: Request, store: Store, device: torch.device, options: argparse.Namespace) -> int:
+    """Run as one worker of several (``--worker``); returns its exit code."""
     with progress_for_stderr() as progress, Interruption() as interruption:
-        return report_failures(
-            work_along(
-                request, Bench(store, device, progress, interruption, request.method, checksum_now), number, count
-            ).failures
+        bench = Bench(
+            store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
+        return report_failures(work_along(request, bench, *options.worker).failures)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:

@@ -37,7 +37,7 @@ class Recipe:
     """How cells are run: how methods are found, the experiment, and how scenes are loaded by name or path.
 
     ``compiled_on`` is the scene on which kernels are compiled first; ``options`` are what the cells' scenes are opened
-    with.
+    with; ``kept_views`` as in ``Bench``.
     """
 
     method: Callable[[str], Method]
@@ -45,6 +45,7 @@ class Recipe:
     load: Callable[..., Scene]
     compiled_on: str
     options: SceneOptions = AS_STORED
+    kept_views: int | None = None
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,7 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
                 order.recipe.method,
                 checksum_now,
                 checkpoint_seconds=math.inf,
+                kept_views=order.recipe.kept_views,
             )
             work(bench, scene)
             return Delivery(store.files(wanted), None, node)

@@ -127,7 +127,14 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
                 "It keeps files between its stages, and stages run on any machine.",
                 "Leave --engine ray out.",
             )
-    recipe = Recipe(bench.method, EXPERIMENTS[request.suite.experiment], load_scene, COMPILED_ON, request.options)
+    recipe = Recipe(
+        bench.method,
+        EXPERIMENTS[request.suite.experiment],
+        load_scene,
+        COMPILED_ON,
+        request.options,
+        bench.kept_views,
+    )
     with connected(engine.address) as ray:
         threads = engine.threads or ONE_THREAD
         cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)

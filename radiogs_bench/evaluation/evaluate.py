@@ -22,6 +22,7 @@ from ..metrics import Protocol, Value
 from ..store.schema import MetricValue
 from .constant_maps import score_constant_light, score_constant_roughness
 from .frame_cost import FrameCosts
+from .kept_views import views_to_keep
 from .light_maps import light_maps
 from .maps import Maps, on_black
 from .metrics_by_view import MetricsByView
@@ -46,6 +47,21 @@ LIGHTS_SHOWN = 4
 """Relit maps of the shown view are stored for this many lights, the first ones."""
 
 Advance = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What is done besides scoring. timed: measure milliseconds and memory per frame.
+
+    kept_views: of how many views codes of 8 bits are kept (``KeptViews``); None: of as many as fit its limit.
+    """
+
+    timed: bool = True
+    kept_views: int | None = 0
+
+
+TIMED = Scope()
+SCORES_ALONE = Scope(timed=False)
 
 
 @dataclass(frozen=True)
@@ -77,25 +93,26 @@ def evaluate(
     rules: Protocol,
     device: torch.device,
     advance: Advance,
-    timed: bool = True,
+    scope: Scope = TIMED,
     method: str = "the method",
 ) -> Evaluation:
     """Score a model on every test view, and on every relit ground-truth image of the scene.
 
     ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
-    raise to stop. ``timed``: also measure milliseconds and memory per frame. ``method``: its name in messages.
+    raise to stop. ``method``: its name in messages.
 
     The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
     float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
     ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
     incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
-    ``light_maps``) if both lights are known; ``surfels/...`` of a model that is made of surfels (``surfel_arrays``).
-    Relighting, light and albedo of a scene without masks are n/a.
+    ``light_maps``) if both lights are known; ``surfels/...`` of a model that is made of surfels (``surfel_arrays``);
+    ``views/...``, codes of 8 bits of the views that ``scope`` asks for (``KeptViews``). Relighting, light and albedo
+    of a scene without masks are n/a.
 
     Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
     not keep to its contract, NumericalFailure for an image that is not finite.
     """
-    evaluator = _Evaluator(scene, rules, device, advance, timed, method)
+    evaluator = _Evaluator(scene, rules, device, advance, scope, method)
     evaluator.show_own(evaluator.prepared(trained))
     evaluator.compare_light(trained)
     scale = evaluator.compare_whole()
@@ -109,7 +126,8 @@ def evaluate(
         shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
         arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()}
-        | surfel_arrays(trained, standpoint(scene, evaluator.shown.camera)),
+        | surfel_arrays(trained, standpoint(scene, evaluator.shown.camera))
+        | evaluator.views.codes,
         protocol=rules.describe(),
         maps=sorted(evaluator.given),
         recovered={"roughness": math.fsum(found) / len(found)} if (found := evaluator.roughness) else {},
@@ -124,7 +142,7 @@ class _Evaluator:
     rules: Protocol
     device: torch.device
     advance: Advance
-    timed: bool
+    scope: Scope
     method: str
     kept: dict[str, Maps] = field(default_factory=dict)
     given: set[str] = field(default_factory=set)
@@ -138,6 +156,7 @@ class _Evaluator:
         self.shown = scene.test[len(scene.test) // 2]
         self.lit = {} if scene.surrounded else lit_views(scene, (*scene.test, *scene.relight))
         self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
+        self.views = views_to_keep(scene, self.scope.kept_views)
         self.total = len(scene.test) + sum(map(len, self.lit.values()))
         self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}
 
@@ -195,11 +214,12 @@ class _Evaluator:
             score_view(self.scores, view, maps, self.scene.extent)
             if (roughness := mean_roughness(view, maps)) is not None:
                 self.roughness.append(roughness)
+            self.views.rendered(view, {name: image for name, image in maps.items() if name != "albedo"})
             self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
             if view is self.shown:
                 self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
             self.count()
-        if self.timed and prepared.timed:
+        if self.scope.timed and prepared.timed:
             self.measure("nvs", prepared, self.scene.test)
 
     def compare_light(self, trained: Trained) -> None:
@@ -224,9 +244,12 @@ class _Evaluator:
             score_constant_roughness(self.scores, self.scene)
         score_depth(self.scores, self.scene, self.kept)
         scale = score_albedo(self.scores, self.scene, self.kept)
-        if "albedo" in self.kept[self.shown.name]:
-            factor = torch.ones(3) if scale is None else scale
-            self.arrays["render/albedo"] = self.kept[self.shown.name]["albedo"] * factor
+        factor = torch.ones(3) if scale is None else scale
+        for view in self.scene.test:
+            if "albedo" in self.kept[view.name]:
+                aligned = self.kept[view.name]["albedo"] * factor
+                self.views.rendered(view, {"albedo": aligned})
+                self.arrays |= {"render/albedo": aligned} if view is self.shown else {}
         return scale
 
     def relight(self, trained: Trained, albedo_scale: Float[Tensor, "3"]) -> None:
@@ -243,12 +266,12 @@ class _Evaluator:
                 torch.cuda.synchronize(self.device)
             if relit.timed:
                 prepared_in.append(1e3 * (time.perf_counter() - started))
-            if self.timed and relit.timed:
+            if self.scope.timed and relit.timed:
                 self.measure("render", relit, views)
             for view in views:
                 self._score_relit(light, view, self.rendered(relit, view))
                 self.count()
-        if self.timed and prepared_in:
+        if self.scope.timed and prepared_in:
             self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
 
     def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
@@ -261,6 +284,7 @@ class _Evaluator:
             self.scores.add("relight", view.name, self.rules.no_comparison(f"{self.method} renders no relit image"))
             return
         image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
+        self.views.relit(view, light, image, target)
         self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))
         if view is self.shown and light == self.shown_light:
             self.arrays |= {"render/relit": image, "truth/relit": target}

@@ -14,7 +14,7 @@ from radiogs_core.scene.scene import View
 
 from ..method_calls import calling
 from ..metrics import Protocol
-from .evaluate import evaluate
+from .evaluate import SCORES_ALONE, evaluate
 from .maps import on_black
 from .scoring import coverage, lit_views
 
@@ -35,7 +35,7 @@ def write_as_published(
     Relit views have their albedo multiplied by the factor that ``rules`` find, so that the folder scores under them as
     the model does. Raises errors of the method as ``evaluate``.
     """
-    found = evaluate(model, run.scene, rules, run.device, advance, timed=False, method=method)
+    found = evaluate(model, run.scene, rules, run.device, advance, scope=SCORES_ALONE, method=method)
     with calling(method, "prepare()"):
         shown = model.prepare()
     further = ("incident",) if "incident" in shown.offers else ()

@@ -11,7 +11,7 @@ from radiogs_core.scene.scene import Scene
 from ..metrics import Protocol
 from ..store.provenance import versions
 from ..store.schema import MetricValue
-from .evaluate import evaluate
+from .evaluate import SCORES_ALONE, evaluate
 
 SCHEMA = "radiogs-bench/score/1"
 NOTES = ("remarks", "absent", "missing", "ignored")
@@ -63,6 +63,6 @@ def record_of_model(
     """The record of a trained model, rendered anew for each protocol; errors as those of ``evaluate``."""
     found = {}
     for rules in protocols:
-        result = evaluate(model, scene, rules, device, advance, timed=False, method=method)
+        result = evaluate(model, scene, rules, device, advance, scope=SCORES_ALONE, method=method)
         found[rules.name] = scored(rules, result.metrics, result.albedo_scale)
     return record_of(source, method, scene, found)

@@ -10,6 +10,7 @@ from radiogs_baselines.outputs import Predictions
 from radiogs_core.scene.scene import Scene
 
 from .evaluate import LIGHTS_SHOWN, SHOWN
+from .kept_views import KeptViews, views_to_keep
 from .light_maps import light_maps
 from .scoring import coverage, lit_views, truth
 
@@ -26,7 +27,8 @@ class ShownFiles:
 def shown_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[float] | None) -> ShownFiles:
     """``render/<map>`` and ``truth/<map>`` of the middle test view, float32 [height, width, channels], on black.
 
-    Albedo is linear and multiplied by ``albedo_scale``. Raises DataError for a damaged file.
+    Albedo is linear and multiplied by ``albedo_scale``. ``views/...`` as ``KeptViews`` keeps them, as many as fit its
+    limit. Raises DataError for a damaged file.
     """
     view = scene.test[len(scene.test) // 2]
     mask = coverage(view)
@@ -50,6 +52,21 @@ def shown_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[f
     found = predictions.read_light()
     if found is not None and scene.training_light is not None:
         arrays |= light_maps(found, scene.training_light)
-    return ShownFiles(
-        view.name, shown_light, {name: image.cpu().numpy().astype(np.float32) for name, image in arrays.items()}
-    )
+    shown = {name: image.cpu().numpy().astype(np.float32) for name, image in arrays.items()}
+    return ShownFiles(view.name, shown_light, shown | kept_files(predictions, scene, albedo_scale).codes)
+
+
+def kept_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[float] | None) -> KeptViews:
+    """Every map and light of as many test views as fit the limit."""
+    kept = views_to_keep(scene, None)
+    lit = {} if scene.surrounded else lit_views(scene, scene.test)
+    for view in (view for view in scene.test if view.name in kept.chosen):
+        maps = dict(predictions.read(view, coverage(view)))
+        if "albedo" in maps and albedo_scale is not None:
+            maps["albedo"] = maps["albedo"] * torch.tensor(albedo_scale, dtype=maps["albedo"].dtype)
+        kept.rendered(view, maps)
+        for light, views in lit.items():
+            if view in views and view.name in predictions.relit.get(light, {}):
+                image = predictions.read_relit(light, view, coverage(view))
+                kept.relit(view, light, image, truth(view, f"relit/{light}"))
+    return kept

@@ -5,7 +5,7 @@ from dataclasses import replace
 from radiogs_core.contract import Trained
 from radiogs_core.scene.scene import Scene
 
-from ..evaluation.evaluate import evaluate, few_views
+from ..evaluation.evaluate import SCORES_ALONE, evaluate, few_views
 from ..metrics import protocol
 from ..suites.cell import Cell
 from ..training.stages import Bench
@@ -21,7 +21,9 @@ def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
     rules = protocol(cell.protocol)
 
     def score(model: Trained) -> dict[str, float]:
-        found = evaluate(model, few, rules, bench.device, lambda done, total: None, timed=False, method=cell.method)
+        found = evaluate(
+            model, few, rules, bench.device, lambda done, total: None, scope=SCORES_ALONE, method=cell.method
+        )
         return {name: each["value"] for name, each in found.metrics.items() if each["value"] is not None}
 
     train_and_score(bench, cell, scene, along_the_way=score)

@@ -9,7 +9,7 @@ from radiogs_core.instruments import Instruments, recording
 from radiogs_core.scene.scene import Scene
 
 from ..evaluation.determined import determined
-from ..evaluation.evaluate import Evaluation, evaluate
+from ..evaluation.evaluate import Evaluation, Scope, evaluate
 from ..metrics import protocol
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
@@ -31,7 +31,8 @@ def scored(bench: Bench, cell: Cell, scene: Scene, model: Trained) -> Evaluation
         bench.progress.advance("evaluation", done, total)
         bench.interruption.check()
 
-    return evaluate(model, scene, protocol(cell.protocol), bench.device, advance, method=cell.method)
+    scope = Scope(kept_views=bench.kept_views)
+    return evaluate(model, scene, protocol(cell.protocol), bench.device, advance, scope, cell.method)
 
 
 def train_and_score(

@@ -16,7 +16,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 
-from ..evaluation.evaluate import evaluate
+from ..evaluation.evaluate import SCORES_ALONE, evaluate
 from ..evaluation.maps import on_black
 from ..method_calls import calling, losses_of
 from ..metrics import protocol
@@ -183,7 +183,7 @@ class RowRehearsal:
         self.phases.begin()
         _, seconds = self.phases.timed(
             "evaluation: a view, rendered and scored",
-            lambda: evaluate(trained, one, rules, self.device, lambda *_: None, timed=False, method=self.name),
+            lambda: evaluate(trained, one, rules, self.device, lambda *_: None, scope=SCORES_ALONE, method=self.name),
         )
         self.phases.end("evaluation: a view, rendered and scored", key, views, [max(0.0, seconds - preparing)])
         folder = self.store.folder / "export"

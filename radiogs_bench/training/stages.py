@@ -35,7 +35,8 @@ CHECKPOINT_SHARE = 0.02
 class Bench:
     """Where and how cells are run; ``method`` finds a method by its name (``methods.method``).
 
-    ``digest`` gives the checksum of a scene's files as they are now.
+    ``digest`` gives the checksum of a scene's files as they are now. ``kept_views``: of how many views every map is
+    kept with a result, as codes of 8 bits (``evaluation/kept_views.py``); None: of as many as fit its limit.
     """
 
     store: Store
@@ -46,6 +47,7 @@ class Bench:
     digest: Digest
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     checkpoint_share: float = CHECKPOINT_SHARE
+    kept_views: int | None = None
 
 
 class Ledger(TypedDict):

@@ -2,7 +2,7 @@
 
 import zipfile
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,9 @@ ANGLE_RANGE = 45.0
 
 MOST_BYTES = 1 << 32
 """Of a cell's arrays, unpacked: some thirty maps of 8192 x 4096 pixels. A small archive can be made to fill memory."""
+
+VIEWS = "views/"
+"""How the names of codes of further views begin."""
 
 Image = NDArray[np.float64]
 """[height, width, channels]."""
@@ -76,6 +79,7 @@ KINDS: Mapping[str, Kind] = {
     "albedo": Kind("albedo (as sRGB)", display),
     "normal": Kind("normal", normal_colour, f"angle, 0 to {ANGLE_RANGE:g} degrees"),
     "roughness": Kind("roughness", as_is),
+    "depth": Kind("depth, near is bright", as_is),
     "indirect": Kind(f"indirect light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
     "incident": Kind(f"incident light x {INDIRECT_GAIN:g}", lambda image: display(INDIRECT_GAIN * image)),
     "relit": Kind("relit", as_is),
@@ -83,25 +87,53 @@ KINDS: Mapping[str, Kind] = {
 """Kinds of maps by name, in the order in which they are shown."""
 
 
+def kind_of(name: str) -> Kind:
+    """The kind of a map by its name; relit maps are named after their light too."""
+    kind, _, light = name.partition("/")
+    return replace(KINDS[kind], label=f"{KINDS[kind].label} under {light}") if light else KINDS[kind]
+
+
 def error(kind: str, mine: Image, theirs: Image) -> Image:
     """Error of a map against the truth in [0, 1], [height, width, 1]; the kind's ``error_unit`` says what 1 means."""
     if kind == "normal":
         return angle(mine, theirs)
-    return difference(*(np.clip(KINDS[kind].shown(image), 0, 1) for image in (mine, theirs)))
+    return difference(*(np.clip(kind_of(kind).shown(image), 0, 1) for image in (mine, theirs)))
 
 
 def read_maps(path: Path, start: str = "") -> dict[str, Image]:
     """A cell's arrays by name, ``render/<map>``, ``truth/<map>`` and ``surfels/<part>``, in float64.
 
-    ``start``: only those whose names begin with it.
+    ``start``: only those whose names begin with it. Codes of further views (``views/...``) are left out.
 
     Raises ValueError for a file that grows beyond every map of a view when it is unpacked.
     """
     with zipfile.ZipFile(path) as parts:
-        if sum(part.file_size for part in parts.infolist()) > MOST_BYTES:
+        if sum(part.file_size for part in parts.infolist() if not part.filename.startswith(VIEWS)) > MOST_BYTES:
             raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
     with np.load(path) as archive:
-        return {name: archive[name].astype(np.float64) for name in archive.files if name.startswith(start)}
+        wanted = [name for name in archive.files if name.startswith(start) and not name.startswith(VIEWS)]
+        return {name: archive[name].astype(np.float64) for name in wanted}
+
+
+def open_codes(path: Path) -> "np.lib.npyio.NpzFile":
+    """A cell's archive, to read codes of further views from: ``views/<number>/<side>/<map>``, uint8. To be closed.
+
+    Raises ValueError for an array that grows beyond every map of a view when it is unpacked.
+    """
+    with zipfile.ZipFile(path) as parts:
+        if any(part.file_size > MOST_BYTES for part in parts.infolist()):
+            raise ValueError(f"{path} unpacks to more than {MOST_BYTES} bytes: no cell stores that much")
+    return np.load(path)
+
+
+def decoded(name: str, codes: NDArray[np.uint8]) -> Image:
+    """Codes of 8 bits of a map as it is stored otherwise: albedo and indirect light linear, normals -1 to 1."""
+    values = codes / 255.0
+    if name in ("albedo", "indirect"):
+        return linear(values)
+    if name == "normal":
+        return np.where((codes == 0).all(-1, keepdims=True), 0, values * 2 - 1)
+    return values
 
 
 def false_colour(values: Image) -> Image:

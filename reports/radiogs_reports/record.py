@@ -22,19 +22,23 @@ RECORD = "reports.txt"
 Files that it does not list are never deleted.
 """
 
-OF_THE_LAST_RUN = ("tables/*", "figures/*", "contact_sheet.png")
+OF_THE_LAST_RUN = ("tables/*", "figures/*", "report_files/*", "contact_sheet.png")
 
 DRAWN_WITH = ("matplotlib", "numpy", "pandas", "jinja2", "pillow")
 """Packages that decide a report's bytes."""
 
 
-def made_from(summary: Summary, out: Path) -> str:
-    """Digest of all that the reports in ``out`` follow from: the summary, its arrays, the code and its packages."""
+def made_from(summary: Summary, out: Path, alone: bool = False) -> str:
+    """Digest of all that the reports in ``out`` follow from: the summary, its arrays, the code and its packages.
+
+    ``alone``: whether the page has to be a single file.
+    """
     arrays = sorted({each["arrays"] for each in (*summary["sheet"], *summary["runs"]) if each["arrays"] is not None})
     parts = [
         seal_of(summary),
         *(f"{name} {digest_of(out / name)}" for name in arrays),
         own_code(),
+        *(["alone"] if alone else []),
         *(f"{package} {version(package)}" for package in DRAWN_WITH),
     ]
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
@@ -71,7 +75,10 @@ def recorded(out: Path) -> dict[str, str]:
 
 def digest_of(path: Path) -> str:
     """SHA-256 of a file; of nothing for one that is not there."""
-    return hashlib.sha256(path.read_bytes() if path.is_file() else b"").hexdigest()
+    if not path.is_file():
+        return hashlib.sha256().hexdigest()
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @cache

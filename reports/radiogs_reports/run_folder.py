@@ -13,6 +13,7 @@ from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
 from .files import fresh, require_own_folders
 from .page import write_page
+from .page.shelf import FOLDER as PICTURES
 from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
 from .write.audit import audit_csv
@@ -27,16 +28,18 @@ from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 
-def write_reports(out: Path) -> list[Path]:
+def write_reports(out: Path, alone: bool = False) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
+
+    ``alone``: the page has to be a single file, with fewer pictures if they are many.
 
     The same stored results give the same bytes; reports that are there and would be the same are not made again.
     Tables and figures that only an earlier run had are deleted. Raises
     ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a link.
     """
     summary = read_summary(out)
-    require_own_folders(out, "tables", FOLDER)
-    source = made_from(summary, out)
+    require_own_folders(out, "tables", FOLDER, PICTURES)
+    source = made_from(summary, out, alone)
     there = unchanged(out, source)
     if there is not None:
         return there
@@ -47,7 +50,7 @@ def write_reports(out: Path) -> list[Path]:
         written[-1].write_text(text, encoding="utf-8")
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
-    written.append(write_page(summary, out, [drawn for drawn in figures if drawn.on_page]))
+    written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], alone)
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
     keep_record(out, written, source)
     return written

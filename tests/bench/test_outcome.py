@@ -10,7 +10,7 @@ import torch
 
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
-from radiogs_bench.evaluation.evaluate import evaluate
+from radiogs_bench.evaluation.evaluate import SCORES_ALONE, evaluate
 from radiogs_bench.metrics import protocol
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
@@ -34,7 +34,7 @@ def found() -> dict[str, float]:
             stage.step()
         product = stage.product()
     trained = RADIOGS.restore(run, product)
-    scored = evaluate(trained, run.scene, protocol("default"), CPU, lambda done, total: None, timed=False)
+    scored = evaluate(trained, run.scene, protocol("default"), CPU, lambda done, total: None, scope=SCORES_ALONE)
     return {name: each["value"] for name, each in scored.metrics.items() if each["value"] is not None}
 
 

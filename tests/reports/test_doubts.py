@@ -76,7 +76,7 @@ def test_csv_gives_the_footnotes_of_each_value() -> None:
 def test_the_page_marks_values_and_still_sorts_them_by_number() -> None:
     entries = {row[0].text: row[2] for row in suite_table(doubted()).rows}
     assert [(entry.text, entry.value) for entry in entries.values()] == [("7.50†", 7.5), ("7.00†‡", 7.0)]
-    text = page(doubted(), Album({}, {}, {}, 1))
+    text = page(doubted(), Album())
     assert f'<p class="hint">† {LEVEL}</p>' in text
     assert f'<p class="hint">‡ {CONSTANT.replace("&", "&amp;")}</p>' in text
 

@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from made_up_run import arrays, summary, write_run
+from made_up_run import arrays, summary, write_run, written_page
 from radiogs_reports import write_reports
-from radiogs_reports.maps import levels
-from radiogs_reports.page import write_page
+from radiogs_reports.maps import decoded, error, false_colour, levels
+from radiogs_reports.page import sheets
 from radiogs_reports.page.assemble import Figure, page
 from radiogs_reports.page.embedding import json_for_script
-from radiogs_reports.page.pictures import album, reduced
+from radiogs_reports.page.pictures import Album, album, reduced_by
 from radiogs_reports.summary import PLAIN, Summary
 
 VENDORED = {
@@ -57,7 +57,7 @@ class Elements(HTMLParser):
 
 
 def page_of(folder: Path, made: Summary) -> str:
-    return write_page(made, write_run(folder, made)).read_text(encoding="utf-8")
+    return written_page(made, folder).read_text(encoding="utf-8")
 
 
 @pytest.fixture
@@ -130,48 +130,92 @@ def test_json_in_a_script_is_the_same_json_without_a_character_that_could_end_it
 
 def test_the_page_is_rebuilt_byte_for_byte(tmp_path: Path) -> None:
     made = summary()
-    first = write_page(made, write_run(tmp_path, made)).read_bytes()
-    assert write_page(made, tmp_path).read_bytes() == first
+    first = written_page(made, tmp_path).read_bytes()
+    assert written_page(made, tmp_path).read_bytes() == first
 
 
 def test_pictures_are_the_stored_maps_without_loss_and_shared_truths_stand_once(tmp_path: Path) -> None:
     made = album(summary()["runs"], write_run(tmp_path, summary()))
     assert made.factor == 1
-    assert made.views.keys() == {"abc", "def"}
-    assert len(made.truths) == 1
-    stored = arrays(0)["render/image"].astype(np.float64)
-    assert np.array_equal(decoded(made.views["abc"]["mine"]["image"]), levels(stored))
-    roughness = decoded(made.views["abc"]["mine"]["roughness"])
-    assert np.array_equal(roughness, levels(arrays(0)["render/roughness"].astype(np.float64)))
-    assert decoded(made.views["abc"]["error"]["normal"]).shape == (16, 16, 3)
+    assert not made.files
+    assert made.cells.keys() == {"abc", "def"}
+    assert made.cells["abc"]["image"]["truth"] == made.cells["def"]["image"]["truth"]
+    stored = arrays(0)
+    for name in ("image", "roughness"):
+        shown = picture(made, "abc", name, "mine", 1)
+        assert np.array_equal(shown, levels(stored[f"render/{name}"].astype(np.float64)))
+    assert picture(made, "abc", "normal", "error", 1).shape == (16, 16, 3)
 
 
-def test_pictures_shrink_until_they_fit_their_budget(tmp_path: Path) -> None:
-    folder = write_run(tmp_path, summary(), size=64)
-    full = album(summary()["runs"], folder)
-    small = album(summary()["runs"], folder, budget=full.size // 3)
-    assert small.size <= full.size // 3
-    assert small.factor == 2
-    assert small.views.keys() == full.views.keys()
-    assert decoded(small.views["abc"]["mine"]["image"]).shape == (32, 32, 3)
+def test_pictures_of_further_views_are_their_codes(tmp_path: Path) -> None:
+    made, stored = album(summary()["runs"], write_run(tmp_path, summary())), arrays(0)
+    assert list(made.cells["abc"]) == [
+        "image", "albedo", "normal", "roughness", "depth", "indirect", "incident", "relit/night", "relit/sky",
+    ]  # fmt: skip
+    assert made.cells["abc"]["depth"]["mine"][0]["views"] == [0, 2]
+    assert made.cells["abc"]["relit/night"]["truth"][0]["views"] == [0, 1, 2]
+    for name in ("image", "albedo", "normal", "depth", "relit/night"):
+        for side, own in (("mine", "render"), ("truth", "truth")):
+            codes = stored[f"views/2/{own}/{name}"]
+            assert np.array_equal(picture(made, "abc", name, side, 2), codes.repeat(3 // codes.shape[2], -1))
+    mine, theirs = (decoded("normal", stored[f"views/0/{side}/normal"]) for side in ("render", "truth"))
+    expected = levels(false_colour(error("normal", mine, theirs)))
+    assert np.array_equal(picture(made, "abc", "normal", "error", 0), expected)
 
 
-def test_pictures_that_could_not_be_seen_are_left_out_and_counted(tmp_path: Path) -> None:
-    made = summary()
-    folder = write_run(tmp_path, made)
-    few = album(made["runs"], folder, budget=album(made["runs"], folder).size * 2 // 3)
-    assert few.views.keys() == {"abc"}
-    assert few.factor == 1
-    assert album(made["runs"], folder, budget=1).views == {}
-    assert "1 of 2 finished cells have pictures here" in page(made, few)
+def test_many_pictures_are_files_beside_the_page_and_few_are_inside(tmp_path: Path) -> None:
+    folder = write_run(tmp_path, summary())
+    inside = album(summary()["runs"], folder)
+    beside = album(summary()["runs"], folder, budget=1)
+    assert beside.cells == inside.cells
+    assert not beside.inside
+    assert {name: base64.b64encode(path.read_bytes()).decode() for name, path in beside.files.items()} == inside.inside
+    assert {path.parent for path in beside.files.values()} == {folder / "report_files"}
+    policies = [html.unescape(page(summary(), each)) for each in (inside, beside)]
+    assert [re.findall(r"img-src ([^;]*);", each)[0] for each in policies] == ["data:", "data: 'self' file:"]
+
+
+def test_a_page_that_has_to_stand_alone_gives_up_views_then_size_then_cells(tmp_path: Path) -> None:
+    runs, folder = summary()["runs"], write_run(tmp_path, summary(), size=64)
+    whole = size(album(runs, folder, alone=True))
+    fewer = album(runs, folder, alone=True, budget=whole * 2 // 3)
+    assert fewer.reduced
+    assert fewer.cells["abc"]["image"]["mine"][0]["views"] == [1], "the view that the result shows"
+    assert fewer.factor == 1
+    smaller = album(runs, folder, alone=True, budget=size(fewer) // 2)
+    assert smaller.factor == 2
+    assert smaller.cells.keys() == fewer.cells.keys()
+    assert picture(smaller, "abc", "image", "mine", 1).shape == (32, 32, 3)
+    few = album(runs, folder, alone=True, budget=size(smaller) * 2 // 3)
+    assert few.cells.keys() == {"abc"}
+    assert "1 of 2 finished cells have pictures here" in page(summary(), few)
+    assert not album(runs, folder, alone=True, budget=1).cells
+
+
+def test_a_sheet_has_one_size_of_picture_and_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sheets, "LARGEST", 40)
+    kept: list[np.ndarray] = []
+
+    def keep(sheet: np.ndarray) -> str:
+        kept.append(sheet)
+        return str(len(kept))
+
+    binder = sheets.Binder(keep)
+    for view in range(11):
+        binder.add(view, np.full((10 if view < 10 else 20, 20, 1), view / 255))
+    bound = binder.bound()
+    assert [sheet["views"] for sheet in bound] == [[0, 1, 2, 3, 4, 5, 6, 7], [8, 9], [10]]
+    assert [sheet.shape for sheet in kept] == [(40, 40, 3), (10, 40, 3), (20, 20, 3)]
+    assert kept[0][30, 39, 0] == 7
+    assert [bound[0][part] for part in ("name", "columns", "width", "height")] == ["1", 2, 20, 10]
 
 
 def test_reduced_maps_are_means_of_blocks() -> None:
     image = np.arange(35, dtype=np.float64).reshape(5, 7, 1) / 35
-    small = reduced(image, 2)
+    small = reduced_by(2, image)
     assert small.shape == (2, 3, 1)
     assert small[1, 2, 0] == pytest.approx(image[2:4, 4:6].mean())
-    assert reduced(image, 99).shape == (1, 1, 1)
+    assert reduced_by(99, image).shape == (1, 1, 1)
 
 
 def test_a_run_without_results_is_a_page_too(tmp_path: Path) -> None:
@@ -191,16 +235,24 @@ def test_the_plotting_library_is_the_published_one_with_its_licence() -> None:
     assert "The MIT License (MIT)" in folder.joinpath("LICENSE").read_text()
 
 
-def decoded(address: str) -> np.ndarray:
-    packed = base64.b64decode(address.removeprefix("data:image/webp;base64,"))
-    with Image.open(io.BytesIO(packed)) as image:
-        return np.asarray(image)
+def size(made: Album) -> int:
+    return sum(map(len, made.inside.values()))
+
+
+def picture(made: Album, key: str, name: str, side: str, view: int) -> np.ndarray:
+    """The picture of a map of a view, from its sheet within the page."""
+    (sheet,) = (each for each in made.cells[key][name][side] if view in each["views"])
+    with Image.open(io.BytesIO(base64.b64decode(made.inside[sheet["name"]]))) as image:
+        whole = np.asarray(image)
+    down, across = divmod(sheet["views"].index(view), sheet["columns"])
+    height, width = sheet["height"], sheet["width"]
+    return whole[height * down : height * (down + 1), width * across : width * (across + 1)]
 
 
 def test_symbols_are_set_as_the_paper_sets_them(tmp_path: Path) -> None:
     made = summary()
     made["rows"][0]["text"] = "Detach L_G^PBR & <λ_rad>"
-    text = write_page(made, write_run(tmp_path, made)).read_text(encoding="utf-8")
+    text = written_page(made, tmp_path).read_text(encoding="utf-8")
     assert "Detach <i>L</i><sub>G</sub><sup>PBR</sup> &amp; &lt;<i>λ</i><sub>rad</sub>&gt;" in text
 
 
@@ -216,7 +268,7 @@ def test_the_page_says_when_by_what_and_how_it_was_made(tmp_path: Path) -> None:
         dates = [f"2026-11-{20 + place}T08:00:00+00:00"]
         run["sessions"] = {"invert": [{"date": date, "git": {"commit": "abcdef0123456789", "dirty": place == 0}}
                                       for date in dates]}  # fmt: skip
-    text = write_page(made, write_run(tmp_path, made)).read_text(encoding="utf-8")
+    text = written_page(made, tmp_path).read_text(encoding="utf-8")
     assert f"2026-11-20 to 2026-11-{19 + len(made['runs'])}" in text
     assert "abcdef0123, abcdef0123 with changes" in text
     assert f"radiogs-bench run {made['suite']} --scenes" in text

@@ -49,7 +49,7 @@ def with_surfels(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watc
     path = out / str(made["runs"][0]["arrays"])
     with np.load(path) as stored:
         np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
-    watched = Watched(browser, write_page(made, out), viewport=SMALL_DESK)
+    watched = Watched(browser, write_page(made, out)[0], viewport=SMALL_DESK)
     yield watched
     watched.close()
 
@@ -110,7 +110,7 @@ def test_two_rows_of_a_scene_stand_side_by_side_from_the_beginning(
         path = out / str(cell["arrays"])
         with np.load(path) as stored:
             np.savez(path, allow_pickle=False, **dict(stored.items()), **two_discs())
-    watched = Watched(browser, write_page(made, out), viewport=DESK)
+    watched = Watched(browser, write_page(made, out)[0], viewport=DESK)
     chosen = [watched.page.locator(f"#surfels-{side}").input_value() for side in ("left", "right")]
     assert chosen == [made["runs"][0]["key"], made["runs"][1]["key"]]
     assert watched.page.locator(".turnable").nth(1).is_visible()

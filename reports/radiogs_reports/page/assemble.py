@@ -22,7 +22,9 @@ from ..write.caption import run_note
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
 from .origin import downloads, origin
-from .pictures import Album, album, scale_bar
+from .pictures import BUDGET, Album, album, scale_bar
+from .sheets import encoded
+from .shelf import FOLDER, KIND
 from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, paper_tables, suite_table
 
@@ -33,13 +35,21 @@ SCRIPTS = (
     "means",
     "scatter",
     "views",
-    "comparison",
+    "sheets",
+    "zooming",
+    "browser",
+    "gallery",
     "surfels",
     "provenance",
     "printing",
     "selection",
 )
 """In the order in which they run: all may use the first, and the last tells the others what is selected."""
+
+
+METRICS_OF = {"image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
+              "indirect": "indirect/psnr"}  # fmt: skip
+"""The metric whose value of a view stands below a map, by kind. Relit views are scored over all lights."""
 
 
 class Figure(NamedTuple):
@@ -53,16 +63,17 @@ class Figure(NamedTuple):
 STYLES = ("page", "tables", "comparison", "printing")
 
 
-def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = ()) -> Path:
-    """Write ``report.html`` into ``out`` and return its path. The same stored results give the same bytes.
+def write_page(summary: Summary, out: Path, figures: Sequence[Drawn] = (), alone: bool = False) -> list[Path]:
+    """Write ``report.html`` into ``out`` and return its path, then those of the pictures that are files beside it.
 
-    ``figures``: those that it shows.
+    The same stored results give the same bytes. ``figures``: those that it shows. ``alone``: see ``album``.
     """
     path = fresh(out / "report.html")
-    embedded = [Figure(data_address(drawn.png), drawn.caption, drawn.images) for drawn in figures]
+    embedded = [Figure(data_address(drawn.png.read_bytes(), "png"), drawn.caption, drawn.images) for drawn in figures]
     runs = summary["runs"]
-    path.write_text(page(summary, album(runs, out), embedded, packed_surfels(runs, out)), encoding="utf-8")
-    return path
+    pictures = album(runs, out, alone, BUDGET)
+    path.write_text(page(summary, pictures, embedded, packed_surfels(runs, out)), encoding="utf-8")
+    return [path, *pictures.files.values()]
 
 
 def page(
@@ -99,23 +110,22 @@ def page(
             finished=sum(run["state"] == "finished" for run in summary["runs"]),
             selectable=selectable(summary),
             by_view=any(run.get("by_view") for run in summary["runs"]),
-            kinds=maps.KINDS,
             costs=COSTS,
-            scale_bar=scale_bar(),
+            scale_bar=data_address(encoded(maps.levels(scale_bar())), "webp"),
             pictures=pictures,
             surfels=surfels or {},
             data=json_for_script(data(summary, pictures)),
             json_for_script=json_for_script,
-            policy=content_security_policy(script, style),
+            policy=content_security_policy(script, style, files=bool(pictures.files)),
             script=Markup(script),
             style=Markup(style),
         )
     )
 
 
-def data_address(path: Path) -> str:
-    """A PNG file as a data address."""
-    return f"data:image/png;base64,{base64.b64encode(path.read_bytes()).decode('ascii')}"
+def data_address(content: bytes, kind: str) -> str:
+    """A picture of a kind of file as a data address."""
+    return f"data:image/{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
 def data(summary: Summary, pictures: Album) -> dict[str, Any]:
@@ -132,11 +142,13 @@ def data(summary: Summary, pictures: Album) -> dict[str, Any]:
             column["key"]: {cost: [point._asdict() for point in points(summary, column, cost)] for cost in COSTS}
             for column in columns
         },
-        "runs": [
-            {**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}, "truth": pictures.truth_of.get(run["key"])}
-            for run in summary["runs"]
-        ],
-        "kinds": {name: {"label": kind.label, "unit": kind.error_unit} for name, kind in maps.KINDS.items()},
+        "runs": [{**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}} for run in summary["runs"]],
+        "maps": {
+            name: {"label": kind.label, "unit": kind.error_unit, "metric": METRICS_OF.get(name.partition("/")[0])}
+            for name in pictures.maps
+            for kind in [maps.kind_of(name)]
+        },
+        "files": {"folder": FOLDER, "kind": KIND},
         "conventions": summary["conventions"],
     }
 

@@ -1,93 +1,125 @@
-"""Maps and error maps of every cell as pictures inside the page, within a budget of bytes.
+"""Maps and error maps of every kept view of every cell, for the page's browser of images."""
 
-Pictures are lossless WebP (half the bytes of PNG) at the largest scale that fits; ground truth that cells share is
-stored once.
-"""
-
-import base64
-import dataclasses
-import hashlib
-import io
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from .. import maps
 from ..summary import RunSummary
+from .kept import Pair, pairs, shown_view
+from .sheets import Binder
+from .shelf import FOLDER, Full, Shelf
 
 BUDGET = 20 * 2**20
-"""Bytes of all pictures. The rest of the page is far below 5 MiB, so the page stays below 25 MB."""
+"""Bytes of the pictures within a page, as text. The rest is far below 5 MiB, so such a page stays below 25 MB."""
 
 LEGIBLE = 32
 """Smallest width and height in pixels; if pictures of that size exceed the budget, some cells have none."""
 
+Sheets = dict[str, dict[str, list[dict[str, Any]]]]
+"""By map: sheets of what was predicted (``mine``), of the truth and of the error (``Binder.bound``)."""
+
 
 @dataclass(frozen=True)
 class Album:
-    """The pictures of a page, as data addresses.
+    """The pictures of a page.
 
-    views: rendered maps ("mine") and errors by cell key. truths: true maps by name. truth_of: that name by cell key.
-    factor: divisor of the stored width and height.
+    cells: sheets by cell key. inside: sheets within the page by name, in base64. files: those in the folder beside it,
+    by name. factor: divisor of the stored width and height. reduced: whether there are fewer views than are kept.
     """
 
-    views: dict[str, dict[str, dict[str, str]]]
-    truths: dict[str, dict[str, str]]
-    truth_of: dict[str, str]
-    factor: int
+    cells: dict[str, Sheets] = field(default_factory=dict)
+    inside: dict[str, str] = field(default_factory=dict)
+    files: dict[str, Path] = field(default_factory=dict)
+    factor: int = 1
+    reduced: bool = False
 
     @property
-    def size(self) -> int:
-        """Total bytes."""
-        pictures = [each for view in self.views.values() for group in view.values() for each in group.values()]
-        return sum(map(len, pictures)) + sum(len(each) for group in self.truths.values() for each in group.values())
+    def maps(self) -> list[str]:
+        """Names of all maps."""
+        return list(dict.fromkeys(name for sheets in self.cells.values() for name in sheets))
 
 
-def album(runs: list[RunSummary], out: Path, budget: int = BUDGET) -> Album:
-    """Pictures of the cells that keep maps: halved until they fit the budget, then without those of later seeds.
+def album(runs: Sequence[RunSummary], out: Path, alone: bool = False, budget: int = BUDGET) -> Album:
+    """Pictures of all cells that keep maps, inside the page if they fit its budget, else in a folder beside it.
 
-    The scale is estimated from the first cell (bytes fall with the square of the factor), then checked by measuring.
+    ``alone``: the page has to be a single file. Then there are as many views of each cell as fit, and if one is too
+    many, it is halved until it fits; cells of later seeds go last. Raises OSError where the folder cannot be written.
     """
     shown = sorted((run for run in runs if run["arrays"] and run["view"]), key=lambda run: run["seed"])
     if not shown:
-        return Album({}, {}, {}, 1)
-    stored = maps.read_maps(out / str(shown[0]["arrays"]))
-    largest = max(max(stored[f"render/{name}"].shape) for name in maps.KINDS if f"render/{name}" in stored)
-    first = pictures_of(shown[:1], out, 1)
-    expected = len(shown) * dataclasses.replace(first, truths={}).size
-    factor = 1
-    while expected / factor**2 > budget and largest // (2 * factor) >= LEGIBLE:
-        factor *= 2
-    while (made := pictures_of(shown, out, factor)).size > budget:
-        if largest // (2 * factor) >= LEGIBLE:
-            factor *= 2
-        else:
-            shown = shown[: len(shown) // 2]
+        return Album()
+    if not alone:
+        return bound(shown, out, Shelf(budget, out / FOLDER))
+    most, factor = max(len(run.get("views") or [None]) for run in shown), 1
+    whole = most
+    while True:
+        try:
+            return bound(shown, out, Shelf(budget, None), most, factor, reduced=most < whole)
+        except Full:
+            if most > 1:
+                most //= 2
+            elif _smaller_side(shown[0], out) // (2 * factor) >= LEGIBLE:
+                factor *= 2
+            else:
+                shown = shown[: len(shown) // 2]
+
+
+def bound(
+    runs: Sequence[RunSummary],
+    out: Path,
+    shelf: Shelf,
+    most: int | None = None,
+    factor: int = 1,
+    *,
+    reduced: bool = False,
+) -> Album:
+    """Pictures of these cells, of at most so many views each, with width and height divided by a factor."""
+    cells = {run["key"]: sheets_of(run, out, shelf, most, factor) for run in runs}
+    return Album(cells, shelf.inside, shelf.files, factor, reduced)
+
+
+def sheets_of(run: RunSummary, out: Path, shelf: Shelf, most: int | None, factor: int) -> Sheets:
+    """The sheets of a cell."""
+    wanted, made = chosen(run, most), {}
+    for name, of_map in groupby(pairs(run, out), lambda pair: pair.name):
+        binders = {side: Binder(shelf.keep) for side in ("mine", "truth", "error")}
+        for pair in of_map:
+            if wanted(pair.view):
+                add(binders, pair, factor)
+        made[name] = {side: binder.bound() for side, binder in binders.items()}
     return made
 
 
-def pictures_of(runs: list[RunSummary], out: Path, factor: int) -> Album:
-    """Pictures of these cells with width and height divided by a factor."""
-    made = Album({}, {}, {}, factor)
-    for run in runs:
-        arrays = maps.read_maps(out / str(run["arrays"]))
-        view: dict[str, dict[str, str]] = {"mine": {}, "error": {}}
-        truth = {}
-        for name, kind in maps.KINDS.items():
-            mine, theirs = arrays.get(f"render/{name}"), arrays.get(f"truth/{name}")
-            if mine is None:
-                continue
-            view["mine"][name] = picture(reduced(kind.shown(mine), factor))
-            if theirs is not None:
-                truth[name] = picture(reduced(kind.shown(theirs), factor))
-                view["error"][name] = false_colours(reduced(maps.error(name, mine, theirs), factor))
-        name = hashlib.sha256("".join(truth.values()).encode()).hexdigest()[:12]
-        made.views[run["key"]], made.truths[name], made.truth_of[run["key"]] = view, truth, name
-    return made
+def chosen(run: RunSummary, most: int | None) -> Callable[[int], bool]:
+    """Which views are shown: all, or at most so many, evenly spread, among them the one that the result shows."""
+    count = len(run.get("views") or [None])
+    if most is None or most >= count:
+        return lambda view: True
+    views = {(shown_view(run) + place * count // most) % count for place in range(most)}
+    return views.__contains__
 
 
-def reduced(image: maps.Image, factor: int) -> maps.Image:
+def add(binders: dict[str, Binder], pair: Pair, factor: int) -> None:
+    """Add the pictures of a map of a view; the error only where there is a truth."""
+    kind = maps.kind_of(pair.name)
+    binders["mine"].add(pair.view, reduced_by(factor, kind.shown(pair.mine)))
+    if pair.theirs is not None:
+        binders["truth"].add(pair.view, reduced_by(factor, kind.shown(pair.theirs)))
+        error = maps.error(pair.name, pair.mine, pair.theirs)
+        binders["error"].add(pair.view, maps.false_colour(reduced_by(factor, error)))
+
+
+def _smaller_side(run: RunSummary, out: Path) -> int:
+    """Width or height of a cell's first map, whichever is smaller."""
+    return min(next(pairs(run, out)).mine.shape[:2])
+
+
+def reduced_by(factor: int, image: maps.Image) -> maps.Image:
     """Means of blocks of factor x factor pixels; incomplete blocks at the right and bottom are dropped."""
     factor = min(factor, *image.shape[:2])
     height, width, channels = image.shape[0] // factor, image.shape[1] // factor, image.shape[2]
@@ -95,18 +127,6 @@ def reduced(image: maps.Image, factor: int) -> maps.Image:
     return np.clip(blocks, 0, 1).mean((1, 3))
 
 
-def picture(image: maps.Image) -> str:
-    """A displayed map as the data address of a WebP; the same content gives the same bytes."""
-    packed = io.BytesIO()
-    Image.fromarray(maps.levels(image)).save(packed, "WEBP", lossless=True, quality=100, method=4)
-    return "data:image/webp;base64," + base64.b64encode(packed.getvalue()).decode("ascii")
-
-
-def false_colours(error: maps.Image) -> str:
-    """An error map in [0, 1] as a picture in false colours."""
-    return picture(maps.false_colour(error))
-
-
-def scale_bar() -> str:
-    """A picture of the false colours, 0 on the left to 1 on the right."""
-    return false_colours(np.linspace(0, 1, 256)[None, :, None])
+def scale_bar() -> maps.Image:
+    """The false colours, 0 on the left to 1 on the right."""
+    return maps.false_colour(np.linspace(0, 1, 256)[None, :, None])

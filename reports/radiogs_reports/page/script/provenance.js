@@ -36,7 +36,7 @@
     document.getElementById("provenance-head").textContent = nameOf(run);
     const body = document.getElementById("provenance-body");
     body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
-    if (document.getElementById(`view-${run.key}`)) {
+    if (document.getElementById(`sheets-${run.key}`)) {
       const button = element("button", "Show its images");
       button.type = "button";
       button.addEventListener("click", () => {

@@ -1,0 +1,153 @@
+"""The page's browser of images in headless Chromium: what is chosen is drawn, from inside the page or beside it."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chromium import DESK, Watched, browser, made_up, needed, playwright
+from made_up_run import arrays, run, summary, write_run, written_page
+from radiogs_reports.maps import levels
+from radiogs_reports.page import assemble, write_page
+
+pytestmark = needed
+__all__ = ["browser"]
+
+PIXELS = """id => {
+    const { width, height, hidden } = document.getElementById(id);
+    const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
+    copy.drawImage(document.getElementById(id), 0, 0);
+    return hidden ? null : [...copy.getImageData(0, 0, width, height).data];
+}"""
+
+
+@pytest.fixture
+def opened(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
+    """Two rows; a second scene of one row and one seed."""
+    made = made_up()
+    made["scenes"] = ["my_scene", "other"]
+    made["runs"].append(run("ours", "other", 0, "456", {"nvs/psnr": 29.0, "normal/mae": 7.4, "nvs/lpips": None}))
+    watched = Watched(browser, written_page(made, tmp_path), viewport=DESK)
+    yield watched
+    watched.close()
+
+
+def pixels(watched: Watched, name: str) -> np.ndarray:
+    """What a canvas shows, once every sheet that was asked for is there."""
+    watched.page.wait_for_function("document.querySelectorAll('#gallery canvas').length > 0")
+    watched.page.evaluate("() => new Promise(done => setTimeout(done, 100))")
+    return np.array(watched.page.evaluate(PIXELS, name)).reshape(16, 16, 4)[..., :3]
+
+
+def choose(watched: Watched, **choices: str) -> None:
+    for name, value in choices.items():
+        watched.page.locator(f"#{name.replace('_', '-')}").select_option(value)
+
+
+def said(watched: Watched, name: str) -> str:
+    return watched.page.locator(f"#{name}").text_content() or ""
+
+
+def test_first_is_the_shown_view_beside_its_truth(opened: Watched) -> None:
+    assert opened.page.locator("#browse-view option:checked").text_content() == "test_004"
+    assert np.array_equal(pixels(opened, "compare-right-image"), levels(arrays(0)["render/image"]))
+    assert np.array_equal(pixels(opened, "compare-left-image"), levels(arrays(0)["truth/image"]))
+    assert said(opened, "compare-left-name") == "◀ ground truth"
+    assert opened.page.locator("#browse-seed").is_hidden(), "there is only one"
+
+
+def test_what_is_drawn_is_of_the_chosen_view_map_light_and_rows(opened: Watched) -> None:
+    choose(opened, browse_view="2", browse_map="relit/night", compare_left="row ours", compare_right="row no-rad")
+    assert np.array_equal(pixels(opened, "compare-right-image"), arrays(1)["views/2/render/relit/night"])
+    assert np.array_equal(pixels(opened, "compare-left-image"), arrays(0)["views/2/render/relit/night"])
+    choose(opened, browse_map="depth", compare_left="truth")
+    assert np.array_equal(pixels(opened, "compare-left-image")[..., :1], arrays(0)["views/2/truth/depth"])
+    choose(opened, browse_scene="other")
+    assert opened.page.locator("#compare-right option").all_text_contents() == ["Ours"]
+    assert opened.page.locator("#browse-map").input_value() == "depth"
+    assert np.array_equal(pixels(opened, "compare-right-image")[..., :1], arrays(3)["views/2/render/depth"])
+
+
+def test_a_map_without_truth_says_so_and_has_no_error(opened: Watched) -> None:
+    choose(opened, browse_map="incident")
+    assert said(opened, "compare-left-name") == "◀ n/a: no ground truth for this map"
+    assert opened.page.evaluate(PIXELS, "error-image") is None
+    assert opened.page.locator("#error-none").is_visible()
+    assert opened.page.locator("#browse-view option").all_text_contents() == ["test_004"], "of one view alone"
+
+
+def test_arrow_keys_go_from_view_to_view_and_from_row_to_row(opened: Watched) -> None:
+    stage, view = opened.page.locator("#compare-stage"), opened.page.locator("#browse-view option:checked")
+    stage.press("ArrowRight")
+    assert view.text_content() == "test_008"
+    assert np.array_equal(pixels(opened, "compare-right-image"), arrays(0)["views/2/render/image"])
+    stage.press("ArrowRight")
+    assert view.text_content() == "test_000", "round from the last to the first"
+    stage.press("ArrowLeft")
+    stage.press("ArrowDown")
+    assert opened.page.locator("#compare-right").input_value() == "row no-rad"
+    assert said(opened, "compare-right-name") == "lambda_rad = 0, NVS PSNR 29.50 dB ▶"
+    stage.press("+")
+    stage.press("ArrowRight")  # now it moves the picture
+    assert view.text_content() == "test_008"
+
+
+def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: Watched) -> None:
+    tiles = opened.page.locator("#gallery .tile")
+    names = opened.page.locator("#gallery .tile span:first-of-type")
+    assert names.all_text_contents() == ["ground truth", "Ours", "lambda_rad = 0"]
+    tiles.nth(2).click()
+    assert opened.page.locator("#compare-right").input_value() == "row no-rad"
+    choose(opened, gallery_of="views")
+    assert names.all_text_contents() == ["test_000", "test_004", "test_008"]
+    tiles.nth(2).click()
+    assert opened.page.locator("#browse-view").input_value() == "2"
+    choose(opened, gallery_of="maps")
+    assert names.all_text_contents()[-2:] == ["relit under night", "relit under sky"]
+    tiles.nth(1).click()
+    assert opened.page.locator("#browse-map").input_value() == "albedo"
+    pressed = opened.page.eval_on_selector_all(
+        "#gallery .tile", "all => all.map(each => each.getAttribute('aria-pressed'))"
+    )
+    assert [place for place, each in enumerate(pressed) if each == "true"] == [1]
+
+
+def test_pictures_beside_the_page_are_read_from_the_disk_when_they_are_shown(
+    browser: "playwright.Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assemble, "BUDGET", 1)
+    made = summary()
+    path, *files = write_page(made, write_run(tmp_path, made))
+    watched = Watched(browser, path, viewport=DESK)
+    watched.page.wait_for_function("document.getElementById('compare-right-image').width === 16")
+
+    def asked() -> set[str]:
+        return {url.rsplit("/", 1)[1] for url in watched.asked if "report_files" in url}
+
+    first = asked()
+    assert 0 < len(first) < len(files) / 4
+    choose(watched, browse_map="depth", browse_view="2")
+    watched.page.wait_for_function("!document.getElementById('compare-right-image').hidden")
+    watched.page.evaluate("() => new Promise(done => setTimeout(done, 300))")
+    shot = watched.page.locator("#compare-right-image").screenshot()
+    assert len(asked()) > len(first)
+    assert shot != watched.page.locator("#error-image").screenshot()
+    watched.close()
+
+
+def test_a_page_without_its_folder_says_which_file_it_misses(
+    browser: "playwright.Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assemble, "BUDGET", 1)
+    made = summary()
+    path, *files = write_page(made, write_run(tmp_path, made))
+    for each in files:
+        each.unlink()
+    watched = Watched(browser, path, viewport=DESK)
+    complaint = watched.page.locator("#sheets-said")
+    complaint.wait_for(state="visible")
+    assert "report_files/" in (complaint.text_content() or "")
+    assert "has to lie beside this page" in (complaint.text_content() or "")
+    watched.said = [each for each in watched.said if "ERR_FILE_NOT_FOUND" not in each]
+    watched.close()
