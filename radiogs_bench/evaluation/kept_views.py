@@ -26,6 +26,7 @@ MARGIN = 0.1
 """The range of depths is wider than that of the true ones by this share of it, on both sides."""
 
 Image = Float[Tensor, "height width channels"]
+Grey = Float[Tensor, "height width 1"]
 
 
 @dataclass
@@ -62,7 +63,7 @@ class KeptViews:
         codes = (255 * finite.clamp(0, 1)).round().to(torch.uint8)
         self.codes[f"views/{self.names.index(view.name)}/{side}/{name}"] = codes.cpu().numpy()
 
-    def _shown(self, view: View, name: str, image: Image, alpha: Image | None) -> Image:
+    def _shown(self, view: View, name: str, image: Image, alpha: Grey | None) -> Image:
         if name in ("albedo", "indirect"):
             return srgb_encode(image)
         if name == "normal":
@@ -72,7 +73,7 @@ class KeptViews:
         return image
 
 
-def _depth_shown(depth: Image, alpha: Image | None, within: tuple[float, float]) -> Image:
+def _depth_shown(depth: Grey, alpha: Grey | None, within: tuple[float, float]) -> Grey:
     near, far = within
     seen = (depth > 0) if alpha is None else (depth > 0) & (alpha > 0.5)
     return torch.where(seen, (1 - (depth - near) / (far - near)).clamp(1 / 255, 1), 0.0)

@@ -113,6 +113,20 @@ def test_small_pictures_show_rows_views_and_maps_and_choose_by_a_click(opened: W
     assert [place for place, each in enumerate(pressed) if each == "true"] == [1]
 
 
+def test_the_address_leads_to_the_same_picture_again(browser: "playwright.Browser", opened: Watched) -> None:
+    choose(opened, browse_map="relit/night", browse_view="2", compare_left="row no-rad")
+    address = opened.page.url
+    again = browser.new_page()
+    again.goto(address)
+    assert again.locator("#browse-said").text_content() == "my_scene, test_008: relit under night"
+    assert again.locator("#compare-left").input_value() == "row no-rad"
+    again.goto("about:blank")
+    again.goto(address.split("#")[0] + "#browse:map=nothing&view=77&right=row+no-rad")
+    assert again.locator("#browse-said").text_content() == "my_scene, test_004: image", "what is not there is left out"
+    assert again.locator("#compare-right").input_value() == "row no-rad"
+    again.close()
+
+
 def test_pictures_beside_the_page_are_read_from_the_disk_when_they_are_shown(
     browser: "playwright.Browser", tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -249,6 +249,18 @@ def picture(made: Album, key: str, name: str, side: str, view: int) -> np.ndarra
     return whole[height * down : height * (down + 1), width * across : width * (across + 1)]
 
 
+def test_what_no_entry_has_is_neither_explained_nor_offered(tmp_path: Path) -> None:
+    made = summary()
+    assert "In italics: the published value" in page(made, Album())
+    for row in made["published"].values():
+        row.clear()
+    text = page(made, Album())
+    assert "In italics: the published value" not in text
+    block = text[text.index('id="table-means"') : text.index('id="cost"')]
+    assert '<option value="difference">' in block
+    assert '<option value="published">' not in block
+
+
 def test_symbols_are_set_as_the_paper_sets_them(tmp_path: Path) -> None:
     made = summary()
     made["rows"][0]["text"] = "Detach L_G^PBR & <λ_rad>"

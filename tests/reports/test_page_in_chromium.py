@@ -16,6 +16,11 @@ SHEET = {"width": 1032, "height": 703}
 MORE_CELLS = 12
 """How many times as long a page of 200 cells may take to open as one of 20 does."""
 
+DARKEST = """(canvas => {
+    const { data } = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height);
+    return data.some((each, place) => place % 4 === 3 && each > 200 && Math.max(...data.slice(place - 3, place)) < 60);
+})"""
+
 LARGEST = 25_000_000
 EVIL = "<img src=x onerror=\"document.title='taken'\">"
 
@@ -133,6 +138,8 @@ def test_a_cell_tells_where_it_comes_from_and_shows_its_images(opened: Watched) 
     text = dialog.inner_text()
     for part in ("def", "fedcba", "0123456789", "2026-01-02", "radiance"):
         assert part in text
+    links = dialog.locator("a").evaluate_all("all => all.map(each => each.getAttribute('href'))")
+    assert links == ["cells/def.json", "cells/def.npz"]
     dialog.get_by_text("Show its images").click()
     assert not dialog.is_visible()
     assert opened.page.locator("#compare-right").input_value() == "row no-rad"
@@ -202,6 +209,8 @@ def test_on_paper_all_is_unfolded_and_dark_on_light_and_afterwards_as_before(
     assert all(unfolded)
     assert remark.is_visible()
     assert background == "rgb(255, 255, 255)"
+    inks = "[...document.querySelectorAll('#scatter canvas, #views-plot canvas')].map(dark)".replace("dark", DARKEST)
+    assert page.evaluate(inks) == [True, True], "axes and texts of the plots are dark on paper"
     cut = (
         "[...document.querySelectorAll('.scroll')].filter(each => each.scrollWidth > document.body.clientWidth).length"
     )

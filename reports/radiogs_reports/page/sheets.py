@@ -62,7 +62,7 @@ def name_of(sheet: Levels) -> str:
 
 
 def encoded(sheet: Levels) -> bytes:
-    """Lossless WebP; the same content gives the same bytes. A tenth more than at most effort, in a quarter of the time."""
+    """Lossless WebP, the same bytes for the same content; a tenth more than with most effort, four times as fast."""
     packed = io.BytesIO()
     Image.fromarray(sheet).save(packed, "WEBP", lossless=True, quality=25, method=1)
     return packed.getvalue()

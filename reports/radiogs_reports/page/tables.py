@@ -76,9 +76,14 @@ class Table:
         )
 
     @property
-    def compared(self) -> bool:
-        """Whether entries have differences or published values, by which the table can be sorted too."""
-        return any(entry.difference or entry.published for row in self.rows for entry in row)
+    def differs(self) -> bool:
+        """Whether entries have differences, by which the table can be sorted too."""
+        return any(entry.difference for row in self.rows for entry in row)
+
+    @property
+    def published(self) -> bool:
+        """Whether entries have published values, by which the table can be sorted too."""
+        return any(entry.published for row in self.rows for entry in row)
 
 
 def heads_of(columns: Sequence[ColumnSummary]) -> list[Head]:

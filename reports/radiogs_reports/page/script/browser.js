@@ -7,7 +7,9 @@ const browser = (() => {
   const [leftSelect, rightSelect, slider] = ["compare-left", "compare-right", "compare-slider"].map(found);
   const [stage, errorStage] = ["compare-stage", "error-stage"].map(found);
   const [leftImage, rightImage, errorImage] = ["compare-left-image", "compare-right-image", "error-image"].map(found);
+  const selects = { scene: sceneSelect, seed: seedSelect, map: mapSelect, view: viewSelect, left: leftSelect, right: rightSelect };
   const TRUTH = "truth";
+  const LINK = "#browse:";
   const rowValue = (row) => `row ${row}`; // no row's key is the word for the truth
   const kept = data.runs.filter((run) => sheets.has(run.key));
   let runs = kept;
@@ -57,6 +59,8 @@ const browser = (() => {
     found("error-unit").textContent = unit;
     found("compare-left-name").textContent = `◀ ${there ? leftName : `n/a: ${left === TRUTH ? "no ground truth for" : `${leftName} has not`} this map`}`;
     found("compare-right-name").textContent = `${[texts[mine.row], value(mine)].filter(Boolean).join(", ")} ▶`;
+    const seed = seedSelect.options.length > 1 ? `, seed ${mine.seed}` : "";
+    found("browse-said").textContent = `${mine.scene}${seed}, ${viewName(view())}: ${label}`;
     const size = sheets.sizeOf(mine.key, map(), "mine", view());
     if (size) for (const each of [stage, errorStage]) each.style.aspectRatio = `${size.width} / ${size.height}`;
     document.dispatchEvent(new Event("browse"));
@@ -74,14 +78,23 @@ const browser = (() => {
     select.dispatchEvent(new Event("change"));
   }
 
-  function choose(choices) { // by name: scene, seed, view, map, left, right
-    const selects = { scene: sceneSelect, seed: seedSelect, view: viewSelect, map: mapSelect, left: leftSelect, right: rightSelect };
+  function choose(choices) { // by name, as in `selects`; what is not offered leaves the choice as it was
     for (const [name, select] of Object.entries(selects)) {
-      if (!(name in choices)) continue;
-      select.value = String(choices[name]);
+      if ([...select.options].some((option) => option.value === String(choices[name]))) select.value = String(choices[name]);
       offer();
     }
     show();
+  }
+
+  function remember() { // in the address, so that it can be kept or sent
+    const chosen = Object.entries(selects).map(([name, select]) => [name, select.value]);
+    history.replaceState(null, "", `${LINK}${new URLSearchParams(chosen)}`);
+  }
+
+  function recall() {
+    if (!location.hash.startsWith(LINK)) return;
+    choose(Object.fromEntries(new URLSearchParams(location.hash.slice(LINK.length))));
+    found("images").scrollIntoView();
   }
 
   function follow() {
@@ -101,12 +114,14 @@ const browser = (() => {
     arrow: (key) => ({ ArrowLeft: () => step(viewSelect, -1), ArrowRight: () => step(viewSelect, 1), ArrowUp: () => step(rightSelect, -1), ArrowDown: () => step(rightSelect, 1) })[key](),
   });
   document.addEventListener("selection", follow);
-  for (const select of [sceneSelect, seedSelect, mapSelect, viewSelect, leftSelect, rightSelect]) {
+  for (const select of Object.values(selects)) {
     select.addEventListener("change", () => {
       offer();
       show();
+      remember();
     });
   }
+  addEventListener("hashchange", recall);
   slider.addEventListener("input", slide);
   found("view-before").addEventListener("click", () => step(viewSelect, -1));
   found("view-after").addEventListener("click", () => step(viewSelect, 1));
@@ -118,5 +133,16 @@ const browser = (() => {
     found("images").scrollIntoView();
     rightSelect.focus();
   });
-  return { start() { follow(); slide(); }, here, right, view, map, value, viewName, choose, rowValue };
+  function start() {
+    follow();
+    slide();
+    recall();
+  }
+
+  function chooseAndRemember(choices) {
+    choose(choices);
+    remember();
+  }
+
+  return { start, here, right, view, map, value, viewName, choose: chooseAndRemember, rowValue };
 })();

@@ -4,7 +4,6 @@
   const { data, texts, element } = shared;
   const box = document.getElementById("gallery");
   const [ofSelect, errors] = ["gallery-of", "gallery-errors"].map((name) => document.getElementById(name));
-  let near = null;
 
   function ofRows() {
     const view = browser.view();
@@ -49,22 +48,15 @@
     return made;
   }
 
-  function show() { // pictures are read when they come near the window
-    near?.disconnect();
-    near = new IntersectionObserver((entries) => {
-      for (const { target } of entries.filter((each) => each.isIntersecting)) {
-        near.unobserve(target);
-        target.draw();
-      }
-    }, { rootMargin: "400px" });
+  function show() {
     const focused = [...box.children].indexOf(document.activeElement);
-    box.replaceChildren(...{ rows: ofRows, views: ofViews, maps: ofMaps }[ofSelect.value]().map(tile));
-    for (const each of box.children) near.observe(each);
+    const tiles = { rows: ofRows, views: ofViews, maps: ofMaps }[ofSelect.value]().map(tile);
+    box.replaceChildren(...tiles);
+    requestIdleCallback(() => tiles.forEach((each) => each.draw())); // the comparison above comes first
     if (focused >= 0) box.children[Math.min(focused, box.children.length - 1)].focus();
   }
 
   for (const each of [ofSelect, errors]) each.addEventListener("change", show);
   document.addEventListener("browse", show);
-  addEventListener("beforeprint", () => [...box.children].forEach((each) => each.draw()));
   browser.start();
 })();

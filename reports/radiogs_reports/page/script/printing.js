@@ -10,9 +10,11 @@
     }
     theme = root.dataset.theme;
     root.dataset.theme = "light";
+    document.dispatchEvent(new Event("themechange")); // plots are drawn in the colours of the theme
   });
   addEventListener("afterprint", () => {
     for (const details of folded.splice(0)) details.open = false;
     root.dataset.theme = theme;
+    document.dispatchEvent(new Event("themechange"));
   });
 })();

@@ -32,10 +32,22 @@
     return made;
   }
 
+  function files(run) { // of a finished cell, in the store beside the page
+    const made = element("p", "Files beside this page:", "downloads");
+    for (const [address, text] of [[`cells/${run.key}.json`, "result as JSON"], [run.arrays, "maps and pictures"]]) {
+      const link = element("a", text);
+      link.href = address;
+      link.download = "";
+      made.append(" ", link);
+    }
+    return made;
+  }
+
   function open(run) {
     document.getElementById("provenance-head").textContent = nameOf(run);
     const body = document.getElementById("provenance-body");
     body.replaceChildren(part("Result", { key: run.key, state: run.state, surfels: run.surfels, view: run.view, light: run.light }));
+    if (run.arrays) body.append(files(run));
     if (document.getElementById(`sheets-${run.key}`)) {
       const button = element("button", "Show its images");
       button.type = "button";
