@@ -25,7 +25,7 @@ def add_to(commands: "Commands") -> None:
     reporting.add_argument(
         "--self-contained",
         action="store_true",
-        help="report.html as a single file below 25 MB: of many pictures it has fewer views, then smaller ones",
+        help="report.html as a single file: of pictures above 20 MiB it has fewer views, then smaller ones",
     )
     exporting = _declare(
         commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export

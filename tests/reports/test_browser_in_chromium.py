@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from chromium import DESK, Watched, browser, made_up, needed, playwright
-from made_up_run import arrays, run, summary, write_run, written_page
+from made_up_run import arrays, run, summary, write_run
 from radiogs_reports.maps import levels
 from radiogs_reports.page import assemble, write_page
 
@@ -28,7 +28,10 @@ def opened(browser: "playwright.Browser", tmp_path: Path) -> Iterator[Watched]:
     made = made_up()
     made["scenes"] = ["my_scene", "other"]
     made["runs"].append(run("ours", "other", 0, "456", {"nvs/psnr": 29.0, "normal/mae": 7.4, "nvs/lpips": None}))
-    watched = Watched(browser, written_page(made, tmp_path), viewport=DESK)
+    folder = write_run(tmp_path, made)
+    kept = {name: each for name, each in arrays(1).items() if name != "render/incident"}
+    np.savez(folder / "cells" / "def.npz", allow_pickle=False, **kept)
+    watched = Watched(browser, write_page(made, folder)[0], viewport=DESK)
     yield watched
     watched.close()
 
@@ -75,6 +78,9 @@ def test_a_map_without_truth_says_so_and_has_no_error(opened: Watched) -> None:
     assert opened.page.evaluate(PIXELS, "error-image") is None
     assert opened.page.locator("#error-none").is_visible()
     assert opened.page.locator("#browse-view option").all_text_contents() == ["test_004"], "of one view alone"
+    assert opened.page.locator("#gallery .tile").all_inner_texts()[1].split() == ["lambda_rad", "=", "0", "n/a"]
+    choose(opened, compare_right="row no-rad")
+    assert said(opened, "compare-right-name") == "n/a: lambda_rad = 0 has no such map ▶"
 
 
 def test_arrow_keys_go_from_view_to_view_and_from_row_to_row(opened: Watched) -> None:

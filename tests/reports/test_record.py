@@ -11,6 +11,7 @@ import pytest
 
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
+from radiogs_reports.page import assemble
 from radiogs_reports.record import RECORD, keep_record
 
 
@@ -108,3 +109,17 @@ def test_all_are_made_again_after(change: Callable[[Path], None], tmp_path: Path
     assert not (folder / "report.html").is_symlink()
     if change not in (another_summary, another_array):
         assert (folder / "report.html").read_bytes() == expected
+
+
+def test_pictures_beside_the_page_go_when_it_is_to_stand_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = write_run(tmp_path, {**summary(), "sheet": []})
+    monkeypatch.setattr(assemble, "BUDGET", 1)
+    written = write_reports(folder)
+    beside = sorted((folder / "report_files").iterdir())
+    assert beside
+    assert set(beside) < set(written)
+    (folder / "report_files" / "mine.txt").write_text("of somebody")
+    monkeypatch.undo()
+    again = write_reports(folder, alone=True)
+    assert set(again) == set(written) - set(beside)
+    assert [path.name for path in (folder / "report_files").iterdir()] == ["mine.txt"]

@@ -15,7 +15,7 @@ from .sheets import Binder
 from .shelf import FOLDER, Full, Shelf
 
 BUDGET = 20 * 2**20
-"""Bytes of the pictures within a page, as text. The rest is far below 5 MiB, so such a page stays below 25 MB."""
+"""Bytes of the pictures within a page, as text."""
 
 LEGIBLE = 32
 """Smallest width and height in pixels; if pictures of that size exceed the budget, some cells have none."""

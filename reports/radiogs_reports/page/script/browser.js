@@ -52,16 +52,16 @@ const browser = (() => {
     const leftName = left === TRUTH ? "ground truth" : texts[other.row];
     const there = sheets.sizeOf(other.key, map(), side, view()) !== undefined;
     const known = sheets.sizeOf(mine.key, map(), "error", view()) !== undefined;
+    const size = sheets.sizeOf(mine.key, map(), "mine", view());
     sheets.draw(rightImage, mine.key, map(), "mine", view(), `${label}, ${texts[mine.row]}, ${viewName(view())}`);
     sheets.draw(leftImage, other.key, map(), side, view(), `${label}, ${leftName}, ${viewName(view())}`);
     sheets.draw(errorImage, mine.key, map(), "error", view(), `error of ${label}, ${texts[mine.row]}, ${viewName(view())}`);
     found("error-none").hidden = known;
     found("error-unit").textContent = unit;
-    found("compare-left-name").textContent = `◀ ${there ? leftName : `n/a: ${left === TRUTH ? "no ground truth for" : `${leftName} has not`} this map`}`;
-    found("compare-right-name").textContent = `${[texts[mine.row], value(mine)].filter(Boolean).join(", ")} ▶`;
+    found("compare-left-name").textContent = `◀ ${there ? leftName : `n/a: ${left === TRUTH ? "no ground truth for this map" : `${leftName} has no such map`}`}`;
+    found("compare-right-name").textContent = `${size ? [texts[mine.row], value(mine)].filter(Boolean).join(", ") : `n/a: ${texts[mine.row]} has no such map`} ▶`;
     const seed = seedSelect.options.length > 1 ? `, seed ${mine.seed}` : "";
     found("browse-said").textContent = `${mine.scene}${seed}, ${viewName(view())}: ${label}`;
-    const size = sheets.sizeOf(mine.key, map(), "mine", view());
     if (size) for (const each of [stage, errorStage]) each.style.aspectRatio = `${size.width} / ${size.height}`;
     document.dispatchEvent(new Event("browse"));
   }

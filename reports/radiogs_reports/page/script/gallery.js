@@ -39,11 +39,11 @@
     made.setAttribute("aria-pressed", String(each.chosen));
     const canvas = element("canvas");
     canvas.setAttribute("role", "img");
-    made.append(canvas, element("span", each.name), element("span", each.value, "hint"));
-    made.addEventListener("click", () => browser.choose(each.choice));
     const side = errors.checked ? "error" : each.side;
     const size = sheets.sizeOf(each.run.key, each.map, side, each.view);
     if (size) [canvas.width, canvas.height] = [size.width, size.height];
+    made.append(canvas, element("span", each.name), element("span", size ? each.value : "n/a", "hint"));
+    made.addEventListener("click", () => browser.choose(each.choice));
     made.draw = () => sheets.draw(canvas, each.run.key, each.map, side, each.view, `${each.name}${errors.checked ? ", error" : ""}`);
     return made;
   }
