@@ -74,14 +74,14 @@ def check(options: argparse.Namespace) -> int:
     from radiogs_datasets.check import check_scene
 
     from ..training.progress import progress_for_stderr
-    from .reporter import say
+    from .reporter import say, say_whole
 
     with progress_for_stderr() as progress:
         report = check_scene(options.scene, scene_options(options), partial(progress.advance, "checking"))
     scene = report.scene
     if options.json:
         found = [asdict(finding) for finding in report.findings]
-        say(json.dumps({"scene": options.scene, "sound": report.sound, "findings": found}, indent=1))
+        say_whole(json.dumps({"scene": options.scene, "sound": report.sound, "findings": found}, indent=1))
         return 0 if report.sound else DATA_EXIT
     for finding in report.findings:
         say(f"{finding.severity}: {finding.place}: {finding.what}")

@@ -26,7 +26,7 @@ def methods(options: argparse.Namespace) -> int:
     """List all methods, or say everything about one."""
     from ..errors import explain, worst_exit_code
     from ..methods import describe, method, method_names
-    from .reporter import complain, say
+    from .reporter import complain, say_whole
 
     described: list[dict[str, Any]] = []
     broken: list[ExplainedError] = []
@@ -39,7 +39,7 @@ def methods(options: argparse.Namespace) -> int:
             broken.append(error)
     if options.json:
         for each in described:
-            say(json.dumps(each, allow_nan=False))
+            say_whole(json.dumps(each, allow_nan=False))
     elif options.name:
         _show_one(described[0])
     else:

@@ -205,6 +205,7 @@ def relight(options: argparse.Namespace) -> int:
 
     from ..evaluation.near_light import NOT_DISTANT
     from ..store.folder import Store
+    from ..training.progress import working
     from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
@@ -220,7 +221,8 @@ def relight(options: argparse.Namespace) -> int:
         run, model = read_trained(options.folder, device, turned)
         if run.scene.surrounded:
             say(f"relighting means little here: {NOT_DISTANT}")
-        relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
+        with working(f"preparing {options.envmap.name}"):
+            relit = prepared(about["method"], model, light, torch.tensor(options.albedo_scale))
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
         return write_views(
@@ -256,18 +258,21 @@ def write_views(
     from ..evaluation.frame_cost import frame_milliseconds
     from ..evaluation.maps import on_black
     from ..method_calls import calling
+    from ..training.progress import progress_for_stderr
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train
     cameras = [view.camera.to(run.device, torch.float32) for view in views]
-    for view, camera in zip(views, cameras, strict=True):
-        for kind, image in on_black(shown, camera, method=method, view=view.name).items():
-            place = folder / place_of(kind) / view.name.replace("/", "_")
-            place.parent.mkdir(parents=True, exist_ok=True)
-            if kind == "image":
-                write_png(place.with_name(f"{place.name}.png"), image.numpy())
-            else:
-                write_exr(place.with_name(f"{place.name}.exr"), image.numpy())
+    with progress_for_stderr() as progress:
+        for done, (view, camera) in enumerate(zip(views, cameras, strict=True)):
+            progress.advance("rendering", done, len(views))
+            for kind, image in on_black(shown, camera, method=method, view=view.name).items():
+                place = folder / place_of(kind) / view.name.replace("/", "_")
+                place.parent.mkdir(parents=True, exist_ok=True)
+                if kind == "image":
+                    write_png(place.with_name(f"{place.name}.png"), image.numpy())
+                else:
+                    write_exr(place.with_name(f"{place.name}.exr"), image.numpy())
     said = f"{len(views)} views in {folder}"
     if shown.timed:
         with calling(method, "render(), once more to be timed"):

@@ -47,8 +47,9 @@ def probe(options: argparse.Namespace) -> int:
     from radiogs_core.errors import UsageError
     from radiogs_datasets.lights import read_light
 
+    from ..training.progress import working
     from .device import chosen_device
-    from .reporter import say
+    from .reporter import say, say_whole
 
     if options.picture is not None and not options.picture.absolute().parent.is_dir():
         raise UsageError(
@@ -59,15 +60,17 @@ def probe(options: argparse.Namespace) -> int:
     if not options.json:
         for repair in repairs:
             say(repair)
-    name, found = _probed(options, device, light)
+    with working(f"probing {options.subject}"):
+        name, found = _probed(options, device, light)
     if light is not None:
         name += f"-{options.envmap.stem}"
     if options.json:
-        say(json.dumps(found.plain(), allow_nan=False))
+        say_whole(json.dumps(found.plain(), allow_nan=False))
     else:
         _show(name, found)
     picture = options.picture or Path(f"probe-{name}.png")
-    _draw(found, picture)
+    with working("drawing where effects matter"):
+        _draw(found, picture)
     if not options.json:
         say(f"wrote {picture}: changes of {MATTERS:g} of the display's range and above are white")
     return 0

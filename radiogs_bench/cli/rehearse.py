@@ -77,7 +77,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from ..training.progress import LogProgress
     from ..training.warm_up import compile_kernels
     from .device import chosen_device
-    from .reporter import say
+    from .reporter import say_whole
 
     if options.forecast_for is not None and options.forecast_for not in KNOWN_DEVICES:
         raise UsageError(f"nothing is known of device '{options.forecast_for}'", f"Known: {', '.join(KNOWN_DEVICES)}.")
@@ -111,7 +111,7 @@ def rehearse(options: argparse.Namespace) -> int:
     record = record_of(asked, rows, climbed)
     write_atomically(folder / "rehearsal.json", strict_json(sealed(record)))
     if options.json:
-        say(json.dumps(record, allow_nan=False))
+        say_whole(json.dumps(record, allow_nan=False))
     else:
         _show(record, folder / "rehearsal.json")
     if climbed.stopped:

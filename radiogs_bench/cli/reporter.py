@@ -1,7 +1,10 @@
 """Prints for all commands: results to stdout, errors to stderr."""
 
+import shutil
 import sys
 from typing import TYPE_CHECKING
+
+from .wrapping import wrapped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,13 +15,26 @@ LOG_WIDTH = 160
 
 
 def say(line: str) -> None:
-    """Print a line unchanged."""
+    """Print a line; on a terminal it is wrapped between words."""
+    sys.stdout.write(fitted(line, sys.stdout.isatty()) + "\n")
+
+
+def say_whole(line: str) -> None:
+    """Print a line unchanged: what programs read."""
     sys.stdout.write(line + "\n")
 
 
 def complain(message: str) -> None:
-    """Print an error message."""
-    sys.stderr.write(message + "\n")
+    """Print an error message, wrapped like other lines."""
+    sys.stderr.write(fitted(message, sys.stderr.isatty()) + "\n")
+
+
+def fitted(text: str, on_terminal: bool) -> str:
+    """The text, wrapped to the width of a terminal if it is printed on one."""
+    if not on_terminal:
+        return text
+    columns = shutil.get_terminal_size().columns
+    return "\n".join(wrapped(line, columns) for line in text.split("\n"))
 
 
 def show(table: "Table") -> None:

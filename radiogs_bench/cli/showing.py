@@ -1,5 +1,6 @@
 """Writes a store's summary and reports, and prints its table."""
 
+from functools import partial
 from pathlib import Path
 
 from radiogs_baselines.published import published
@@ -14,6 +15,7 @@ from ..store.atomic import explained, write_atomically
 from ..store.folder import Store
 from ..store.seal import sealed, strict_json
 from ..suites.sweep import Sweep
+from ..training.progress import progress_for_stderr
 from .aside import say_aside
 from .fitting import tables_of
 from .reporter import console, say, show
@@ -52,10 +54,10 @@ def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, lis
     """
     table = published(sweep["published"]) if sweep["published"] else None
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
-    with store.patient_claim("summary"):
+    with store.patient_claim("summary"), progress_for_stderr() as progress:
         write_atomically(store.folder / "summary.json", strict_json(sealed(summary)))
         with explained(store.folder):
-            written = write_reports(store.folder, alone)
+            written = write_reports(store.folder, alone, partial(progress.advance, "figures, tables, page"))
     return summary, [store.folder / "summary.json", *written]
 
 

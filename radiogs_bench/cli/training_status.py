@@ -8,7 +8,7 @@ from pathlib import Path
 from ..durations import time_left
 from ..store.folder import Store
 from ..store.pace import Pace, paces
-from .reporter import say
+from .reporter import say, say_whole
 
 
 def is_training(folder: Path) -> bool:
@@ -21,7 +21,7 @@ def show_training(folder: Path, plain: bool, every: int | None) -> None:
     while True:
         working = paces(Store(folder))
         if plain:
-            say(json.dumps({"training": [asdict(pace) for pace in working]}, allow_nan=False))
+            say_whole(json.dumps({"training": [asdict(pace) for pace in working]}, allow_nan=False))
         else:
             for pace in working:
                 say(line_of(pace))

@@ -2,24 +2,19 @@
 
 import sys
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Protocol, runtime_checkable
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bars
+from rich.progress import TaskID
 
 from ..durations import time_left
-
-SHOWN_AFTER_SECONDS = 2.0
-"""Tasks shorter than this show no bar."""
+from .bars import bars_on
 
 LOGGED_EVERY_SECONDS = 60.0
 """Between two lines about steps in a log."""
-
-SPEED_WINDOW_SECONDS = 3600.0
-"""Period over which speed is averaged for the time left; rich's default of 30 s is less than one cell takes."""
 
 
 @runtime_checkable
@@ -45,17 +40,7 @@ class TerminalProgress:
     """A bar with time left for each running task, below the printed lines."""
 
     def __init__(self) -> None:
-        self.bars = Bars(
-            TextColumn("{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            speed_estimate_period=SPEED_WINDOW_SECONDS,
-            transient=True,
-        )
+        self.bars = bars_on(Console(stderr=True))
         self.tasks: dict[str, TaskID] = {}
 
     def __enter__(self) -> "TerminalProgress":
@@ -72,15 +57,13 @@ class TerminalProgress:
         self.bars.console.print(line, markup=False, highlight=False)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Move a bar; it appears after SHOWN_AFTER_SECONDS and disappears when its task ends."""
+        """Move a bar; it is drawn once its task has taken two seconds, and disappears when the task ends."""
         if task not in self.tasks:
             # Begun at the first report: a resumed task's time left must not count steps of another process.
-            self.tasks[task] = self.bars.add_task(task, total=total, completed=done, visible=False)
+            self.tasks[task] = self.bars.add_task(task, total=total, completed=done)
         self.bars.update(self.tasks[task], completed=done, total=total)
         if done >= total:
             self.bars.remove_task(self.tasks.pop(task))
-        for bar in self.bars.tasks:
-            bar.visible = (bar.elapsed or 0.0) > SHOWN_AFTER_SECONDS
 
 
 class LogProgress:
@@ -152,6 +135,14 @@ class SweepProgress:
                 del self.stands[task]
             self.progress.advance("all stages", self.taken, self.steps)
         self.progress.advance(task, done, total)
+
+
+@contextmanager
+def working(task: str) -> Iterator[None]:
+    """Shows that something is done that reports no steps, with the time it has taken."""
+    with progress_for_stderr() as progress:
+        progress.advance(task, 0, 1)
+        yield
 
 
 def progress_for_stderr() -> Progress:

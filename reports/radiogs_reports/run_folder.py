@@ -1,6 +1,6 @@
 """Every report of a run, written into its folder."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .analysis.audit import audit_report
@@ -28,14 +28,23 @@ from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 
-def write_reports(out: Path, alone: bool = False) -> list[Path]:
+PARTS = 4
+"""What ``write_reports`` counts: figures, tables, contact sheet, page."""
+
+
+def unheard(done: int, total: int) -> None:
+    """Where nobody wants to know how many parts are done."""
+
+
+def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard) -> list[Path]:
     """Write every table and figure of the run in ``out`` from its summary.json and arrays; returns the files.
 
     ``alone``: the page has to be a single file, with fewer pictures if they are many.
 
     The same stored results give the same bytes; reports that are there and would be the same are not made again.
-    Tables and figures that only an earlier run had are deleted. Raises
-    ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a link.
+    Tables and figures that only an earlier run had are deleted. ``advance`` is told how many of the ``PARTS`` are done.
+    Raises ValueError for a summary that cannot be used, OSError where reports cannot be written or their folder is a
+    link.
     """
     summary = read_summary(out)
     require_own_folders(out, "tables", FOLDER, PICTURES)
@@ -43,16 +52,21 @@ def write_reports(out: Path, alone: bool = False) -> list[Path]:
     there = unchanged(out, source)
     if there is not None:
         return there
+    advance(0, PARTS)
     figures = write_figures(summary, out)
+    advance(1, PARTS)
     written = []
     for name, text in texts(summary, figures).items():
         written.append(fresh(out / name))
         written[-1].write_text(text, encoding="utf-8")
+    advance(2, PARTS)
     if summary["sheet"]:
         written.append(write_contact_sheet(summary, out))
+    advance(3, PARTS)
     written += write_page(summary, out, [drawn for drawn in figures if drawn.on_page], alone)
     written += [path for drawn in figures for path in (drawn.png, drawn.pdf)]
     keep_record(out, written, source)
+    advance(PARTS, PARTS)
     return written
 
 

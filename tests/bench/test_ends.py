@@ -6,6 +6,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 import pytest
@@ -96,11 +97,11 @@ def test_reports_that_do_not_fit_on_the_disk_are_explained_and_made_later(
     """Audit M22: a full disk while reports are written was a traceback. ``first`` is a file that does not fit."""
     whole, writing = files_of(run), showing.write_reports
 
-    def scarce(out: Path, alone: bool) -> list[Path]:
+    def scarce(out: Path, *told: Any) -> list[Path]:
         limits = resource.getrlimit(resource.RLIMIT_FSIZE)
         resource.setrlimit(resource.RLIMIT_FSIZE, (bound, limits[1]))
         try:
-            return writing(out, alone)
+            return writing(out, *told)
         finally:
             resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 

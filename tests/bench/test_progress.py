@@ -41,33 +41,60 @@ def test_a_terminal_gets_bars(monkeypatch: pytest.MonkeyPatch) -> None:
     assert isinstance(progress_for_stderr(), TerminalProgress)
 
 
+class Screen:
+    """A terminal in memory, ``width`` characters wide, whose clock the test turns."""
+
+    def __init__(self, width: int = 120) -> None:
+        self.progress, self.clock = TerminalProgress(), 0.0
+        self.progress.bars.get_time = lambda: self.clock
+        self.console = Console(file=io.StringIO(), force_terminal=True, width=width, color_system=None)
+
+    def drawn(self) -> list[str]:
+        """The lines of the bars, as they are drawn now."""
+        with self.console.capture() as captured:
+            self.console.print(self.progress.bars.get_renderable())
+        return [line for line in captured.get().splitlines() if line.strip()]
+
+
 @pytest.fixture
-def screen() -> TerminalProgress:
-    """A terminal that writes into memory, whose clock the test turns."""
-    progress = TerminalProgress()
-    progress.bars.live.console = Console(file=io.StringIO(), force_terminal=True, width=120)
-    return progress
+def screen() -> Screen:
+    return Screen()
 
 
-def test_a_bar_shows_time_left_once_it_has_run_for_two_seconds(screen: TerminalProgress) -> None:
-    clock = 0.0
-    screen.bars.get_time = lambda: clock
-    screen.advance("invert", 3, 10)  # begun here: what another process did says nothing about the speed of this one
-    clock = 1.0
-    screen.advance("invert", 4, 10)
-    assert not screen.bars.tasks[0].visible
-    clock = 7.0
-    screen.advance("invert", 7, 10)
-    (bar,) = screen.bars.tasks
-    assert bar.visible
-    assert bar.time_remaining == pytest.approx(6.0)  # 3 steps took 6 s, 3 are left
+def test_a_bar_shows_time_left_once_it_has_run_for_two_seconds(screen: Screen) -> None:
+    advance = screen.progress.advance
+    advance("invert", 3, 10)  # begun here: what another process did says nothing about the speed of this one
+    screen.clock = 1.0
+    advance("invert", 4, 10)
+    assert screen.drawn() == []
+    screen.clock = 7.0
+    advance("invert", 7, 10)
+    (line,) = screen.drawn()
+    assert line.split()[0] == "invert"
+    assert line.split()[2:] == ["7/10", "0:00:07", "left", "0:00:06"]  # 3 steps took 6 s, 3 are left
 
 
-def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: TerminalProgress) -> None:
-    screen.advance("init", 9, 10)
-    assert screen.bars.tasks[0].completed == 9
-    screen.advance("init", 10, 10)
-    assert screen.bars.tasks == []
+@pytest.mark.parametrize("width", [80, 60])
+def test_on_a_narrow_terminal_a_name_loses_words_and_no_number_a_digit(width: int) -> None:
+    screen = Screen(width)
+    screen.progress.advance("corner nvs-init seed 12: stage 1, initialisation", 11_000, 20_000)
+    screen.progress.advance("all stages", 4, 100_000)
+    screen.clock = 7200.0
+    screen.progress.advance("corner nvs-init seed 12: stage 1, initialisation", 12_000, 20_000)
+    first, second = screen.drawn()
+    name = first.split("━")[0].strip()
+    assert name.endswith(" …")
+    assert "corner nvs-init seed 12: stage 1, initialisation".startswith(name.removesuffix("…"))
+    for line, whole in ((first, "12000/20000 2:00:00 left"), (second, "4/100000 2:00:00 left")):
+        assert whole in " ".join(line.split())
+        assert len(line) <= width
+
+
+def test_a_finished_bar_goes_and_a_resumed_one_starts_where_it_stands(screen: Screen) -> None:
+    screen.progress.advance("init", 9, 10)
+    assert screen.progress.bars.tasks[0].completed == 9
+    screen.progress.advance("init", 10, 10)
+    assert screen.progress.bars.tasks == []
 
 
 class Recorder(LogProgress):
@@ -95,10 +122,10 @@ def test_the_sweep_counts_the_steps_of_all_stages_and_not_those_of_a_checkpoint(
     assert recorder.last == {"one": (10, 10), "two": (20, 20), "evaluation": (3, 8), "all stages": (26, 26)}
 
 
-def test_a_bar_that_gets_no_steps_for_a_while_is_shown_all_the_same(screen: TerminalProgress) -> None:
-    clock = 0.0
-    screen.bars.get_time = lambda: clock
-    screen.advance("cells", 0, 10)
-    clock = 5.0
-    screen.advance("invert", 1, 10)
-    assert [bar.visible for bar in screen.bars.tasks] == [True, False]
+def test_a_bar_that_gets_no_steps_for_a_while_is_shown_all_the_same(screen: Screen) -> None:
+    screen.progress.advance("cells", 0, 10)
+    screen.clock = 5.0
+    (line,) = screen.drawn()
+    assert line.startswith("cells")
+    screen.progress.advance("invert", 1, 10)
+    assert len(screen.drawn()) == 1
