@@ -22,16 +22,25 @@ def display_harmonics(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfe
     The curve makes other harmonics of these, so it is the least-squares fit over the sphere. It is exact for what looks
     the same from everywhere.
     """
-    place = torch.arange(DIRECTIONS, dtype=torch.float64)
-    height = 1 - (2 * place + 1) / DIRECTIONS
-    turn = place * math.pi * (3 - math.sqrt(5))
-    side = (1 - height.square()).sqrt()
-    directions = torch.stack([side * turn.cos(), side * turn.sin(), height], -1)
-    unit = torch.eye(COEFFICIENTS, dtype=torch.float64)[..., None].expand(-1, -1, 3).contiguous()
-    basis = harmonic_sum(unit, directions.expand(COEFFICIENTS, -1, -1).contiguous())[..., 0].T
+    basis = basis_along(spread_directions(DIRECTIONS))
     fit = torch.linalg.pinv(basis)
     shown = [
         torch.einsum("cd,ndk->nck", fit, srgb_encode((basis @ some.double() + 0.5).clamp(0, 1)) - 0.5)
         for some in sh.detach().cpu().split(AT_A_TIME)
     ]
     return torch.cat(shown).float()
+
+
+def spread_directions(count: int) -> Float[Tensor, "directions 3"]:
+    """Unit vectors evenly over the sphere (a Fibonacci lattice), float64."""
+    place = torch.arange(count, dtype=torch.float64)
+    height = 1 - (2 * place + 1) / count
+    turn = place * math.pi * (3 - math.sqrt(5))
+    side = (1 - height.square()).sqrt()
+    return torch.stack([side * turn.cos(), side * turn.sin(), height], -1)
+
+
+def basis_along(directions: Float[Tensor, "directions 3"]) -> Float[Tensor, "directions 16"]:
+    """The value of each harmonic along unit directions, float64."""
+    unit = torch.eye(COEFFICIENTS, dtype=torch.float64)[..., None].expand(-1, -1, 3).contiguous()
+    return harmonic_sum(unit, directions.expand(COEFFICIENTS, -1, -1).contiguous())[..., 0].T

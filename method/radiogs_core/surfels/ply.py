@@ -4,10 +4,11 @@ First the 62 attributes of 3DGS in its order: x y z; nx ny nz (the unit normal, 
 (harmonics of degree 0 and of 1 to 3, all of red first, then green and blue; colour = 1/2 + harmonics, display sRGB);
 opacity (a logit); scale_0..2 (natural logarithms; the third is a thousandth of the smaller of both, as viewers know no
 flat splats); rot_0..3 (w, x, y, z). Then our own: radiance_0..47 (the harmonics of linear radiance, in the same order),
-albedo_logit_0..2 and roughness_logit.
+albedo_logit_0..2 and roughness_logit. ``viewer_files`` writes the attributes of others alone.
 """
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -47,9 +48,12 @@ PARTS = {
 }
 """Columns of each raw parameter."""
 
+ALL = (*OF_3DGS, *(column for names in PARTS.values() for column in names if column not in OF_3DGS))
+"""Every attribute, in the order of the file."""
 
-def write_ply(surfels: Surfels, path: Path) -> None:
-    """Write binary little-endian PLY, float32; a link in its place is replaced. Raises OSError."""
+
+def write_ply(surfels: Surfels, path: Path, attributes: Sequence[str] = ALL) -> None:
+    """Write some attributes as binary little-endian PLY, float32; a link in its place is replaced. Raises OSError."""
     raw = {name: value.detach().cpu().float() for name, value in surfels.parameters().items()}
     shown = _as_stored(display_harmonics(raw["sh"])).unbind(-1)
     raw["sh"] = _as_stored(raw["sh"])
@@ -62,7 +66,7 @@ def write_ply(surfels: Surfels, path: Path) -> None:
     columns |= dict(zip(("nx", "ny", "nz"), normal.unbind(-1), strict=True))
     columns |= dict(zip((name for name in OF_3DGS if name.startswith("f_")), shown, strict=True))
     columns["scale_2"] = raw["log_scale"].amin(-1) + math.log(FLATNESS)
-    columns = {name: columns[name] for name in (*OF_3DGS, *columns)}
+    columns = {name: columns[name] for name in attributes}
     rows = np.empty(len(surfels), dtype=[(column, "<f4") for column in columns])
     for column, values in columns.items():
         rows[column] = values.numpy()
