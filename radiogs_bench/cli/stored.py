@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import DataError
 
 from ..errors import exit_code
-from . import layout, mesh
+from . import layout, mesh, splats
 from .options import add_verbose
 
 if TYPE_CHECKING:
     from .options import Commands
 
 
-FORMATS = ("csv", "json", "parquet", "tensorboard")
+TABLES = ("csv", "json", "parquet")
+LOGS = ("tensorboard", "wandb")
+"""The course of training, for a logger."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -30,11 +32,19 @@ def add_to(commands: "Commands") -> None:
     exporting = _declare(
         commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
     )
-    exporting.add_argument("--to", choices=FORMATS, default="csv", help="(default: csv)")
+    exporting.add_argument(
+        "--to",
+        choices=(*TABLES, *LOGS, *splats.FORMS),
+        default="csv",
+        help="metrics; their course; surfels (default: csv)",
+    )
     exporting.add_argument(
         "--file",
         type=Path,
-        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/mesh.ply, OUT/CODE)",
+        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb, OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE)",
+    )
+    exporting.add_argument(
+        "--row", metavar="ROW", help="of a run: the row whose surfels are written (default: the first)"
     )
     mesh.add_options(exporting)
     layout.add_options(exporting)
@@ -54,10 +64,12 @@ def verify(options: argparse.Namespace) -> int:
     """Print every file that is not as it was stored, and what a rerun would take; 3 if there is any."""
     from ..results.verify import verify as look
     from ..store.folder import Store
+    from ..training.progress import working
     from .aside import say_aside
     from .reporter import say
 
-    found = look(options.out)
+    with working(f"reading {options.out}"):
+        found = look(options.out)
     for each in found.findings:
         say(f"{each.path}: {each.what}")
     say(f"{found.whole} files are as they were stored, {len(found.findings)} are not")
@@ -86,12 +98,13 @@ def report(options: argparse.Namespace) -> int:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store, or a trained model's mesh or images."""
+    """Write one table of every metric in the store, the course of its training, or a trained model in some form."""
     if options.mesh:
         return mesh.export_mesh(options)
     if options.layout_of is not None:
         return layout.export_layout(options)
-    from ..results.event_files import write_event_files
+    if options.to in splats.FORMS:
+        return splats.export_splats(options)
     from ..store.export import export as write
     from ..store.folder import Store
     from ..suites.sweep import read_sweep
@@ -101,8 +114,17 @@ def export(options: argparse.Namespace) -> int:
     sweep = read_sweep(options.out)  # says what to do where there is no run
     store = Store(options.out)
     if options.to == "tensorboard":
+        from ..results.event_files import write_event_files
+
         folder = options.file or options.out / options.to
         say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
+        return 0
+    if options.to == "wandb":
+        from ..results.wandb_runs import write_wandb_runs
+
+        folder = options.file or options.out
+        count = write_wandb_runs(store, sweep, folder)
+        say(f"{folder / 'wandb'}: progress of {count} cells; send it:  wandb sync {folder / 'wandb'}/offline-run-*")
         return 0
     path = options.file or options.out / f"export.{options.to}"
     say(f"{path}: {write(store, path, options.to)} values")

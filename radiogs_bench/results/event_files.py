@@ -1,4 +1,4 @@
-"""Progress of every cell as TensorBoard's event files, which W&B reads as well (`wandb sync`)."""
+"""Progress of every cell as TensorBoard's event files."""
 
 import re
 from pathlib import Path
@@ -9,6 +9,7 @@ from radiogs_core.errors import UsageError
 from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.sweep import Place, Sweep
+from .scalars import course, end
 
 END = "end"
 """The group of the finished model's metrics, at the last step of the last stage."""
@@ -37,16 +38,12 @@ def _plain(name: str, place: Place) -> str:
 
 def _write(events: Any, result: Result) -> None:
     last = 0
-    for stage, points in result["trail"].items():
-        for point in points:
-            last = point["iteration"]
-            for name, value in point["losses"].items():
-                events.add_scalar(f"{stage}/loss/{name}", value, last)
-            for name, value in point["metrics"].items():
-                events.add_scalar(f"{stage}/{name}", value, last)
-    for name, metric in result["metrics"].items():
-        if metric["value"] is not None:
-            events.add_scalar(f"{END}/{name}", metric["value"], last)
+    for point in course(result):
+        last = point.step
+        for name, value in point.values.items():
+            events.add_scalar(f"{point.stage}/{name}", value, last)
+    for name, value in end(result).items():
+        events.add_scalar(f"{END}/{name}", value, last)
 
 
 def _writer() -> Any:
