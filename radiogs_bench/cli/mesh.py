@@ -102,7 +102,7 @@ def record_of(mesh: "Mesh", scene: "Scene", lattice: "Lattice", views: str) -> d
 
 def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
-    from radiogs_core.errors import DataError
+    from radiogs_core.errors import DataError, UsageError
 
     from ..evaluation.true_shape import true_shape
     from ..metrics.chamfer import chamfer
@@ -110,9 +110,11 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
 
     try:
         truth = true_shape(scene)
+        found = surface_distance(mesh.vertices, mesh.faces, truth.points, truth.distance, scene.extent)
     except DataError as unknown:
         return {"reason": f"{unknown.what}: {unknown.why}"}
-    found = surface_distance(mesh.vertices, mesh.faces, truth.points, truth.distance, scene.extent)
+    except UsageError as lacking:
+        return {"reason": f"{lacking.what}: {lacking.remedy}"}
     shape = {
         "truth": truth.source,
         "accuracy": found.accuracy,

@@ -43,6 +43,7 @@ def view(options: argparse.Namespace) -> int:
     from radiogs_reports.page.viewer import write_viewer
 
     from ..evaluation.shown_surfels import arrays_of
+    from ..metrics.mesh_library import pyvista
     from ..results.trained_surfels import standpoint_in, surfels_in
     from ..training.progress import progress_for_stderr
     from ..viewing.turntable import cameras_around, from_outside, pictures
@@ -50,6 +51,7 @@ def view(options: argparse.Namespace) -> int:
 
     if options.window:
         require_screen()
+        pyvista()
     surfels = surfels_in(options.folder, options.row)
     if not len(surfels):
         raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
@@ -58,7 +60,7 @@ def view(options: argparse.Namespace) -> int:
     seen_from = standpoint_in(options.folder, options.row) or from_outside(surfels)
     cameras = cameras_around(surfels, options.frames, options.size, seen_from)
     title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
-    say(f"wrote {write_viewer(arrays_of(surfels, seen_from), title, folder / 'surfels.html')}")
+    page = write_viewer(arrays_of(surfels, seen_from), title, folder / "surfels.html")
     with progress_for_stderr() as bar:
         frames = []
         for done, picture in enumerate(pictures(surfels, cameras, options.colour), 1):
@@ -68,8 +70,7 @@ def view(options: argparse.Namespace) -> int:
     frames[0].save(
         folder / "surfels.gif", save_all=True, append_images=frames[1:], duration=3600 // len(frames), loop=0
     )
-    for name in ("surfels.png", "surfels.gif"):
-        say(f"wrote {folder / name}")
+    say(f"{folder}: surfels.png, surfels.gif; open {page}")
     if options.window:
         from radiogs_reports.figures.surfel_view import show
 

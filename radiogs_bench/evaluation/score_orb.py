@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_baselines.outputs.stanford_orb import Pair
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
@@ -19,6 +19,7 @@ from radiogs_datasets.image_files import read_image
 from ..metrics import Protocol
 from ..metrics.chamfer import chamfer
 from ..metrics.conventions import Task
+from ..metrics.mesh_library import pyvista
 from ..metrics.stanford_orb_protocol import StanfordOrb
 from ..metrics.values import Value
 from ..store.schema import MetricValue
@@ -74,7 +75,7 @@ def score_depths(pairs: Sequence[Pair], rules: Protocol) -> dict[str, list[Value
 
 def _scores(pair: Pair, output: Path, target: Path, rules: Protocol) -> dict[str, Value]:
     if pair.task == "shape":
-        return {"chamfer": Value(_shape_distance(output, target))}
+        return {"chamfer": _shape_distance(output, target)}
     if pair.task == "normal":
         ours = _numbers(output)
         return rules.score_normal(ours, _resized(_numbers(target), ours), _mask(pair, ours))
@@ -130,9 +131,11 @@ def _resized(image: Tensor, like: Tensor) -> Float[Tensor, "height width channel
     return torch.from_numpy(np.atleast_3d(resized))
 
 
-def _shape_distance(output: Path, target: Path) -> float:
-    import pyvista
-
-    ours, theirs = (pyvista.read(path).triangulate() for path in (output, target))
+def _shape_distance(output: Path, target: Path) -> Value:
+    try:
+        library = pyvista()
+    except UsageError as lacking:
+        return Value(None, f"{lacking.what}: {lacking.remedy}")
+    ours, theirs = (library.read(path).triangulate() for path in (output, target))
     faces = np.asarray(ours.faces).reshape(-1, 4)[:, 1:].astype(np.int32)
-    return chamfer(np.asarray(ours.points, np.float64), faces, np.asarray(theirs.points, np.float64))
+    return Value(chamfer(np.asarray(ours.points, np.float64), faces, np.asarray(theirs.points, np.float64)))

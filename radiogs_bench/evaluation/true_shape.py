@@ -14,6 +14,7 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.layouts.stanford_orb import true_mesh_file
 
 from ..metrics.chamfer import SAMPLES, sampled_surface
+from ..metrics.mesh_library import pyvista
 from ..metrics.surface_distance import (
     Distance,
     distance_from_cells,
@@ -73,11 +74,10 @@ def _scanned(path: Path, seed: int) -> TrueShape:
 
 
 def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
-    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for a file that holds none."""
-    import pyvista
-
+    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without VTK."""
+    library = pyvista()
     try:
-        mesh = pyvista.read(path).triangulate()
+        mesh = library.read(path).triangulate()
     except (OSError, ValueError, AttributeError) as error:
         raise DataError(f"cannot read the mesh {path}", f"{error}.") from error
     faces = np.asarray(mesh.faces).reshape(-1, 4)[:, 1:].astype(np.int64)

@@ -11,6 +11,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.surfaces import SurfaceSamples
 
 from .chamfer import SAMPLES, Triangles, sampled_surface
+from .mesh_library import pyvista
 
 Points = Float[np.ndarray, "points 3"]
 Distance = Callable[[Points], Float[np.ndarray, " points"]]
@@ -65,13 +66,12 @@ def surface_distance(
 
 
 def distance_from_mesh(vertices: Float[np.ndarray, "vertices 3"], faces: Triangles) -> Distance:
-    """Exact distances from a triangle mesh, by VTK."""
-    import pyvista
-
-    mesh = pyvista.PolyData.from_regular_faces(np.asarray(vertices, np.float64), np.asarray(faces, int))
+    """Exact distances from a triangle mesh, by VTK. Raises UsageError where that is not installed."""
+    library = pyvista()
+    mesh = library.PolyData.from_regular_faces(np.asarray(vertices, np.float64), np.asarray(faces, int))
 
     def distance(points: Points) -> Float[np.ndarray, " points"]:
-        cloud = pyvista.PolyData(np.asarray(points, np.float64))
+        cloud = library.PolyData(np.asarray(points, np.float64))
         # The sign is of no use: where a mesh is open there is no inside.
         return np.abs(np.asarray(cloud.compute_implicit_distance(mesh)["implicit_distance"], np.float64))
 

@@ -1,0 +1,37 @@
+"""Without pyvista and VTK, which are an extra, everything else works, and what needs them says what to install."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from radiogs_bench.cli.mesh import shape_of
+from radiogs_bench.evaluation import score_orb
+from radiogs_bench.evaluation.true_shape import read_mesh
+from radiogs_bench.meshing.mesh import Mesh
+from radiogs_bench.metrics.mesh_library import pyvista
+from radiogs_core.errors import UsageError
+from radiogs_datasets import load_scene
+
+
+@pytest.fixture(autouse=True)
+def no_pyvista(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+
+
+def test_what_to_install_is_said(tmp_path: Path) -> None:
+    with pytest.raises(UsageError) as raised:
+        read_mesh(tmp_path / "mesh.obj")
+    assert "pip install 'radiogs-bench[meshes]'" in raised.value.remedy
+    with pytest.raises(UsageError):
+        pyvista()
+
+
+def test_a_mesh_is_exported_without_its_distance_and_a_capture_scored_without_its_shape(tmp_path: Path) -> None:
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    shape = shape_of(Mesh(corners, np.array([[0, 1, 2]])), load_scene("corner"))
+    value = score_orb._shape_distance(tmp_path / "ours.ply", tmp_path / "theirs.obj")
+    for reason in (shape["reason"], value.reason):
+        assert "radiogs-bench[meshes]" in reason
+    assert value.value is None
