@@ -1,5 +1,6 @@
 """What only Linux has is not needed: with it hidden, files are read, cores are counted and memory is known."""
 
+import ast
 import io
 import os
 import resource
@@ -11,6 +12,7 @@ import pytest
 import torch
 from PIL import Image
 
+from radiogs_baselines.commands import family, process
 from radiogs_bench.cli.device import usable_cores
 from radiogs_bench.kernel_bench import clock
 from radiogs_bench.rehearsal import limits
@@ -20,19 +22,66 @@ from radiogs_datasets.image_files import read_exr, write_exr
 from radiogs_datasets.jpeg_decoding import decode_jpeg
 
 CPU = torch.device("cpu")
+ROOT = Path(__file__).parents[2]
+
+OF_LINUX = {
+    "copy_file_range", "eventfd", "fdatasync", "getrandom", "getxattr", "memfd_create", "pidfd_open", "posix_fadvise",
+    "posix_fallocate", "process_cpu_count", "sched_getaffinity", "sched_setaffinity", "setns", "setxattr", "splice",
+    "unshare", "O_DIRECT", "O_NOATIME", "O_PATH", "O_TMPFILE", "MFD_CLOEXEC", "pidfd_send_signal", "prctl",
+}  # fmt: skip
+"""Names of ``os`` and ``signal`` that macOS lacks."""
+
+HIDDEN = {"memfd_create", "MFD_CLOEXEC", "pidfd_open", "pidfd_send_signal", "process_cpu_count", "sched_getaffinity"}
+PLACES = {
+    provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
+    limits: ("MEMORY_INFORMATION", "PROCESS_STATUS"),
+    clock: ("STATUS", "CLEAR_PEAK"),
+    family: ("PROC",),
+}
+"""Constants that name files of ``/proc``, by module."""
 
 
 @pytest.fixture(autouse=True)
 def elsewhere(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    for name in ("sched_getaffinity", "memfd_create", "MFD_CLOEXEC", "process_cpu_count"):
+    import signal
+
+    for name in HIDDEN:
         monkeypatch.delattr(os, name, raising=False)
-    for module, names in (
-        (provenance, ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET")),
-        (limits, ("MEMORY_INFORMATION", "PROCESS_STATUS")),
-        (clock, ("STATUS", "CLEAR_PEAK")),
-    ):
+        monkeypatch.delattr(signal, name, raising=False)
+    for module, names in PLACES.items():
         for name in names:
             monkeypatch.setattr(module, name, tmp_path / "nowhere" / name)
+    for module in (family, process):
+        monkeypatch.setattr(module, "SUPPORTED", False)
+
+
+def test_nothing_else_of_linux_alone_is_used() -> None:
+    """Every use in the sources is among what these tests hide."""
+    used, named = set(), set()
+    for package in ("radiogs_bench", "method", "datasets", "baselines", "reports"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.Attribute) and node.attr in OF_LINUX:
+                    used.add(node.attr)
+                if isinstance(node, ast.Call) and ast.unparse(node.func) == "Path":
+                    named |= {path for each in node.args if ast.unparse(each).startswith("'/proc")}
+    assert used == HIDDEN - {"process_cpu_count"}
+    assert named == {Path(str(module.__file__)) for module in PLACES}
+
+
+def test_a_command_is_ended_by_its_group_and_never_our_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Before it starts, what an earlier harness left is looked for: without ``/proc`` no group is known of that."""
+    signalled, killpg = [], os.killpg
+    monkeypatch.setattr(
+        os, "killpg", lambda group, number: signalled.append(group) or (group and killpg(group, number))
+    )
+    monkeypatch.setattr(family.time, "sleep", lambda seconds: None)
+    arguments = (sys.executable, "-c", "import time; time.sleep(60)")
+    running = process.Running(process.Order(arguments, tmp_path, {}, tmp_path / "log.txt", tmp_path), grace=0.1)
+    assert signalled == []
+    assert running.poll(0.05) is None
+    assert running.end().exit_code < 0
+    assert set(signalled) == {running._process.pid}
 
 
 def test_exr_files_are_read(tmp_path: Path) -> None:

@@ -74,6 +74,8 @@ class Family:
 
         ``grace`` is how many seconds they have between the two.
         """
+        if not SUPPORTED and not self.root:
+            return []  # group 0 is our own
         self._signal(signal.SIGTERM)
         if self._gone_within(grace):
             return []
