@@ -117,8 +117,8 @@ def train(options: argparse.Namespace) -> int:
     if options.score:
         written.append(options.out / "score.json")
         _score(options, cell.method, model, scene, device, written[-1])
-    for path in written:
-        say(f"wrote {path}")
+    say(f"{options.out}: {', '.join(path.name for path in written)}")
+    say(f"Look at it:  radiogs-bench view {options.out}")
     return 0
 
 

@@ -77,10 +77,10 @@ def score_into(options: argparse.Namespace) -> int:
         sweep = add_row(
             store, row, predictions, scene, checksum_now, lambda done, total: progress.advance("scoring", done, total)
         )
-    write_and_show(store, sweep)
     for heading in ("remarks", "absent", "missing", "ignored"):
         for line in getattr(predictions, heading):
             say(f"{heading.removesuffix('s')}: {line}")
+    write_and_show(store, sweep)
     return 0
 
 

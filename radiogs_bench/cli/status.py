@@ -129,6 +129,9 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep") -> "Group":
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
         lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")
+    page = store.folder / "report.html"
+    if _ended(standing) and page.exists():
+        lines.append(f"open {page}")
     return Group(table, *map(Text, lines))
 
 
