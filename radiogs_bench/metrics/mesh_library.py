@@ -1,4 +1,4 @@
-"""pyvista, which reads meshes and measures distances from them: 580 MB with VTK, and few commands need it."""
+"""pyvista, which reads meshes and measures distances from them: 590 MB with VTK, and few commands need it."""
 
 from typing import Any
 
