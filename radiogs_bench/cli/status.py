@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 EVERY_SECONDS = 2
 """Between two looks of ``--watch``."""
 
+WIDE = 100
+"""Characters of a terminal that has room for the cells' keys."""
+
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
@@ -84,7 +87,7 @@ def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
             standing = standing_of(store, sweep)
             ended = _ended(standing)
             if out.is_terminal or ended:  # a file gets the end alone
-                screen.update(_picture(standing, store, sweep), refresh=True)
+                screen.update(_picture(standing, store, sweep, out.width), refresh=True)
             if ended:
                 return
             time.sleep(every)
@@ -100,11 +103,12 @@ def _ended(standing: "Standing") -> bool:
 def _show(standing: "Standing", store: "Store", sweep: "Sweep") -> None:
     from .reporter import console
 
-    console().print(_picture(standing, store, sweep))
+    out = console()
+    out.print(_picture(standing, store, sweep, out.width))
 
 
-def _picture(standing: "Standing", store: "Store", sweep: "Sweep") -> "Group":
-    """The table, and the lines below it."""
+def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -> "Group":
+    """The table, and the lines below it; keys only where ``width`` characters have room for them."""
     from rich.console import Group
     from rich.table import Table
     from rich.text import Text
@@ -112,15 +116,17 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep") -> "Group":
     from ..suites.sweep import FINISHED, label
 
     table = Table(title=f"{sweep['title']}, preset {sweep['preset']}")
+    keys = width >= WIDE
     table.add_column("cell", overflow="fold")
-    table.add_column("key", overflow="ellipsis", min_width=6)
+    if keys:
+        table.add_column("key", no_wrap=True)
     table.add_column("state", overflow="fold")
     moving = any(cell.pace is not None for cell in standing.cells)
     if moving:
         for name in ("step", "a second", "left"):
             table.add_column(name, justify="right", no_wrap=True)
     for cell in standing.cells:
-        row = [label(cell.place), cell.place["key"], _state(cell)]
+        row = [label(cell.place), *([cell.place["key"]] if keys else []), _state(cell)]
         table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
     if standing.seconds_left is not None:

@@ -74,7 +74,7 @@ def _scanned(path: Path, seed: int) -> TrueShape:
 
 
 def read_mesh(path: Path) -> tuple[Float[np.ndarray, "vertices 3"], Int[np.ndarray, "faces 3"]]:
-    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without VTK."""
+    """A triangle mesh from OBJ, PLY or what else VTK reads. Raises DataError for other files, UsageError without it."""
     library = pyvista()
     try:
         mesh = library.read(path).triangulate()

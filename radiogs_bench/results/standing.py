@@ -1,7 +1,7 @@
 """Where a run stands: the state of each of its cells, what works on it, and how long the rest will take."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..store.folder import Store, product_name
 from ..store.pace import Pace, pace_of
@@ -9,6 +9,8 @@ from ..suites.sweep import FINISHED, Place, Sweep, label, state_of
 from .work_left import work_left
 
 RUNNING = "running"
+UNFINISHED = ("to do", "begun")
+"""How the states of ``sweep.state_of`` begin that say that nothing is wrong and not everything done."""
 
 SILENT_AFTER_SECONDS = 60.0
 """A process that has written nothing for as long is said to be silent: it takes a long step, or has died."""
@@ -16,7 +18,9 @@ SILENT_AFTER_SECONDS = 60.0
 
 @dataclass(frozen=True)
 class CellStanding:
-    """A cell of a run. ``state``: that of ``sweep.state_of``, or ``RUNNING``; ``pace``: of the process at work."""
+    """A cell of a run. ``state``: that of ``sweep.state_of``, ``RUNNING``, or that it waits for another cell's stage;
+    ``pace``: of the process at work.
+    """
 
     place: Place
     state: str
@@ -42,7 +46,7 @@ class Standing:
 
 def standing_of(store: Store, sweep: Sweep) -> Standing:
     """Read the states of a run's cells; nothing is changed but for damaged files (see ``Store.result``)."""
-    cells = [_cell(store, place) for place in sweep["cells"]]
+    cells = _with_those_that_wait(store, [_cell(store, place) for place in sweep["cells"]])
     at_once = sum(cell.state == RUNNING and not cell.silent for cell in cells)
     left = _seconds_left(store, sweep) if at_once else None
     return Standing(cells, None if left is None else left / at_once)
@@ -62,6 +66,25 @@ def _cell(store: Store, place: Place) -> CellStanding:
     if state == FINISHED or pace is None:
         return CellStanding(place, state, None)
     return CellStanding(place, RUNNING, pace)
+
+
+def _with_those_that_wait(store: Store, cells: Sequence[CellStanding]) -> list[CellStanding]:
+    """Cells whose next stage is the one that a running cell is training are not begun: they will share it."""
+    following = {cell.place["key"]: _next_stage(store, cell.place) for cell in cells if cell.state != FINISHED}
+    trained = {following[cell.place["key"]] for cell in cells if cell.state == RUNNING} - {None}
+    return [
+        replace(cell, state=f"waits for stage {1 + cell.place['stages'].index(stage)} of another cell")
+        if cell.state.startswith(UNFINISHED)
+        and (stage := following[cell.place["key"]]) in trained
+        and stage is not None
+        else cell
+        for cell in cells
+    ]
+
+
+def _next_stage(store: Store, place: Place) -> str | None:
+    """The key of the first stage that is not in the store; None where all are."""
+    return next((key for key in place["stages"] if not store.has_tensors(product_name(key))), None)
 
 
 def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:

@@ -11,7 +11,7 @@ import pytest
 
 from bench import fake_method
 from bench.fake_method import FakeSweep, asked, fake_cell
-from radiogs_bench.cli import main
+from radiogs_bench.cli import main, reporter
 from radiogs_bench.engines.others import OthersProgress
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
 from radiogs_bench.store.folder import Store
@@ -129,7 +129,8 @@ def half_done(tmp_path: Path) -> tuple[Store, Sweep]:
 def test_the_time_left_is_that_of_finished_cells_and_shared_stages_count_once(half_done: tuple[Store, Sweep]) -> None:
     store, sweep = half_done
     standing = standing_of(store, sweep)
-    assert [cell.state for cell in standing.cells] == ["finished"] * 5 + ["running"] + ["to do"] * 4
+    waiting = ["waits for stage 1 of another cell"] * 3  # all but nvs-init share it with the one that runs
+    assert [cell.state for cell in standing.cells] == [*["finished"] * 5, "running", *waiting, "to do"]
     # Five cells with two different first stages.
     assert standing.seconds_left == pytest.approx(2 * 10 + 5 * 20 + 5 * 1)
     put_pace(store, sweep["cells"][6]["key"], Pace("stage 1", 1, 120, None, time.time()))
@@ -155,6 +156,21 @@ def test_status_says_step_speed_and_time_left(
     assert [part.strip() for part in line.split("│")[3:7]] == ["stage 1", "30/120", "6", "15 s"]
     assert "5 of 10 cells finished" in shown
     assert "about 2 min left" in shown
+
+
+def test_on_80_columns_keys_give_way_and_no_number_is_cut(
+    half_done: tuple[Store, Sweep], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    store, sweep = half_done
+    put_pace(store, sweep["cells"][5]["key"], Pace("stage 1", 123_456, 200_000, 1234.5, time.time()))
+    monkeypatch.setattr(reporter, "LOG_WIDTH", 80)
+    assert main(["status", str(store.folder)]) == 0
+    shown = capsys.readouterr().out
+    assert max(map(len, shown.splitlines())) <= 80
+    assert sweep["cells"][5]["key"] not in shown
+    assert "123456/200000" in shown
+    assert "1.23e+03" in shown
+    assert "…" not in shown
 
 
 def test_status_is_read_by_programs(half_done: tuple[Store, Sweep], capsys: pytest.CaptureFixture[str]) -> None:
