@@ -27,7 +27,6 @@ from .write.paper import paper_csv, paper_latex, paper_markdown
 from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
-
 PARTS = 4
 """What ``write_reports`` counts: figures, tables, contact sheet, page."""
 
