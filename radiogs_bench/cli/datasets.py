@@ -46,6 +46,9 @@ def add_to(commands: "Commands") -> None:
     generating.add_argument("--train", type=positive, default=48, metavar="N", help="training views (default: 48)")
     generating.add_argument("--test", type=positive, default=8, metavar="N", help="test views (default: 8)")
     generating.add_argument("--depth", type=positive, default=8, metavar="N", help="of light paths (default: 8)")
+    generating.add_argument(
+        "--samples", type=positive, default=256, metavar="N", help="paths a pixel of a training view (default: 256)"
+    )
     fetching = actions.add_parser("weights", help="fetch the published weights of LPIPS", allow_abbrev=False)
     fetching.set_defaults(command=weights)
     fetching.add_argument("--to", type=Path, metavar="DIR", help="(default: where they are looked for)")
@@ -125,7 +128,7 @@ def generate(options: argparse.Namespace) -> int:
 
     if options.layout not in LAYOUTS:
         raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
-    pictures = Pictures(options.size, options.train, options.test, options.depth)
+    pictures = Pictures(options.size, options.train, options.test, options.depth, options.samples)
     for name in options.names:
         folder = options.out / name
         made = folder if options.layout == "tensoir" else options.out / f"{name}.tensoir"

@@ -35,11 +35,8 @@ def _mitsuba() -> None:
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Scenes of few samples, 3 + 2 views of 12 x 12 pixels."""
     from radiogs_datasets import generate
-    from radiogs_datasets.generate import scene_folder
 
-    monkeypatch.setattr(generate.generate_scene, "__defaults__", (0, None, generate.Pictures(12, 3, 2)))
-    monkeypatch.setattr(scene_folder, "TRAIN_SAMPLES", 16)
-    monkeypatch.setattr(scene_folder, "TEST_SAMPLES", 64)
+    monkeypatch.setattr(generate.generate_scene, "__defaults__", (0, None, generate.Pictures(12, 3, 2, samples=16)))
 
 
 def directions(count: int) -> np.ndarray:
@@ -110,7 +107,7 @@ def test_brdf_samples_average_to_its_quadrature_and_its_density_to_one(roughness
     np.testing.assert_allclose(np.array(value), wanted, rtol=1e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["niche", "knot", "print"])
+@pytest.mark.parametrize("name", ["niche", "knot", "print", "alcove"])
 def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None:
     """Patterns, and the normals of the knot's mesh: at the samples' middles, met from half a millimetre above."""
     import mitsuba as mi
@@ -160,6 +157,17 @@ def test_a_patterned_surface_reflects_what_a_plain_one_of_its_material_does(plac
         np.testing.assert_allclose(patterned[whole], expected[whole], atol=2e-5)
 
 
+def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
+    from radiogs_datasets.generate import render
+    from radiogs_datasets.generate.cameras import pinhole
+
+    recipe = RECIPES["wire"]
+    scene, camera = render.build(recipe, np.ones((4, 8, 3), np.float32)), pinhole(recipe.rig, 3, 24)
+    expected = render.surface(scene, camera).coverage > 0
+    assert 0 < expected.mean() < 1
+    assert np.array_equal(render.any_coverage(scene, camera), expected)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["convex", "knot", "print"])
 def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: Path) -> None:
@@ -168,7 +176,7 @@ def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: 
 
     recipe, pictures = RECIPES[name], Pictures()
     lights = {"training": render.build(recipe, read_hdr(TINY / name / "envmaps/training.hdr"))}
-    split = scene_folder.Split("train", 0, pictures.train, scene_folder.TRAIN_SAMPLES)
+    split = scene_folder.Split("train", 0, pictures.train, pictures.samples)
     scene_folder._write_view(lights, pinhole(recipe.rig, 0, pictures.size), split, pictures.depth, 0, tmp_path)
     difference = np.abs(read_png(tmp_path / "rgba.png") - read_png(TINY / name / "train_000/rgba.png"))
     # On the machine that made it, not a bit differs; elsewhere a fused multiply-add may round otherwise.

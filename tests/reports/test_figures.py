@@ -15,16 +15,18 @@ from radiogs_reports import write_reports
 from radiogs_reports.figures import write_figures
 from radiogs_reports.figures.canvas import ALL, file_name
 from radiogs_reports.figures.cost import cost_figures
+from radiogs_reports.figures.crops import away_from_edges, crop_place
 from radiogs_reports.figures.environment import KEY, factors, tone_mapped
 from radiogs_reports.figures.illumination import components, direct, illumination_figures, indirect_as_incident
-from radiogs_reports.figures.qualitative import crop_place, qualitative_figures
+from radiogs_reports.figures.overview import FEWEST, LABELS, MOST, OUTLIERS, error_range, lines_of, overview_figures
+from radiogs_reports.figures.qualitative import qualitative_figures
 from radiogs_reports.figures.relighting import relighting_figures
 from radiogs_reports.figures.views import MOST_ACROSS, scene_views
-from radiogs_reports.maps import display, linear
+from radiogs_reports.maps import display, false_colour, linear
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import short_number
 
-OF_A_SCENE = ("image", "albedo", "normal", "indirect", "relit", "illumination", "environment", "relighting")
+OF_A_SCENE = ("overview", "image", "albedo", "normal", "indirect", "relit", "illumination", "environment", "relighting")
 CONVERGENCE = ("convergence-losses", "convergence-metrics")
 NAMES = ("cost-seconds", "cost-rays", *CONVERGENCE, *(f"my_scene-{name}" for name in OF_A_SCENE))
 
@@ -118,21 +120,80 @@ def test_a_cost_that_is_the_same_for_all_rows_has_no_figure() -> None:
     assert [sketch.name for sketch in cost_figures(made)] == ["cost-seconds"]
 
 
-def test_the_crop_is_the_window_of_the_largest_variance() -> None:
+def test_the_crop_is_the_window_of_the_largest_variance_in_what_counts() -> None:
     """Judged by going through every window."""
     generator = np.random.default_rng(3)
     for height, width in ((17, 23), (16, 16), (3, 9)):
         images = [generator.random((height, width, 3)) ** 3 for _ in range(4)]
-        down, across = crop_place(images)
-        tall, wide = height // 3, width // 3
-        variance = np.var(np.stack(images), axis=0).mean(-1)
-        tops, lefts = range(height - tall + 1), range(width - wide + 1)
-        best = max(
-            itertools.product(tops, lefts),
-            key=lambda place: variance[place[0] : place[0] + tall, place[1] : place[1] + wide].sum(),
-        )
-        assert (down.start, across.start) == best
-        assert (down.stop - down.start, across.stop - across.start) == (tall, wide)
+        for counted in (np.ones((height, width), bool), generator.random((height, width)) > 0.5):
+            down, across = crop_place(images, counted)
+            tall, wide = height // 3, width // 3
+            variance = np.var(np.stack(images), axis=0).mean(-1) * counted
+            tops, lefts = range(height - tall + 1), range(width - wide + 1)
+            sums = {
+                (top, left): variance[top : top + tall, left : left + wide].sum()
+                for top, left in itertools.product(tops, lefts)
+            }
+            assert sums[down.start, across.start] == pytest.approx(max(sums.values()), rel=1e-9)
+            assert (down.stop - down.start, across.stop - across.start) == (tall, wide)
+
+
+def test_a_crop_is_not_drawn_to_a_silhouette_or_a_crease() -> None:
+    """Two faces of a box on nothing; the rows differ most by where its edges are, and a little on one face."""
+    size = 96
+    normal = np.zeros((size, size, 3))
+    normal[12:84, 12:48], normal[12:84, 48:84] = (1, 0, 0), (0, 1, 0)
+    counted = away_from_edges({"normal": normal}, normal)
+    seen = (normal != 0).any(-1)
+    assert counted.any()
+    assert not counted[~seen].any()
+    assert not counted[:, 46:50].any()
+    assert not counted[11:15].any()
+    assert not counted[:, 81:85].any()
+    assert counted[40, 30]
+    assert counted[40, 66]
+    one, other = np.zeros((size, size, 3)), np.zeros((size, size, 3))
+    other[:, 47:49] = other[11:13] = 1.0
+    other[50:80, 56:78] += 0.05
+    assert all(place.stop <= 56 or place.start < 48 for place in crop_place([one, other], np.ones_like(seen))[1:])
+    down, across = crop_place([one, other], counted)
+    assert (down.start >= 44, across.start >= 44) == (True, True)
+
+
+def test_without_normals_every_pixel_counts() -> None:
+    assert away_from_edges({}, np.zeros((4, 5, 3))).all()
+    assert away_from_edges({"normal": np.zeros((2, 2, 3))}, np.zeros((4, 5, 3))).shape == (4, 5)
+    assert crop_place([np.zeros((9, 9, 3)), np.ones((9, 9, 3))], np.zeros((9, 9), bool)) == (slice(0, 3), slice(0, 3))
+
+
+def test_the_overview_holds_the_maps_their_windows_and_errors_on_one_scale(tmp_path: Path) -> None:
+    made = two_rows()
+    (sketch,) = overview_figures(made, write_run(tmp_path, made))
+    (views,) = scene_views(made, tmp_path)
+    lines = lines_of(views)
+    assert [line.name for line in lines] == list(LABELS)
+    tiles = sketch.figure.axes[: 8 * len(lines)]
+    end = error_range(lines)
+    assert sketch.figure.axes[-1].get_ylim() == (0, end)
+    for start, line in zip(range(0, len(tiles), 8), lines, strict=True):
+        shown = [axes.images[0].get_array() for axes in tiles[start : start + 8]]
+        for whole, near, picture in zip(shown[:3], shown[3:6], line.pictures, strict=True):
+            assert np.array_equal(whole, np.rint(picture * 255))
+            assert np.array_equal(near, whole[line.window])
+        for place, mine in enumerate(line.pictures[1:]):
+            expected = np.abs(mine - line.pictures[0]).mean(-1, keepdims=True)
+            assert np.array_equal(shown[6 + place], np.rint(false_colour(expected / end) * 255))
+    below = np.mean([error <= end for line in lines for error in line.errors])
+    assert below >= 1 - OUTLIERS
+    assert made["rows"][0]["text"] in [axes.get_title() for axes in tiles[:8]]
+
+
+def test_there_is_no_overview_of_one_row_or_of_more_than_fit(tmp_path: Path) -> None:
+    made = two_rows()
+    write_run(tmp_path, made)
+    for count in range(1, MOST + 2):
+        made["sheet"] = (made["sheet"] * count)[:count]
+        assert len(overview_figures(made, tmp_path)) == (FEWEST <= count <= MOST)
 
 
 def test_direct_and_indirect_light_add_up_to_the_image() -> None:

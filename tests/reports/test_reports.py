@@ -15,6 +15,7 @@ from PIL import Image
 from made_up_run import summary, write_run
 from radiogs_reports import write_reports
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
+from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.write.latex import escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown
@@ -49,17 +50,18 @@ def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path:
 
 def test_the_table_says_everything_that_the_summary_says() -> None:
     text = suite_latex(summary())
-    assert r"\cellcolor[HTML]{FF9999}31.23~\textcolor{gray}{(37.86)}" in text
+    assert r"\cellcolor[HTML]{FF9999}31.23 & \textcolor{gray}{(37.86)} &" in text
     assert r"\cellcolor[HTML]{FFD7D7}30.00" in text
     assert r"\cellcolor[HTML]{FF9999}7.00" in text
-    assert r"$-1.23 \pm 0.50$" in text
+    assert r"\scriptsize -1.23 & \scriptsize $\pm$0.50 &" in text
+    assert text.index(r"\addlinespace") < text.index(r"\lambda_{rad}=0") < text.index("-1.23")
     assert "n/a$^{a}$" in text
     assert r"$^{a}$ no\_weights" in text
     assert r"my\_scene" in text
     assert r"Ablation \& more" in text
     assert "abc, def" in text
-    columns = {line.count("&") for line in text.splitlines() if line.endswith(r"\\")}
-    assert columns == {4}
+    below = text.split(r"\midrule")[1]
+    assert {line.count("&") for line in below.splitlines() if line.endswith(r"\\")} == {7}
     assert text.count("{") == text.count("}")
 
 
@@ -120,13 +122,34 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
         read_summary(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["ablations.tex", "report.tex"])
-def test_the_document_compiles(run: Path, name: str) -> None:
-    if shutil.which("pdflatex") is None:
-        pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended)")
+def pdflatex(name: str, folder: Path) -> str:
+    """What pdflatex says of a document that it can print; skips without it or siunitx."""
+    if shutil.which("pdflatex") is None or shutil.which("kpsewhich") is None:
+        pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended, texlive-science)")
+    if subprocess.run(["kpsewhich", "siunitx.sty"], capture_output=True, check=False).returncode != 0:
+        pytest.skip("LaTeX's package siunitx is not installed (Debian: texlive-science)")
     made = subprocess.run(
         ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", name],
-        cwd=run, capture_output=True, encoding="latin-1", check=False,
+        cwd=folder, capture_output=True, encoding="latin-1", check=False,
     )  # fmt: skip
     assert made.returncode == 0, made.stdout[-2000:]
-    assert not re.search(r"Undefined control sequence|Overfull \\hbox", made.stdout)
+    return made.stdout
+
+
+@pytest.mark.parametrize("name", ["ablations.tex", "report.tex"])
+def test_the_document_compiles(run: Path, name: str) -> None:
+    assert not re.search(r"Undefined control sequence|Overfull \\hbox", pdflatex(name, run))
+
+
+def test_the_document_compiles_whatever_rows_are_called(tmp_path: Path) -> None:
+    made = summary()
+    for row, text in zip(made["rows"], ("한국어 50 % β_1 & {~^\\}", "Größe ≤ 3 … №7 → Ł"), strict=True):
+        row["latex"], row["text"] = "", text
+    for row, text in zip(made["paper"][0]["rows"], ("日本, λ_rad = 0", "é#$", "N_g^PBR²"), strict=True):
+        row["text"] = text
+    for name, text in texts(made).items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    said = pdflatex("report.tex", tmp_path)
+    assert "Output written on report.pdf (1 page" in said  # both tables fit on one
+    assert "Missing character" not in said

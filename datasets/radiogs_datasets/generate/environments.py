@@ -62,6 +62,12 @@ LIGHTS = {
         ground=(0.08, 0.07, 0.07),
         sun=Lobe(azimuth=12.0, elevation=26.0, sharpness=50.0, colour=(27.0, 14.5, 6.0)),
     ),
+    "morning": Sky(
+        zenith=(0.24, 0.34, 0.56),
+        horizon=(0.62, 0.52, 0.42),
+        ground=(0.14, 0.13, 0.12),
+        sun=Lobe(azimuth=121.0, elevation=34.0, sharpness=60.0, colour=(26.0, 20.0, 13.0)),
+    ),
     "overcast": Sky(
         zenith=(0.5, 0.6, 0.75),
         horizon=(0.4, 0.44, 0.5),

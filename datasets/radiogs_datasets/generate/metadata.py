@@ -25,8 +25,8 @@ from .recipe import Recipe
 NOISE_SEEDS = (1_000_000, 1_000_001)
 """Seeds that no view uses."""
 
-SHARE_SAMPLES = 256
-"""Samples a pixel for shares of energy, which are sums over a whole image."""
+SHARE_SAMPLES, SHARE_SIZE = 256, 96
+"""Samples a pixel, and the most pixels a side, for shares of energy, which are sums over a whole image."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ def describe(
     """
     depth, samples = made.depth, made.samples
     light = read_hdr(folder / "envmaps" / "training.hdr")
+    small = replace(camera, size=min(camera.size, SHARE_SIZE))
     return {
         "scene": recipe.name,
         "purpose": recipe.purpose,
@@ -61,7 +62,7 @@ def describe(
         "depth": depth,
         "noise_floor_db": round(noise_floor(scene, camera, samples["test"], depth), 2),
         "indirect_share": round(made.indirect_share, 4),
-        **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, camera, depth).items()},
+        **{f"{name}_share": round(share, 4) for name, share in shares(recipe, light, small, depth).items()},
         "lights": {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in sorted((folder / "envmaps").iterdir())
         },

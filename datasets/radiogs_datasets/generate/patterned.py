@@ -17,6 +17,16 @@ INK = Material((0.04, 0.04, 0.06), 0.25)
 PAPER = Material((0.76, 0.75, 0.72), 0.85)
 ENAMEL = Material((0.6, 0.1, 0.08), 0.25)
 MARBLE = Material((0.66, 0.66, 0.68), 0.3)
+LIME = Material((0.74, 0.73, 0.7), 0.75)
+SKY = Material((0.38, 0.56, 0.68), 0.6)
+CREAM = Material((0.7, 0.66, 0.56), 0.4)
+BRICK = Material((0.66, 0.22, 0.1), 0.5)
+SCARLET = Material((0.8, 0.08, 0.05), 0.6)
+OCHRE = Material((0.8, 0.42, 0.07), 0.6)
+IVORY = Material((0.72, 0.69, 0.62), 0.3)
+INDIGO = Material((0.12, 0.16, 0.5), 0.3)
+
+LEFT, UP = (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 RECIPES = (
     Recipe(
@@ -49,6 +59,27 @@ RECIPES = (
         rig=Rig(target=(-0.05, -0.05, -0.2), radius=4.4, azimuth=(-5.0, 95.0), elevation=(12.0, 65.0)),
         training_light="sky",
         relight=("sunset", "overcast"),
+    ),
+    Recipe(
+        name="alcove",
+        purpose="a bright room for pictures: sun on one wall, whose colour lights all that is in shade",
+        solids=(
+            Box((-1.1, -0.95, -0.8), (1.1, 0.75, -0.7), Patterned(CREAM, BRICK, Checker(0.25, (0.04, 0.02, -0.95)))),
+            Box((-1.1, -0.95, -0.698), (1.1, -0.85, 0.75), Patterned(LIME, SKY, Stripes((1.0, 0.0, 0.0), 0.3, 0.4))),
+            Box((-1.1, -0.848, -0.698), (-1.0, 0.7, 0.75), Patterned(SCARLET, OCHRE, Noise(0.7, 0.2, 0.9, 5))),
+            Box((1.0, -0.848, -0.698), (1.1, 0.7, 0.75), Patterned(LIME, SKY, Noise(0.6, 0.2, 0.6, 6))),
+            Box((-1.1, -0.95, 0.752), (1.1, -0.4, 0.84), LIME),
+            Box(
+                (-0.62, -0.72, -0.698), (0.62, -0.12, -0.4),
+                Patterned(LIME, INK, Print("RADIOGS", (0.44, 0.0, -0.62), LEFT, UP, 0.14, 0.032)),
+            ),
+            Knot((0.0, -0.2, -0.085), 0.36, 0.2, 0.11, IVORY),
+            Sphere((0.72, 0.2, -0.478), 0.22, LIME),
+            Sphere((-0.68, 0.28, -0.498), 0.2, Patterned(IVORY, INDIGO, Rings((-0.35, 0.6, -0.2), 0.13, 0.45))),
+        ),
+        rig=Rig((0.0, -0.1, -0.02), 5.0, azimuth=(58.0, 122.0), elevation=(5.0, 42.0), field_of_view=33.0),
+        training_light="sky",
+        relight=("morning",),
     ),
     Recipe(
         name="print",

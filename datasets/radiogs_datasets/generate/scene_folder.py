@@ -23,9 +23,7 @@ from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS
 from .metadata import Making, describe
-from .recipe import Pictures, Recipe
-
-TRAIN_SAMPLES, TEST_SAMPLES = 256, 1024
+from .recipe import TEST_RATIO, Pictures, Recipe
 
 
 @dataclass(frozen=True)
@@ -59,8 +57,8 @@ def _write_all(
 ) -> None:
     render.start()
     lights = _write_lights(recipe, folder / "envmaps")
-    train = Split("train", 0, pictures.train, TRAIN_SAMPLES)
-    test = Split("test", pictures.train, pictures.test, TEST_SAMPLES)
+    train = Split("train", 0, pictures.train, pictures.samples)
+    test = Split("test", pictures.train, pictures.test, TEST_RATIO * pictures.samples)
     total = train.views + test.views
     energy = np.zeros(2)
     for split in (train, test):
@@ -101,12 +99,12 @@ def _write_view(
     Zeros for a training view: of that only the image is written, and its direct part is not rendered.
     """
     full = render.radiance(lights[TRAINING_LIGHT], camera, split.samples, depth, seed)
-    seen = render.surface(lights[TRAINING_LIGHT], camera)
     # One alpha for every map of the view.
-    alpha = np.where(seen.coverage > 0, full[..., 3:], 0)
+    alpha = np.where(render.any_coverage(lights[TRAINING_LIGHT], camera), full[..., 3:], 0)
     write_display(folder / "rgba.png", full, full[..., 3:], alpha)
     if split.name != "test":
         return np.zeros(2)
+    seen = render.surface(lights[TRAINING_LIGHT], camera)
     write_png(folder / "albedo.png", np.concatenate([seen.albedo, alpha], -1))
     write_png(folder / "normal.png", np.concatenate([seen.normal * 0.5 + 0.5, alpha], -1))
     write_png(folder / "roughness.png", seen.roughness)

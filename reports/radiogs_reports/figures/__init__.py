@@ -12,6 +12,7 @@ from .finetuning import finetuning_figures
 from .illumination import illumination_figures
 from .knobs import knob_figures
 from .ladder import ladder_figures
+from .overview import overview_figures
 from .qualitative import qualitative_figures
 from .relighting import relighting_figures
 from .stability import stability_figure
@@ -27,6 +28,7 @@ def write_figures(summary: Summary, out: Path) -> list[Drawn]:
         *ladder_figures(summary),
         *convergence_figures(summary),
         *finetuning_figures(summary, out),
+        *overview_figures(summary, out),
         *qualitative_figures(summary, out),
         *illumination_figures(summary, out),
         *environment_figures(summary, out),

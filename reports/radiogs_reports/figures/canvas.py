@@ -124,8 +124,8 @@ def wrapped(text: str) -> str:
 
 
 def show(axes: Axes, image: maps.Image) -> None:
-    """Show a displayed map pixel by pixel, without ticks and frame."""
-    axes.imshow(maps.levels(image), interpolation="nearest")
+    """Show a displayed map without ticks and frame; pixels stay sharp unless they must be made smaller."""
+    axes.imshow(maps.levels(image), interpolation="auto")
     axes.set_xticks([])
     axes.set_yticks([])
     for spine in axes.spines.values():

@@ -4,20 +4,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
 
 from .. import maps
 from ..summary import Summary
 from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, show, wrapped
+from .crops import Window, away_from_edges, crop_place, outline
 from .views import SceneViews, scene_views
 
 SHOWN = ("image", "albedo", "normal", "indirect", "relit")
-CROP = 3
-"""A crop has a third of the picture's width and height."""
-
-BOX = "#ffd400"
 
 
 def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
@@ -30,25 +25,13 @@ def qualitative_figures(summary: Summary, out: Path) -> list[Sketch]:
     ]
 
 
-def crop_place(images: list[maps.Image]) -> tuple[slice, slice]:
-    """Rows and columns of the window, a third of the picture, with the largest variance over the images."""
-    variance = np.var(np.stack(images), axis=0).mean(-1)
-    height, width = (max(1, size // CROP) for size in variance.shape)
-    means = uniform_filter(variance, (height, width), mode="constant")
-    # A window of size s around index i begins at i - s // 2; only whole windows count.
-    inside = means[
-        height // 2 : variance.shape[0] - (height - 1) // 2, width // 2 : variance.shape[1] - (width - 1) // 2
-    ]
-    top, left = np.unravel_index(int(np.argmax(inside)), inside.shape)
-    return slice(int(top), int(top) + height), slice(int(left), int(left) + width)
-
-
 def _figure(views: SceneViews, name: str) -> Sketch:
     kind = maps.KINDS[name]
     true = views.truth.get(name)
     mine = [np.clip(kind.shown(found[name]), 0, 1) for _, found in views.rows]
     # A single row has only the truth to differ from.
-    place = crop_place(mine if len(mine) > 1 or true is None else [np.clip(kind.shown(true), 0, 1), *mine])
+    compared = mine if len(mine) > 1 or true is None else [np.clip(kind.shown(true), 0, 1), *mine]
+    place = crop_place(compared, away_from_edges(views.truth, mine[0]))
     bands = views.bands()
     lines = 2 if true is None else 3
     across = len(bands[0].rows) + (true is not None)
@@ -60,28 +43,23 @@ def _figure(views: SceneViews, name: str) -> Sketch:
         hide_empty(grid)
     light = f" under {views.light}" if name == "relit" and views.light else ""
     where = "The box is where the rows differ most" if len(mine) > 1 else "The box is where it varies most"
+    where += ", edges of the shape left out" if "normal" in views.truth else ""
     caption = f"{views.scene}, view {views.view}, {kind.label}{light}. {where}."
     if true is not None:
         caption += f" Error: {kind.error_unit}."
     return Sketch(file_name(views.scene, name), caption, figure)
 
 
-def _band(grid: NDArray[np.object_], views: SceneViews, name: str, place: tuple[slice, slice]) -> None:
+def _band(grid: NDArray[np.object_], views: SceneViews, name: str, place: Window) -> None:
     """Pictures, crops and, if there is a ground truth, errors; the ground truth on the left."""
     shown = maps.KINDS[name].shown
     true = views.truth.get(name)
     truth = [] if true is None else [("truth", views.truth)]
-    down, across = place
     for column, (label, found) in enumerate([*truth, *views.rows]):
         image = np.clip(shown(found[name]), 0, 1)
         show(grid[0, column], image)
         grid[0, column].set_title(wrapped(label))
-        grid[0, column].add_patch(
-            Rectangle(
-                (across.start - 0.5, down.start - 0.5), across.stop - across.start, down.stop - down.start,
-                fill=False, edgecolor=BOX, linewidth=1,
-            )
-        )  # fmt: skip
+        outline(grid[0, column], place)
         show(grid[1, column], image[place])
     name_row(grid[0, 0], maps.KINDS[name].label)
     name_row(grid[1, 0], "crop")

@@ -9,15 +9,17 @@ from .latex import END, PREAMBLE, as_formula, escape
 def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[tuple[str, str]]) -> str:
     """A document that inputs the ``tables`` (file names) and includes the ``figures`` (file names, plain captions).
 
-    File names are relative to the document's folder. Compiles with pdflatex, in one pass but for references.
+    File names are relative to the document's folder. Tables and figures share pages, in their order. Compiles with
+    pdflatex, in one pass but for references.
     """
     parts = [PREAMBLE, f"% {escape(summary['title'])}\n"]
-    parts += [f"\\input{{{name}}}\n\\clearpage\n" for name in tables]
+    parts += [f"\\input{{{name}}}\n" for name in tables]
+    parts.append("\\clearpage\n")
     for name, caption in figures:
         parts.append(
-            "\\begin{figure}[p]\n\\centering\n"
-            f"\\includegraphics[width=\\linewidth,height=0.85\\textheight,keepaspectratio]{{{name}}}\n"
-            f"\\caption{{{escape(caption)}}}\n\\end{{figure}}\n\\clearpage\n"
+            "\\begin{figure}[tbp]\n\\centering\n"
+            f"\\includegraphics[width=\\linewidth,height=0.4\\textheight,keepaspectratio]{{{name}}}\n"
+            f"\\caption{{{escape(caption)}}}\n\\end{{figure}}\n"
         )
     return "".join([*parts, END])
 

@@ -25,7 +25,7 @@ def grid_latex(grid: Grid) -> list[str]:
 
 def _table(grid: Grid, caption: str, label: str) -> str:
     lines = [
-        r"\begin{table}[p]",
+        r"\begin{table}[tbp]",
         r"\centering",
         f"\\caption{{{as_formula(caption)}}}{label}",
         BOX_BEGIN,

@@ -19,13 +19,28 @@ BOX_END = (
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
 \usepackage[utf8]{inputenc}
-\usepackage[landscape,margin=1.5cm]{geometry}
+\IfFileExists{lmodern.sty}{\usepackage{lmodern}}{}
+\usepackage[margin=1.8cm]{geometry}
 \usepackage{amsmath}
 \usepackage{booktabs}
+\usepackage{siunitx}
 \usepackage[table]{xcolor}
 \usepackage{graphicx}
+\extrafloats{400}
+\setcounter{topnumber}{9}
+\setcounter{totalnumber}{9}
+\renewcommand{\topfraction}{0.95}
+\renewcommand{\textfraction}{0.05}
+\renewcommand{\floatpagefraction}{0.6}
+\makeatletter
+\setlength{\@fptop}{0pt}
+\setlength{\@fpsep}{20pt}
+\setlength{\@fpbot}{0pt plus 1fil}
+\makeatother
+\setlength{\floatsep}{20pt}
 \begin{document}
 """
+"""Portrait pages with as many tables and figures each as fit, from the top; outlines in place of bitmap fonts."""
 
 END = "\\end{document}\n"
 

@@ -33,8 +33,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import shade_surfels
-from radiogs_datasets import load_scene
-from radiogs_datasets.generate.catalogue import RECIPES
+from radiogs_datasets import load_scene, scene_names
 from scenes import sun_and_sky, surfels_of_room
 
 
@@ -151,7 +150,7 @@ def real_sun() -> torch.Tensor:
 
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(("light", "verdict"), [(even, "off"), (one_texel, "on"), (real_sun, "on")])
-@pytest.mark.parametrize("name", sorted(RECIPES))
+@pytest.mark.parametrize("name", scene_names())
 def test_an_even_light_is_not_drawn_from_and_a_sun_is(
     name: str, light: Callable[[], torch.Tensor], verdict: str, seed: int
 ) -> None:

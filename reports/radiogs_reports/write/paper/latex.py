@@ -3,15 +3,21 @@
 from ...summary import PaperColumn, PaperTable, PaperValue, Summary
 from ..latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape, note_mark, rank_colour
 from ..notes import note_index
+from ..numbers import SETUP, Entry, layout, line, over
 from .layout import as_printed
 from .reading import apart, caption, change, groups, is_beside, measured, measured_ranks, published_ranks, row_label
 
 Ranks = dict[str, dict[str, int]]
 """By column, then row."""
 
+Line = tuple[str, list[Entry]]
+"""The two cells that head a line, and its numbers."""
+
+PLUS_MINUS = "±"
+
 
 def paper_latex(table: PaperTable, summary: Summary) -> str:
-    """The table environment, for documents that load booktabs, graphicx, amsmath and xcolor (option ``table``).
+    """The table environment; documents must load booktabs, graphicx, amsmath, siunitx and xcolor (option ``table``).
 
     A row has a line of measured values, one of their differences to the reference row if it has any, and one of
     published values; those by other conventions are below all rows. A value that does not exist is n/a, with its reason
@@ -20,27 +26,33 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     notes: list[str] = []
     below = as_formula(caption(table, summary))
     table = as_printed(table)
-    columns = table["columns"]
+    ranks = [
+        {column["key"]: ranks_of(table, column) for column in table["columns"]}
+        for ranks_of in (measured_ranks, published_ranks)
+    ]
+    groups_of_lines = [_row_lines(table, row, ranks, notes) for row in table["rows"]]
+    further = _apart(table, apart(table, summary), ranks[1], notes)
+    columns = zip(*(entries for group in [*groups_of_lines, further] for _, entries in group), strict=True)
     lines = [
         f"% {escape(table['key'])}: made by radiogs-bench; the paper's {escape(table['label'])}",
-        r"\begin{table}[p]",
+        r"\begin{table}[tbp]",
         r"\centering",
+        SETUP,
         f"\\caption{{{below}}}",
         f"\\label{{measured:{table['key']}}}",
         BOX_BEGIN,
-        f"\\begin{{tabular}}{{ll{'c' * len(columns)}}}",
+        f"\\begin{{tabular}}{{ll{''.join(map(layout, columns))}}}",
         r"\toprule",
-        " & & " + " & ".join(_spanning(group, count) for group, count in groups(table)) + r" \\",
-        " ".join(_rule(start, end) for start, end in _spans(table)),
-        "Method & & " + " & ".join(_heading(column) for column in columns) + r" \\",
+        *_heads(table),
         r"\midrule",
     ]
-    ranks = [
-        {column["key"]: ranks_of(table, column) for column in columns} for ranks_of in (measured_ranks, published_ranks)
-    ]
-    for place, row in enumerate(table["rows"]):
-        lines += [r"\addlinespace"] * (place > 0) + _row_lines(table, row, ranks, notes)
-    lines += _apart(table, apart(table, summary), ranks[1], notes)
+    for place, group in enumerate(groups_of_lines):
+        lines += [r"\addlinespace"] * (place > 0)
+        lines += [line(label, entries) for label, entries in group]
+    if further:
+        title = as_formula(apart(table, summary))
+        lines += [r"\midrule", rf"\multicolumn{{{2 + 2 * len(table['columns'])}}}{{l}}{{{title}:}} \\"]
+        lines += [line(label, entries) for label, entries in further]
     lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [
         rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
@@ -48,7 +60,16 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     return "\n".join([*lines, r"\end{table}", ""])
 
 
-def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes: list[str]) -> list[str]:
+def _heads(table: PaperTable) -> list[str]:
+    """What columns share, rules below it, and each column's own heading."""
+    return [
+        " & & " + " & ".join(_spanning(group, count) for group, count in groups(table)) + r" \\",
+        " ".join(_rule(start, end) for start, end in _spans(table)),
+        "Method & & " + " & ".join(over(_heading(column)) for column in table["columns"]) + r" \\",
+    ]
+
+
+def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes: list[str]) -> list[Line]:
     """Lines of measured values, of differences if there are any, and of published values."""
     upper, middle, lower = [], [], []
     of_measured, of_published = ranks
@@ -56,40 +77,46 @@ def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes
         value = table["cells"][row["key"]][column["key"]]
         text = measured(value, column)
         colour = rank_colour(of_measured[column["key"]].get(row["key"]))
-        upper.append(f"{colour}{text}" if text else _missing(value["reason"] or "not measured", notes))
-        difference = change(value, column, r" \pm ")
-        middle.append(rf"\scriptsize ${difference}$" if difference else "")
-        lower.append(_published(value, of_published[column["key"]].get(row["key"]), notes) if is_beside(column) else "")
-    remark = _mark(row["remark"], notes) if row["remark"] else ""
-    lines = [f"{as_formula(row_label(row))} & measured & {' & '.join(upper)} \\\\"]
+        upper.append(Entry(text, colour) if text else Entry(_missing(value["reason"] or "not measured", notes)))
+        middle.append(_difference(value, column))
+        rank = of_published[column["key"]].get(row["key"])
+        lower.append(_published(value, rank, notes) if is_beside(column) else Entry())
+    lines = [(f"{as_formula(row_label(row))} & measured", upper)]
     if any(middle):
-        lines.append(f" & \\scriptsize difference & {' & '.join(middle)} \\\\")
+        lines.append((r" & \scriptsize difference", middle))
     if any(lower):
-        label = as_formula(row["text"]) if row.get("ran") else ""
-        lines.append(rf"{label} & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(lower)} \\")
+        lines.append((_paper_label(row["text"] if row.get("ran") else "", row, notes), lower))
     return lines
 
 
-def _apart(table: PaperTable, title: str, ranks: Ranks, notes: list[str]) -> list[str]:
-    """Lines of published values by other conventions, below a rule and their heading; none without any."""
+def _apart(table: PaperTable, title: str, ranks: Ranks, notes: list[str]) -> list[Line]:
+    """Lines of published values by other conventions; none without any."""
     if not title:
         return []
-    lines = [r"\midrule", rf"\multicolumn{{{2 + len(table['columns'])}}}{{l}}{{{as_formula(title)}:}} \\"]
+    lines = []
     for row in table["rows"]:
         values = [
-            "" if is_beside(column)
+            Entry() if is_beside(column)
             else _published(table["cells"][row["key"]][column["key"]], ranks[column["key"]].get(row["key"]), notes)
             for column in table["columns"]
         ]  # fmt: skip
-        remark = _mark(row["remark"], notes) if row["remark"] else ""
-        lines.append(rf"{as_formula(row['text'])} & \textcolor{{darkgray}}{{paper}}{remark} & {' & '.join(values)} \\")
+        lines.append((_paper_label(row["text"], row, notes), values))
     return lines
 
 
-def _published(value: PaperValue, rank: int | None, notes: list[str]) -> str:
-    printed = (value["published"] or "").replace("-", "$-$")
-    text = printed or _missing(value["absent"] or "not published", notes)
-    return rf"{rank_colour(rank)}\textcolor{{darkgray}}{{{text}}}"
+def _paper_label(text: str, row: dict[str, str], notes: list[str]) -> str:
+    remark = _mark(row["remark"], notes) if row["remark"] else ""
+    return rf"{as_formula(text)} & \textcolor{{darkgray}}{{paper}}{remark}"
+
+
+def _difference(value: PaperValue, column: PaperColumn) -> Entry:
+    number, sign, half_width = change(value, column, PLUS_MINUS).partition(PLUS_MINUS)
+    return Entry(number, r"\scriptsize ", rf"\scriptsize $\pm${half_width}" if sign else "") if number else Entry()
+
+
+def _published(value: PaperValue, rank: int | None, notes: list[str]) -> Entry:
+    text = value["published"] or _missing(value["absent"] or "not published", notes)
+    return Entry(text, rf"{rank_colour(rank)}\color{{darkgray}}")
 
 
 def _missing(reason: str, notes: list[str]) -> str:
@@ -107,15 +134,15 @@ def _heading(column: PaperColumn) -> str:
 
 
 def _spanning(group: str, count: int) -> str:
-    return rf"\multicolumn{{{count}}}{{c}}{{{escape(group)}}}"
+    return rf"\multicolumn{{{2 * count}}}{{c}}{{{escape(group)}}}"
 
 
 def _spans(table: PaperTable) -> list[tuple[int, int]]:
-    """First and last column that each group spans, counted from 1."""
+    """First and last column of the tabular, two for a number, that each group spans, counted from 1."""
     spans, start = [], 3  # after the columns of the row's name and of "measured"
     for _, count in groups(table):
-        spans.append((start, start + count - 1))
-        start += count
+        spans.append((start, start + 2 * count - 1))
+        start += 2 * count
     return spans
 
 

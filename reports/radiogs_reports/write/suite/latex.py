@@ -4,10 +4,11 @@ from ...analysis.ranks import suite_ranks
 from ...doubts import footnotes, marks, remarks
 from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width
 from ...summary import beside as published_beside
-from ...wording import plus_minus, signed
+from ...wording import signed
 from ..caption import unfinished
 from ..latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, escape, note_mark, rank_colour, row_label
 from ..notes import note_index
+from ..numbers import SETUP, Entry, layout, line, over
 
 
 def suite_document(summary: Summary) -> str:
@@ -16,30 +17,38 @@ def suite_document(summary: Summary) -> str:
 
 
 def suite_latex(summary: Summary) -> str:
-    """The table environment, for documents that load booktabs, graphicx and xcolor (option ``table``).
+    """The table environment, for documents that load booktabs, graphicx, siunitx and xcolor (option ``table``).
 
     Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
     it, in grey, the published value. A value that does not exist is n/a, with its reason in a note.
     """
     notes: list[str] = []
     ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
-    heads = " & ".join(f"{escape(column['label'])} {ARROWS[column['direction']]}" for column in summary["columns"])
-    units = " & ".join(escape(column["unit"]) for column in summary["columns"])
+    heads = " & ".join(
+        over(f"{escape(column['label'])} {ARROWS[column['direction']]}") for column in summary["columns"]
+    )
+    units = " & ".join(over(escape(column["unit"])) for column in summary["columns"])
+    groups = [_row_lines(summary, row, ranks, notes) for row in summary["rows"]]
+    aligned = [layout(entries) for entries in zip(*(entries for group in groups for entries in group), strict=True)]
     lines = [
         f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
-        r"\begin{table}[t]",
+        r"\begin{table}[tbp]",
         r"\centering",
+        SETUP,
         f"\\caption{{{_caption(summary)}}}",
         f"\\label{{tab:{summary['suite']}}}",
         BOX_BEGIN,
-        f"\\begin{{tabular}}{{l{'c' * len(summary['columns'])}r}}",
+        f"\\begin{{tabular}}{{l{''.join(aligned)}r}}",
         r"\toprule",
         f"Method & {heads} & Training \\\\",
         f" & {units} & s \\\\",
         r"\midrule",
     ]
-    for row in summary["rows"]:
-        lines += _row_lines(summary, row, ranks, notes)
+    for place, (row, (means, differences)) in enumerate(zip(summary["rows"], groups, strict=True)):
+        seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
+        lines += [r"\addlinespace"] * (place > 0 and any(map(any, (group[1] for group in groups))))
+        lines.append(line(row_label(row), means, seconds))
+        lines += [line("", differences, "")] * any(differences)
     lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
     lines += [
@@ -48,33 +57,34 @@ def suite_latex(summary: Summary) -> str:
     return "\n".join([*lines, r"\end{table}", ""])
 
 
-def _row_lines(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]) -> list[str]:
-    """A line of means and, if the row has any, one of differences."""
-    upper, lower = [row_label(row)], [""]
+def _row_lines(
+    summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]
+) -> tuple[list[Entry], list[Entry]]:
+    """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
+    means, differences = [], []
     for column in summary["columns"]:
         cell = summary["cells"][row["key"]][column["key"]]
         published = published_beside(summary, row["key"], column)
-        beside = "" if published is None else rf"~\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
-        mean = _mean(cell, column, ranks[column["key"]].get(row["key"]), notes)
-        upper.append(mean + escape(marks(summary, row["key"], column["key"])) + beside)
-        lower.append(_difference(cell, column))
-    seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
-    lines = [f"{' & '.join(upper)} & {seconds} \\\\"]
-    return [*lines, f"{' & '.join(lower)} & \\\\"] if any(lower) else lines
+        beside = "" if published is None else rf"\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
+        behind = escape(marks(summary, row["key"], column["key"])) + beside
+        means.append(_mean(cell, column, ranks[column["key"]].get(row["key"]), notes)._replace(behind=behind))
+        differences.append(_difference(cell, column))
+    return means, differences
 
 
-def _mean(cell: CellSummary, column: ColumnSummary, rank: int | None, notes: list[str]) -> str:
+def _mean(cell: CellSummary, column: ColumnSummary, rank: int | None, notes: list[str]) -> Entry:
     if cell["mean"] is None:
-        return f"n/a{note_mark(note_index(notes, cell['reason'] or 'not measured'))}"
-    return f"{rank_colour(rank)}{cell['mean']:.{column['decimals']}f}"
+        return Entry(f"n/a{note_mark(note_index(notes, cell['reason'] or 'not measured'))}")
+    return Entry(f"{cell['mean']:.{column['decimals']}f}", rank_colour(rank))
 
 
-def _difference(cell: CellSummary, column: ColumnSummary) -> str:
+def _difference(cell: CellSummary, column: ColumnSummary) -> Entry:
     difference, decimals = cell["difference"], column["decimals"]
     if difference is None:
-        return ""
-    text = plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, r" \pm ")
-    return rf"\scriptsize ${text}$"
+        return Entry()
+    width = half_width(difference)
+    behind = "" if width is None else rf"\scriptsize $\pm${width:.{decimals}f}"
+    return Entry(signed(difference["mean"], decimals), r"\scriptsize ", behind)
 
 
 def _caption(summary: Summary) -> str:
