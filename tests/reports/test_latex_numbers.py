@@ -2,7 +2,7 @@
 
 import pytest
 
-from radiogs_reports.write.numbers import Entry, layout, line
+from radiogs_reports.write.numbers import MOST_ACROSS, MOST_LINES, Entry, Group, Line, layout, parts, tabulars
 
 
 @pytest.mark.parametrize(
@@ -22,5 +22,38 @@ def test_a_column_has_room_for_the_most_digits_on_both_sides(numbers: list[str],
 
 def test_what_siunitx_cannot_align_is_braced() -> None:
     entries = [Entry("1.5", r"\x "), Entry("n/a$^{a}$", r"\x "), Entry("1e-05"), Entry(), Entry("2", "", "(3)")]
-    assert line("row", entries, "last") == r"row & \x 1.5 &  & {\x n/a$^{a}$} &  & {1e-05} &  &  &  & 2 & (3) & last \\"
+    assert Line("row", entries).text() == r"row & \x 1.5 &  & {\x n/a$^{a}$} &  & {1e-05} &  &  &  & 2 & (3) \\"
     assert [bool(entry) for entry in entries] == [True, True, True, False, True]
+
+
+@pytest.mark.parametrize("count", range(1, 30))
+def test_columns_that_do_not_fit_continue_below_in_order(count: int) -> None:
+    columns = list(range(count))
+    cut = [columns[part] for part in parts(count)]
+    assert [column for part in cut for column in part] == columns
+    assert max(map(len, cut)) <= MOST_ACROSS
+    assert len(cut) == -(-count // MOST_ACROSS)
+    assert max(map(len, cut)) - min(map(len, cut)) <= len(cut)
+
+
+def test_a_difference_keeps_to_its_row_and_a_line_without_values_is_left_out() -> None:
+    """Two rows of eight numbers, of which the second has one difference, to the last."""
+    values = [Entry(str(place)) for place in range(8)]
+    difference = Line("difference", [Entry()] * 7 + [Entry("-1")])
+    groups = [Group([Line("one", values)]), Group([Line("two", values), difference])]
+    text = "\n".join(tabulars("l", "tab:a", lambda part: [str(part)], [*groups, Group([difference], "apart")]))
+    upper, lower = text.split(r"\par" + "\n")
+    assert [part.count(r"\begin{tabular}") for part in (upper, lower)] == [1, 1]
+    assert "difference" not in upper
+    assert "apart" not in upper
+    assert r"\addlinespace" not in upper
+    assert lower.index("one") < lower.index(r"\addlinespace") < lower.index("two") < lower.index("difference")
+    assert rf"\multicolumn{{{1 + 2 * 4}}}{{l}}{{apart}}" in lower
+
+
+def test_parts_that_do_not_fit_on_a_page_are_tables_of_their_own() -> None:
+    entries = [Entry("1")] * (3 * MOST_ACROSS)
+    for rows, tables in ((MOST_LINES // 3, 1), (MOST_LINES // 2, 2), (MOST_LINES // 2 + 1, 3)):
+        text = "\n".join(tabulars("l", "tab:a", lambda part: [str(part)], [Group([Line("row", entries)])] * rows))
+        assert text.count(r"\begin{tabular}") == 3
+        assert text.count(r"\end{table}") == text.count(r"Table~\ref{tab:a}, continued") == tables - 1

@@ -61,7 +61,7 @@ def test_the_table_says_everything_that_the_summary_says() -> None:
     assert r"Ablation \& more" in text
     assert "abc, def" in text
     below = text.split(r"\midrule")[1]
-    assert {line.count("&") for line in below.splitlines() if line.endswith(r"\\")} == {7}
+    assert {line.count("&") for line in below.splitlines() if line.endswith(r"\\")} == {8}
     assert text.count("{") == text.count("}")
 
 

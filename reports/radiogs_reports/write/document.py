@@ -14,7 +14,6 @@ def report_document(summary: Summary, tables: Sequence[str], figures: Sequence[t
     """
     parts = [PREAMBLE, f"% {escape(summary['title'])}\n"]
     parts += [f"\\input{{{name}}}\n" for name in tables]
-    parts.append("\\clearpage\n")
     for name, caption in figures:
         parts.append(
             "\\begin{figure}[tbp]\n\\centering\n"

@@ -16,6 +16,9 @@ BOX_END = (
 )
 """Around a tabular: shrinks it to the line's width and the page's height if it is larger, never enlarges it."""
 
+LEFT = r"\par\raggedright"
+"""In front of the notes below a table."""
+
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}
 \usepackage[utf8]{inputenc}

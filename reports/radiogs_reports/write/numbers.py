@@ -1,14 +1,24 @@
-"""Columns of numbers in LaTeX, aligned at the decimal point by siunitx, with a narrow column of text behind each."""
+"""Tables of numbers in LaTeX, aligned at the decimal point by siunitx, with a narrow column of text behind each."""
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
+
+from .latex import BOX_BEGIN, BOX_END
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
 """What siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column."""
 
 SETUP = r"\sisetup{group-minimum-digits=9}"
 """In front of a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
+
+
+MOST_ACROSS = 6
+"""Numbers side by side; more continue in a tabular below, because print would make them too small to read."""
+
+
+MOST_LINES = 40
+"""Of the parts of a table on one page, without their heads; further parts are a table of their own."""
 
 
 class Entry(NamedTuple):
@@ -37,11 +47,77 @@ def layout(entries: Iterable[Entry]) -> str:
     return rf"S[table-format={sign}{whole}.{decimals}]@{{\,}}l"
 
 
-def line(label: str, entries: Iterable[Entry], *more: str) -> str:
-    """A line of a table: what heads it, numbers, further cells."""
-    return rf"{' & '.join([label, *(entry.cells() for entry in entries), *more])} \\"
+class Line(NamedTuple):
+    """What heads a line (LaTeX, cells and all), and its numbers."""
+
+    label: str
+    entries: Sequence[Entry]
+
+    def cut(self, part: slice) -> "Line":
+        """The line of some of the columns."""
+        return Line(self.label, self.entries[part])
+
+    def text(self) -> str:
+        """The line of a tabular."""
+        return rf"{' & '.join([self.label, *(entry.cells() for entry in self.entries)])} \\"
+
+
+class Group(NamedTuple):
+    """Lines that belong together, the first of which is always there; a group with a title stands below a rule."""
+
+    lines: Sequence[Line]
+    title: str = ""
+
+    def cut(self, part: slice) -> "Group":
+        """The group of some of the columns, without further lines that say nothing of them."""
+        first, *others = (line.cut(part) for line in self.lines)
+        kept = [line for line in others if any(line.entries)]
+        return Group([first, *kept] if kept or any(first.entries) or not self.title else [], self.title)
 
 
 def over(text: str) -> str:
     """A heading over the two columns of a number."""
     return rf"\multicolumn{{2}}{{c}}{{{text}}}"
+
+
+def parts(count: int) -> list[slice]:
+    """Columns in their order, cut into as few parts of nearly equal size as fit."""
+    number = -(-count // MOST_ACROSS)
+    across = -(-count // number)
+    return [slice(start, min(start + across, count)) for start in range(0, count, across)]
+
+
+def tabulars(lead: str, label: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]) -> list[str]:
+    """Tabulars below each other, one of each part of the columns, within a table environment.
+
+    ``lead``: layout of the columns of the labels. ``label``: the table's, for the heads of what continues it.
+    """
+    lines, held = [r"\small"], 0
+    for part in parts(len(groups[0].lines[0].entries)):
+        cut = [group.cut(part) for group in groups]
+        height = sum(len(group.lines) for group in cut)
+        if held and held + height > MOST_LINES:
+            lines += [r"\end{table}", r"\begin{table}[tbp]", r"\centering", SETUP, r"\small"]
+            lines += [rf"Table~\ref{{{label}}}, continued", r"\par"]
+            held = 0
+        lines += [r"\par"] * (held > 0)
+        held += height
+        columns = zip(*(line.entries for group in cut for line in group.lines), strict=True)
+        aligned = "".join(map(layout, columns))
+        lines += [BOX_BEGIN, f"\\begin{{tabular}}{{{lead}{aligned}}}", r"\toprule", *heads(part), r"\midrule"]
+        lines += _body([group for group in cut if group.lines], len(lead) + 2 * (part.stop - part.start))
+        lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
+    return lines
+
+
+def _body(groups: Sequence[Group], across: int) -> list[str]:
+    """Groups with space between them, if any has more than a line, so that a line is not read as the next group's."""
+    apart = any(len(group.lines) > 1 for group in groups)
+    lines = []
+    for place, group in enumerate(groups):
+        if group.title:
+            lines += [r"\midrule", rf"\multicolumn{{{across}}}{{l}}{{{group.title}}} \\"]
+        else:
+            lines += [r"\addlinespace"] * (place > 0 and apart)
+        lines += [line.text() for line in group.lines]
+    return lines

@@ -1,17 +1,14 @@
 """A table of the paper in LaTeX: booktabs, the paper's rank colours, published values below the measured ones."""
 
 from ...summary import PaperColumn, PaperTable, PaperValue, Summary
-from ..latex import ARROWS, BOX_BEGIN, BOX_END, as_formula, escape, note_mark, rank_colour
+from ..latex import ARROWS, LEFT, as_formula, escape, note_mark, rank_colour
 from ..notes import note_index
-from ..numbers import SETUP, Entry, layout, line, over
+from ..numbers import SETUP, Entry, Group, Line, over, tabulars
 from .layout import as_printed
-from .reading import apart, caption, change, groups, is_beside, measured, measured_ranks, published_ranks, row_label
+from .reading import apart, caption, change, groups_of, is_beside, measured, measured_ranks, published_ranks, row_label
 
 Ranks = dict[str, dict[str, int]]
 """By column, then row."""
-
-Line = tuple[str, list[Entry]]
-"""The two cells that head a line, and its numbers."""
 
 PLUS_MINUS = "±"
 
@@ -30,9 +27,10 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
         {column["key"]: ranks_of(table, column) for column in table["columns"]}
         for ranks_of in (measured_ranks, published_ranks)
     ]
-    groups_of_lines = [_row_lines(table, row, ranks, notes) for row in table["rows"]]
-    further = _apart(table, apart(table, summary), ranks[1], notes)
-    columns = zip(*(entries for group in [*groups_of_lines, further] for _, entries in group), strict=True)
+    groups = [Group(_row_lines(table, row, ranks, notes)) for row in table["rows"]]
+    title = apart(table, summary)
+    if title:
+        groups.append(Group(_apart(table, ranks[1], notes), f"{as_formula(title)}:"))
     lines = [
         f"% {escape(table['key'])}: made by radiogs-bench; the paper's {escape(table['label'])}",
         r"\begin{table}[tbp]",
@@ -40,32 +38,21 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
         SETUP,
         f"\\caption{{{below}}}",
         f"\\label{{measured:{table['key']}}}",
-        BOX_BEGIN,
-        f"\\begin{{tabular}}{{ll{''.join(map(layout, columns))}}}",
-        r"\toprule",
-        *_heads(table),
-        r"\midrule",
+        *tabulars("ll", f"measured:{table['key']}", lambda part: _heads(table["columns"][part]), groups),
+        LEFT,
     ]
-    for place, group in enumerate(groups_of_lines):
-        lines += [r"\addlinespace"] * (place > 0)
-        lines += [line(label, entries) for label, entries in group]
-    if further:
-        title = as_formula(apart(table, summary))
-        lines += [r"\midrule", rf"\multicolumn{{{2 + 2 * len(table['columns'])}}}{{l}}{{{title}:}} \\"]
-        lines += [line(label, entries) for label, entries in further]
-    lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [
         rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
     ]
     return "\n".join([*lines, r"\end{table}", ""])
 
 
-def _heads(table: PaperTable) -> list[str]:
+def _heads(columns: list[PaperColumn]) -> list[str]:
     """What columns share, rules below it, and each column's own heading."""
     return [
-        " & & " + " & ".join(_spanning(group, count) for group, count in groups(table)) + r" \\",
-        " ".join(_rule(start, end) for start, end in _spans(table)),
-        "Method & & " + " & ".join(over(_heading(column)) for column in table["columns"]) + r" \\",
+        " & & " + " & ".join(_spanning(group, count) for group, count in groups_of(columns)) + r" \\",
+        " ".join(_rule(start, end) for start, end in _spans(columns)),
+        "Method & & " + " & ".join(over(_heading(column)) for column in columns) + r" \\",
     ]
 
 
@@ -81,18 +68,16 @@ def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes
         middle.append(_difference(value, column))
         rank = of_published[column["key"]].get(row["key"])
         lower.append(_published(value, rank, notes) if is_beside(column) else Entry())
-    lines = [(f"{as_formula(row_label(row))} & measured", upper)]
+    lines = [Line(f"{as_formula(row_label(row))} & measured", upper)]
     if any(middle):
-        lines.append((r" & \scriptsize difference", middle))
+        lines.append(Line(r" & \scriptsize difference", middle))
     if any(lower):
-        lines.append((_paper_label(row["text"] if row.get("ran") else "", row, notes), lower))
+        lines.append(Line(_paper_label(row["text"] if row.get("ran") else "", row, notes), lower))
     return lines
 
 
-def _apart(table: PaperTable, title: str, ranks: Ranks, notes: list[str]) -> list[Line]:
-    """Lines of published values by other conventions; none without any."""
-    if not title:
-        return []
+def _apart(table: PaperTable, ranks: Ranks, notes: list[str]) -> list[Line]:
+    """Lines of published values by other conventions."""
     lines = []
     for row in table["rows"]:
         values = [
@@ -100,7 +85,7 @@ def _apart(table: PaperTable, title: str, ranks: Ranks, notes: list[str]) -> lis
             else _published(table["cells"][row["key"]][column["key"]], ranks[column["key"]].get(row["key"]), notes)
             for column in table["columns"]
         ]  # fmt: skip
-        lines.append((_paper_label(row["text"], row, notes), values))
+        lines.append(Line(_paper_label(row["text"], row, notes), values))
     return lines
 
 
@@ -137,10 +122,10 @@ def _spanning(group: str, count: int) -> str:
     return rf"\multicolumn{{{2 * count}}}{{c}}{{{escape(group)}}}"
 
 
-def _spans(table: PaperTable) -> list[tuple[int, int]]:
+def _spans(columns: list[PaperColumn]) -> list[tuple[int, int]]:
     """First and last column of the tabular, two for a number, that each group spans, counted from 1."""
     spans, start = [], 3  # after the columns of the row's name and of "measured"
-    for _, count in groups(table):
+    for _, count in groups_of(columns):
         spans.append((start, start + 2 * count - 1))
         start += 2 * count
     return spans

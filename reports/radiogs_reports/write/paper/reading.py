@@ -1,5 +1,6 @@
 """What all forms of a table of the paper share: printed values, ranks, headings and the caption."""
 
+from collections.abc import Sequence
 from itertools import groupby
 
 from ...analysis.ranks import printed_ranks
@@ -73,9 +74,9 @@ def apart(table: PaperTable, summary: Summary) -> str:
     )
 
 
-def groups(table: PaperTable) -> list[tuple[str, int]]:
+def groups_of(columns: Sequence[PaperColumn]) -> list[tuple[str, int]]:
     """Headings that neighbouring columns share, and how many columns each spans."""
-    return [(group, len(list(columns))) for group, columns in groupby(table["columns"], key=lambda each: each["group"])]
+    return [(group, len(list(columns))) for group, columns in groupby(columns, key=lambda each: each["group"])]
 
 
 def caption(table: PaperTable, summary: Summary) -> str:

@@ -6,9 +6,9 @@ from ...summary import CellSummary, ColumnSummary, RowSummary, Summary, half_wid
 from ...summary import beside as published_beside
 from ...wording import signed
 from ..caption import unfinished
-from ..latex import ARROWS, BOX_BEGIN, BOX_END, END, PREAMBLE, escape, note_mark, rank_colour, row_label
+from ..latex import ARROWS, END, LEFT, PREAMBLE, escape, note_mark, rank_colour, row_label
 from ..notes import note_index
-from ..numbers import SETUP, Entry, layout, line, over
+from ..numbers import SETUP, Entry, Group, Line, over, tabulars
 
 
 def suite_document(summary: Summary) -> str:
@@ -20,16 +20,12 @@ def suite_latex(summary: Summary) -> str:
     """The table environment, for documents that load booktabs, graphicx, siunitx and xcolor (option ``table``).
 
     Under each mean stands its paired difference to the reference row with the half-width of the 95 % interval; beside
-    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note.
+    it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; what else there is
+    to be said of values and methods follows the table as text.
     """
     notes: list[str] = []
     ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
-    heads = " & ".join(
-        over(f"{escape(column['label'])} {ARROWS[column['direction']]}") for column in summary["columns"]
-    )
-    units = " & ".join(over(escape(column["unit"])) for column in summary["columns"])
-    groups = [_row_lines(summary, row, ranks, notes) for row in summary["rows"]]
-    aligned = [layout(entries) for entries in zip(*(entries for group in groups for entries in group), strict=True)]
+    groups = [_group(summary, row, ranks, notes) for row in summary["rows"]]
     lines = [
         f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
         r"\begin{table}[tbp]",
@@ -37,29 +33,35 @@ def suite_latex(summary: Summary) -> str:
         SETUP,
         f"\\caption{{{_caption(summary)}}}",
         f"\\label{{tab:{summary['suite']}}}",
-        BOX_BEGIN,
-        f"\\begin{{tabular}}{{l{''.join(aligned)}r}}",
-        r"\toprule",
-        f"Method & {heads} & Training \\\\",
-        f" & {units} & s \\\\",
-        r"\midrule",
+        *tabulars("l", f"tab:{summary['suite']}", lambda part: _heads(summary, part), groups),
+        LEFT,
     ]
-    for place, (row, (means, differences)) in enumerate(zip(summary["rows"], groups, strict=True)):
-        seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
-        lines += [r"\addlinespace"] * (place > 0 and any(map(any, (group[1] for group in groups))))
-        lines.append(line(row_label(row), means, seconds))
-        lines += [line("", differences, "")] * any(differences)
-    lines += [r"\bottomrule", r"\end{tabular}}", BOX_END]
     lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
-    lines += [
-        rf"\par\smallskip\footnotesize {escape(footnote)}" for footnote in (*footnotes(summary), *remarks(summary))
+    return "\n".join([*lines, r"\end{table}", *_beside(summary), ""])
+
+
+def _beside(summary: Summary) -> list[str]:
+    """Footnotes and remarks as text: a page and more of them for seven methods, which a table could not break."""
+    found = [*footnotes(summary), *remarks(summary)]
+    if not found:
+        return []
+    return [
+        r"{\footnotesize\setlength{\parindent}{0pt}\setlength{\parskip}{3pt}\raggedright",
+        rf"To Table~\ref{{tab:{summary['suite']}}}:",
+        *(rf"\par {escape(each)}" for each in found),
+        r"\par}",
     ]
-    return "\n".join([*lines, r"\end{table}", ""])
 
 
-def _row_lines(
-    summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]
-) -> tuple[list[Entry], list[Entry]]:
+def _heads(summary: Summary, part: slice) -> list[str]:
+    """Names of columns with the direction of better values, and their units; seconds of training come last."""
+    names = [f"{escape(column['label'])} {ARROWS[column['direction']]}" for column in summary["columns"]]
+    units = [escape(column["unit"]) for column in summary["columns"]]
+    lines = ("Method", [*names, "Training"]), ("", [*units, "s"])
+    return [rf"{' & '.join([label, *map(over, texts[part])])} \\" for label, texts in lines]
+
+
+def _group(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]) -> Group:
     """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
     means, differences = [], []
     for column in summary["columns"]:
@@ -69,7 +71,9 @@ def _row_lines(
         behind = escape(marks(summary, row["key"], column["key"])) + beside
         means.append(_mean(cell, column, ranks[column["key"]].get(row["key"]), notes)._replace(behind=behind))
         differences.append(_difference(cell, column))
-    return means, differences
+    seconds = Entry() if row["seconds"] is None else Entry(f"{row['seconds']:.0f}")
+    lines = [Line(row_label(row), [*means, seconds]), Line("", [*differences, Entry()])]
+    return Group([line for line in lines if any(line.entries)])
 
 
 def _mean(cell: CellSummary, column: ColumnSummary, rank: int | None, notes: list[str]) -> Entry:
