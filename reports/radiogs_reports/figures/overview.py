@@ -25,7 +25,7 @@ FEWEST, MOST = 2, 3
 RANGES = (0.02, 0.05, 0.1, 0.25, 0.5, 1.0)
 """Errors at which the scale may end: the smallest is taken that all but ``OUTLIERS`` of the pixels are below."""
 
-OUTLIERS = 0.02
+OUTLIERS = 0.05
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,9 @@ def _figure(views: SceneViews, lines: list[Line]) -> Sketch:
         for place, line in enumerate(lines):
             _draw(grid[place], line, end)
             name_row(grid[place, 0], LABELS[line.name])
-        for axes, label in zip(grid[0], [*labels, *labels, *labels[1:]], strict=True):
-            axes.set_title(wrapped(label))
+        titles = [*labels, *(f"crop: {label}" for label in labels), *(f"error: {label}" for label in labels[1:])]
+        for axes, title in zip(grid[0], titles, strict=True):
+            axes.set_title(wrapped(title))
         figure.colorbar(ScalarMappable(Normalize(0, end), "inferno"), ax=list(grid.ravel()), aspect=40, pad=0.01)
     light = f" under {views.light}" if views.light else ""
     caption = (
