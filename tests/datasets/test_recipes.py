@@ -11,6 +11,8 @@ from radiogs_core.errors import UsageError
 from radiogs_datasets.generate import RECIPES, generate_scene, probe, trefoil
 from radiogs_datasets.generate.cameras import pinhole
 from radiogs_datasets.generate.environments import LIGHTS, WIDTH
+from radiogs_datasets.generate.materials import Patterned
+from radiogs_datasets.generate.patterns import Checker
 from radiogs_datasets.generate.recipe import Recipe
 from radiogs_datasets.generate.solids import Box, Knot, Solid
 from reference.solids import knot_curve
@@ -52,6 +54,16 @@ def test_no_knot_meets_itself() -> None:
     for knot in knots:
         surface = trefoil.points(knot, *trefoil.grid(600, 120)).numpy()
         assert cKDTree(knot_curve(knot, 20_000)).query(surface)[0].min() > knot.radius - 1e-6
+
+
+def test_no_face_lies_between_two_cubes_of_its_pattern(recipe: Recipe) -> None:
+    """Rounding would decide which of the two is seen there."""
+    for solid in recipe.solids:
+        if isinstance(solid, Box) and isinstance(solid.material, Patterned):
+            pattern = solid.material.pattern
+            if isinstance(pattern, Checker):
+                place = (np.array([solid.low, solid.high]) - pattern.origin) / pattern.side
+                assert np.abs(place - place.round()).min() > 1e-3
 
 
 def test_every_camera_looks_at_the_target_from_outside(recipe: Recipe) -> None:

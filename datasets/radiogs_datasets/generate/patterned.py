@@ -64,7 +64,7 @@ RECIPES = (
         name="alcove",
         purpose="a bright room for pictures: sun on one wall, whose colour lights all that is in shade",
         solids=(
-            Box((-1.1, -0.95, -0.8), (1.1, 0.75, -0.7), Patterned(CREAM, BRICK, Checker(0.25, (0.04, 0.02, -0.95)))),
+            Box((-1.1, -0.95, -0.8), (1.1, 0.75, -0.7), Patterned(CREAM, BRICK, Checker(0.25, (0.04, 0.02, -1.0)))),
             Box((-1.1, -0.95, -0.698), (1.1, -0.85, 0.75), Patterned(LIME, SKY, Stripes((1.0, 0.0, 0.0), 0.3, 0.4))),
             Box((-1.1, -0.848, -0.698), (-1.0, 0.7, 0.75), Patterned(SCARLET, OCHRE, Noise(0.7, 0.2, 0.9, 5))),
             Box((1.0, -0.848, -0.698), (1.1, 0.7, 0.75), Patterned(LIME, SKY, Noise(0.6, 0.2, 0.6, 6))),
