@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 import torch
@@ -15,11 +16,16 @@ from ..errors import DataError
 from ..scene.camera import Camera
 from ..scene.colour import srgb_decode
 from ..scene.scene import Scene, View
-from .surfels import Surfels, radiance_to_sh, surfels_at
+from .surfels import Surfels, radiance_to_sh, surfels_at, surfels_facing
+from .swept_depth import DepthSweep
+from .swept_points import swept_points
 
 MINIMUM_NEIGHBOUR_SHARE = 1e-3
 """Smallest starting scale, as a share of the mean one: duplicated points would start at zero."""
 
+
+SPREAD = 0.8
+"""Standard deviation of surfels on a swept surface, in spacings of their points."""
 
 DRAWN_AT_ONCE = 1 << 20
 """Candidates that are drawn together: some 100 MB while they are projected."""
@@ -29,6 +35,11 @@ DRAWN_AT_ONCE = 1 << 20
 class SurfelStart:
     """What surfels start as."""
 
+    points: Literal["hull", "swept"] = "hull"
+    """Random points of the silhouettes' hull; or points on the surfaces that swept depth maps agree on, facing as those
+    do (``swept_points``), with the hull's where there are none."""
+    sweep: DepthSweep = field(default_factory=DepthSweep)
+    """How depth maps are swept."""
     candidates: int = 128
     """Points that are drawn for each surfel at most, to choose from."""
     consistent_share: float = 1.0
@@ -46,13 +57,29 @@ def initial_surfels(
 ) -> Surfels:
     """At most ``count`` surfels at ``initial_points``, as wide as their neighbours are apart, facing a camera.
 
-    Their radiance is the colour that the views see there: ``linear``, or display sRGB as it is. Raises DataError as
-    ``initial_points`` does.
+    Those at ``swept_points`` face as the surfaces do instead. Their radiance is the colour that the views see there:
+    ``linear``, or display sRGB as it is. Raises DataError as ``initial_points`` does.
     """
-    points, colour = initial_points(scene, views, count, generator, start)
-    surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, views), generator)
+    found = _swept_surfels(scene, views, count, start, generator) if start.points == "swept" else None
+    if found is not None:
+        surfels, colour, opacity = *found, start.sweep.opacity
+    else:
+        points, colour = initial_points(scene, views, count, generator, start)
+        surfels = surfels_at(points, neighbour_spacing(points), nearest_camera(points, views), generator)
+        opacity = start.opacity
     surfels.sh[:, 0] = radiance_to_sh(srgb_decode(colour) if linear else colour)
-    return surfels.made_of(start.albedo, start.roughness, start.opacity)
+    return surfels.made_of(start.albedo, start.roughness, opacity)
+
+
+def _swept_surfels(
+    scene: Scene, views: Sequence[View], count: int, start: SurfelStart, generator: torch.Generator
+) -> tuple[Surfels, Float[Tensor, "surfels 3"]] | None:
+    """Surfels on swept surfaces and their colours, display sRGB; None where the views agree on no surface."""
+    points, normals, colour = swept_points(scene, views, view_radius(scene), count, start.sweep, generator)
+    if len(points) == 0:
+        return None
+    spacing = SPREAD * neighbour_spacing(points)
+    return surfels_facing(points, spacing, normals), colour
 
 
 def view_radius(scene: Scene) -> float:

@@ -162,6 +162,21 @@ def surfels_at(
     )
 
 
+def surfels_facing(
+    points: Float[Tensor, "surfels 3"],
+    spacing: Float[Tensor, " surfels"],
+    normals: Float[Tensor, "surfels 3"],
+) -> Surfels:
+    """Fresh surfels as ``surfels_at`` makes them, each with a unit normal that is given: turned there from +z the
+    shortest way (about x, where that is half a turn)."""
+    surfels = surfels_at(points, spacing, points + normals, torch.Generator(points.device).manual_seed(0))
+    x, y, z = normals.unbind(-1)
+    turn = torch.stack([1 + z, -y, x, torch.zeros_like(z)], -1)
+    half = torch.tensor([0.0, 1.0, 0.0, 0.0]).to(turn)
+    surfels.rotation = torch.where(turn.norm(dim=-1, keepdim=True) < 1e-3, half, normalize(turn, dim=-1))
+    return surfels
+
+
 def inverse_sigmoid(value: float) -> float:
     """log(p / (1 - p)), for 0 < p < 1."""
     return float(torch.logit(torch.tensor(value, dtype=torch.float64)))

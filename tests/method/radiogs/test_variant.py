@@ -34,6 +34,15 @@ OTHER = {
     "geometry.schedule.decay_from": 0.1,
     "geometry.schedule.normal_late_from": 0.1,
     "geometry.start.candidates": 64,
+    "geometry.start.points": "swept",
+    "geometry.start.sweep.side": 8,
+    "geometry.start.sweep.planes": 20,
+    "geometry.start.sweep.neighbours": 1,
+    "geometry.start.sweep.agreeing": 1,
+    "geometry.start.sweep.window": 3,
+    "geometry.start.sweep.step": 0.1,
+    "geometry.start.sweep.jump": 0.0,
+    "geometry.start.sweep.freest": 0.2,
     "geometry.surroundings.candidates": 4,
     "geometry.surroundings.compared": 1,
     "geometry.surroundings.width_quantile": 0.2,
@@ -133,8 +142,11 @@ def differ(some: dict[str, torch.Tensor], others: dict[str, torch.Tensor]) -> bo
 
 @pytest.mark.parametrize("path", OF_STAGE_ONE)
 def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str, Any], path: str) -> None:
-    value, scene, before = other(path, LEAVES[path]), SCENE, first
-    variant = turned(BASE, path, value)
+    value, scene, before, base = other(path, LEAVES[path]), SCENE, first, BASE
+    if path.startswith("geometry.start.sweep."):
+        base = turned(BASE, "geometry.start.points", "swept")
+        before = initialised(base)
+    variant = turned(base, path, value)
     if path.startswith("geometry.surroundings."):
         scene = ROOM[0 if path == OF_NO_SPARSE_POINTS else 100]
         before = initialised(BASE, scene)
