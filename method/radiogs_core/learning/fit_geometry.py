@@ -66,6 +66,9 @@ GEOMETRY_BUDGET = (
 DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
 """Parameters of surfels whose rates fall in the later part of the stage."""
 
+SHAPE = ("rotation", "log_scale")
+"""Those of them that stay as they start while surfels do not move yet."""
+
 
 @runtime_checkable
 class Shading(Protocol):
@@ -157,10 +160,16 @@ class FitGeometry:
         }
 
     def _position_rate(self) -> float:
-        """World units a step: geometric between the first and the last rate, then constant."""
+        """World units a step: none at first, geometric between the first and the last rate, then constant."""
+        if self._still():
+            return 0.0
         rates, until = self.learning.rates, self.learning.schedule.position_decay_until
         progress = min(1.0, self.iteration / max(1.0, until * self.iterations))
         return rates.position ** (1 - progress) * rates.position_end**progress * self.unit_rate
+
+    def _still(self) -> bool:
+        """Whether surfels only take their colours yet."""
+        return self.iteration < self.learning.schedule.moving_from * self.iterations
 
     def _set_rates(self) -> None:
         """Positions fall by their own schedule, the other rates of surfels from ``schedule.decay_from`` on."""
@@ -169,7 +178,8 @@ class FitGeometry:
         rates = self._rates(self.geometry_rate)
         self.optimiser.set_rate("centre", rates["centre"])
         for name in DECAYING:
-            self.optimiser.set_rate(name, rates[name] * end**progress)
+            held = self._still() and name in SHAPE
+            self.optimiser.set_rate(name, 0.0 if held else rates[name] * end**progress)
 
     @property
     def surfels(self) -> Surfels:

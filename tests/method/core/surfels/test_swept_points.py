@@ -9,7 +9,7 @@ from radiogs_core.surfels.swept_points import offsets, spread
 from scenes import sphere_scene
 
 SMALL = DepthSweep(side=32, planes=32, neighbours=4, agreeing=2)
-SWEPT = SurfelStart(points="swept", sweep=SMALL)
+SWEPT, HULL = SurfelStart(points="swept", sweep=SMALL), SurfelStart(points="hull")
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
@@ -22,7 +22,7 @@ def test_surfels_start_on_a_sphere_and_face_outwards_at_any_scale_of_the_world(s
     outwards = torch.nn.functional.normalize(surfels.centre, dim=-1)
     assert float((surfels.frame[..., 2] * outwards).sum(-1).median()) > 0.9
     assert float(surfels.opacity.mean()) == pytest.approx(0.5)
-    hull = initial_surfels(scene, scene.train, 300, SurfelStart(), False, torch.Generator().manual_seed(0))
+    hull = initial_surfels(scene, scene.train, 300, HULL, False, torch.Generator().manual_seed(0))
     assert float((hull.centre.norm(dim=-1) / scale - 1).abs().median()) > 0.1
 
 
@@ -57,6 +57,6 @@ def test_surfels_start_in_the_hull_where_no_views_agree_on_a_surface() -> None:
     scene = sphere_scene(views=8, size=32)
     none = SurfelStart(points="swept", sweep=dataclasses.replace(SMALL, freest=2.0))
     surfels = initial_surfels(scene, scene.train, 50, none, True, torch.Generator().manual_seed(0))
-    plain = initial_surfels(scene, scene.train, 50, SurfelStart(), True, torch.Generator().manual_seed(0))
+    plain = initial_surfels(scene, scene.train, 50, HULL, True, torch.Generator().manual_seed(0))
     assert torch.equal(surfels.centre, plain.centre)
     assert torch.equal(surfels.opacity_logit, plain.opacity_logit)
