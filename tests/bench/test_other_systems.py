@@ -31,7 +31,10 @@ OF_LINUX = {
 }  # fmt: skip
 """Names of ``os`` and ``signal`` that macOS lacks."""
 
-HIDDEN = {"memfd_create", "MFD_CLOEXEC", "pidfd_open", "pidfd_send_signal", "process_cpu_count", "sched_getaffinity"}
+HIDDEN = {
+    "memfd_create", "MFD_CLOEXEC", "pidfd_open", "pidfd_send_signal", "process_cpu_count", "sched_getaffinity",
+    "sched_setaffinity",
+}  # fmt: skip
 PLACES = {
     provenance: ("CPU_INFORMATION", "PROCESS_STATUS", "PEAK_RESET"),
     limits: ("MEMORY_INFORMATION", "PROCESS_STATUS"),

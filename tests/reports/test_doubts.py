@@ -60,11 +60,11 @@ def test_markdown_marks_values_and_says_why_below() -> None:
 
 def test_latex_marks_values_and_says_why_below() -> None:
     text = suite_latex(doubted())
-    assert r"7.50$^\dagger$" in text
-    assert r"7.00$^\dagger$$^\ddagger$" in text
-    assert rf"\footnotesize $^\dagger$ {LEVEL}" in text
-    assert r"\footnotesize $^\ddagger$ no better than a constant \& more" in text
-    assert text.index(r"\end{tabular}") < text.index(LEVEL) < text.index(r"\end{table}")
+    assert r"7.50 & $^\dagger$ &" in text
+    assert r"7.00 & $^\dagger$$^\ddagger$ &" in text
+    assert rf"\par $^\dagger$ {LEVEL}" in text
+    assert r"\par $^\ddagger$ no better than a constant \& more" in text
+    assert text.index(r"\end{tabular}") < text.index(r"\end{table}") < text.index(LEVEL)
 
 
 def test_csv_gives_the_footnotes_of_each_value() -> None:
