@@ -35,7 +35,7 @@ DRAWN_AT_ONCE = 1 << 20
 class SurfelStart:
     """What surfels start as."""
 
-    points: Literal["hull", "swept"] = "swept"
+    points: Literal["hull", "swept"] = "hull"
     """Random points of the silhouettes' hull; or points on the surfaces that swept depth maps agree on, facing as those
     do (``swept_points``), with the hull's where there are none."""
     sweep: DepthSweep = field(default_factory=DepthSweep)

@@ -34,7 +34,7 @@ OTHER = {
     "geometry.schedule.decay_from": 0.1,
     "geometry.schedule.normal_late_from": 0.1,
     "geometry.start.candidates": 64,
-    "geometry.start.points": "hull",
+    "geometry.start.points": "swept",
     "geometry.schedule.moving_from": 0.5,
     "geometry.start.sweep.side": 8,
     "geometry.start.sweep.planes": 20,
@@ -105,9 +105,6 @@ CONSTANT = replace(BASE, materials=MaterialLearning(start=MaterialStart(light="c
 OF_A_CONSTANT_START = ("materials.start.albedo", "materials.start.white", "materials.start.brightest")
 """Fields that are read where the light is not sought."""
 
-OF_THE_HULL = ("geometry.start.candidates", "geometry.start.consistent_share", "geometry.start.opacity")
-"""Fields that are read where surfels start in the hull."""
-
 ROOM = {points: room_scene(views=8, size=16, points=points) for points in (0, 100)}
 OF_NO_SPARSE_POINTS = "geometry.surroundings.nearest"
 
@@ -147,8 +144,8 @@ def differ(some: dict[str, torch.Tensor], others: dict[str, torch.Tensor]) -> bo
 @pytest.mark.parametrize("path", OF_STAGE_ONE)
 def test_each_field_of_geometry_and_split_sum_changes_stage_one(first: dict[str, Any], path: str) -> None:
     value, scene, before, base = other(path, LEAVES[path]), SCENE, first, BASE
-    if path in OF_THE_HULL:
-        base = turned(BASE, "geometry.start.points", "hull")
+    if path.startswith("geometry.start.sweep."):
+        base = turned(BASE, "geometry.start.points", "swept")
         before = initialised(base)
     variant = turned(base, path, value)
     if path.startswith("geometry.surroundings."):

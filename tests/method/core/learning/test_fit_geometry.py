@@ -58,7 +58,7 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
     assert all(torch.equal(value, after[name]) for name, value in before.items())
 
 
-def test_the_rate_of_positions_is_none_then_falls_geometrically_and_then_stays() -> None:
+def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
     stage = begun()
     assert isinstance(stage, FitGeometry)
     unit, rates, until = SCENE.extent * BUDGET.geometry_rate, SurfelRates(), GeometrySchedule().position_decay_until
@@ -70,7 +70,7 @@ def test_the_rate_of_positions_is_none_then_falls_geometrically_and_then_stays()
         found.append(group["lr"] / unit)
     half = round(0.5 * until * stage.iterations) / (until * stage.iterations)
     between = rates.position ** (1 - half) * rates.position_end**half
-    assert found == pytest.approx([0.0, between, rates.position_end, rates.position_end])
+    assert found == pytest.approx([rates.position, between, rates.position_end, rates.position_end])
 
 
 def test_surfels_take_their_colours_before_they_move() -> None:
