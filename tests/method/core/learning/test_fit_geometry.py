@@ -75,7 +75,8 @@ def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
 
 def test_surfels_take_their_colours_before_they_move() -> None:
     budget = dataclasses.replace(BUDGET, densify_interval=10**6)
-    stage = fit_geometry(GeometryLearning(schedule=GeometrySchedule(moving_from=0.4)), budget).begin(RUN, {})
+    learning = GeometryLearning(schedule=GeometrySchedule(moving_from=0.4), density=AdaptiveDensity(hidden_at=()))
+    stage = fit_geometry(learning, budget).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
     start = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
