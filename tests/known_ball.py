@@ -83,7 +83,7 @@ def tilted(degrees: float) -> Surfels:
 @cache
 def _begun(variant: Variant, budget: Budget) -> Initialisation:
     """Most of a test's time would go into starting points that are replaced at once."""
-    return Initialisation(SCENE, in_the_hull(variant), budget, 0, CPU)
+    return Initialisation(SCENE, variant, budget, 0, CPU)
 
 
 def _placed(stage: Any, tensors: dict[str, torch.Tensor], share: float) -> Any:
@@ -99,12 +99,6 @@ def _placed(stage: Any, tensors: dict[str, torch.Tensor], share: float) -> Any:
 def _tensors(surfels: Surfels, light: torch.Tensor) -> dict[str, torch.Tensor]:
     own = surfels.parameters() | {"log_environment": light}
     return own | {"sh": surfels.sh[:, :1], "sh_rest": surfels.sh[:, 1:]}
-
-
-def in_the_hull(variant: Variant) -> Variant:
-    """Starting with as many surfels as the budget says: whatever they are, they make room for known ones."""
-    start = replace(variant.geometry.start, points="hull")
-    return replace(variant, geometry=replace(variant.geometry, start=start))
 
 
 def initialisation(

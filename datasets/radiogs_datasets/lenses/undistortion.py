@@ -133,7 +133,7 @@ def _unfolded(
             np.gradient(each[::step, ::step].astype(np.float64), step, edge_order=1) for each in (column, row)
         )
         area = down[1] * across[0] - down[0] * across[1]
-    whole = np.nan_to_num(area) > 0
+        whole = area > 0
     _, parts = cv2.connectedComponents(whole.astype(np.uint8), connectivity=4)
     middle = (
         int(np.clip(lens.cy // step, 0, whole.shape[0] - 1)),

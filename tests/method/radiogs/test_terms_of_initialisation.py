@@ -236,8 +236,7 @@ def test_positions_take_steps_as_long_as_the_budget_says_and_rotations_by_the_ro
     """A first step of Adam is as long as its rate."""
     rates = Variant().geometry.rates
     for factor in (1.0, 9.0):
-        at_once = Variant(geometry=GeometryLearning(schedule=GeometrySchedule(moving_from=0.0)))
-        stage = initialisation(worn(), 0.0, at_once, budget=replace(BUDGET, geometry_rate=factor))
+        stage = initialisation(worn(), 0.0, budget=replace(BUDGET, geometry_rate=factor))
         before = {name: stage.optimiser.tensors[name].detach().clone() for name in ("centre", "rotation", "log_scale")}
         stage.step()
         moved = {

@@ -92,8 +92,9 @@ def primary_samples(field: Field, rays: Rays, generator: torch.Generator | None)
     step = STEP * field.spacing
     # A direction's zero component gives infinities of the right sign; 0 / 0 on a face counts as inside.
     low, high = ((side - rays.origin) / rays.direction for side in (-1, 1))
-    enter = torch.minimum(low, high).nan_to_num(nan=-torch.inf, posinf=torch.inf, neginf=-torch.inf)
-    leave = torch.maximum(low, high).nan_to_num(nan=torch.inf, posinf=torch.inf, neginf=-torch.inf)
+    on_face = low.isnan() | high.isnan()
+    enter = torch.where(on_face, -torch.inf, torch.minimum(low, high))
+    leave = torch.where(on_face, torch.inf, torch.maximum(low, high))
     begin, end = enter.amax(-1).clamp(min=0), leave.amin(-1)
     slots = max(1, int((end - begin).clamp(min=0).max() / step) + 1) if len(rays) else 1
     shift = begin.new_full((len(rays), 1), 0.5)
