@@ -6,7 +6,9 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from radiogs_core.kernels.surfel.footprint_source import EDGE_ON_COSINE, PIXEL_FILTER_VARIANCE
+from radiogs_core.kernels.surfel.frame import frames
 from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels import surfels as surfels_module
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import (
     Surfels,
@@ -29,6 +31,21 @@ def test_frame_is_the_rotation_of_the_quaternion_whatever_its_length() -> None:
     torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
     surfels.rotation = 1e3 * surfels.rotation
     torch.testing.assert_close(surfels.frame, torch.from_numpy(expected))
+
+
+def test_framed_surfels_compute_their_frames_once_and_pass_the_gradient_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    surfels, computed = _surfels(), []
+    monkeypatch.setattr(surfels_module, "frames", lambda rotation: computed.append(1) or frames(rotation))
+    surfels.rotation.requires_grad_()
+    framed = surfels.framed()
+    pull = torch.randn(20, 3, 3, dtype=torch.float64)
+    (framed.frame * pull).sum().backward()
+    found, surfels.rotation.grad = surfels.rotation.grad, None
+    assert torch.equal(framed.frame, framed.frame)
+    assert len(computed) == 1
+    (surfels.frame * pull).sum().backward()
+    assert found is not None
+    torch.testing.assert_close(found, surfels.rotation.grad)
 
 
 def test_kernel_axes_are_dual_to_the_scaled_tangents() -> None:
