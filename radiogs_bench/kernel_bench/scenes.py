@@ -20,7 +20,8 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from radiogs_core.errors import DataError
-from radiogs_core.kernels.surfel.geometry import SplatGeometry, support_radius
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.surfel.support import support_of
 from radiogs_core.transport.sampling import tangent_frame
 
 OVERLAP = 0.93
@@ -104,7 +105,7 @@ SCENES: dict[str, Callable[[], KernelScene]] = {
 
 def support_quads(geometry: SplatGeometry) -> tuple[Float[Tensor, "corners 3"], Int[Tensor, "triangles 3"]]:
     """Every surfel's support as the square around its ellipse, in two triangles."""
-    reach = support_radius(geometry.opacity)[:, None]
+    reach = support_of(geometry).radius[:, None]
     along_u, along_v = (
         reach * axis / axis.square().sum(-1, keepdim=True) for axis in (geometry.axis_u, geometry.axis_v)
     )

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 ALPHA_THRESHOLD = 1 / 255
-"""A hit weaker than one 8-bit level is no hit; it bounds the surfel's support at ``support_radius``."""
+"""A hit weaker than one 8-bit level is no hit; it bounds the surfel's support (``support.Support``)."""
 
 MAX_ALPHA = 0.99
 """No surfel hides everything behind it: keeps 1 / (1 - alpha) <= 100 in the backward pass."""
@@ -44,8 +44,3 @@ class SplatGeometry:
     def detach(self) -> "SplatGeometry":
         """A copy of the surfels without gradient."""
         return SplatGeometry(*(getattr(self, field.name).detach() for field in fields(self)))
-
-
-def support_radius(opacity: Float[Tensor, " surfels"]) -> Float[Tensor, " surfels"]:
-    """Radius, in units of the scale, inside which alpha reaches ALPHA_THRESHOLD: sqrt(2 ln(255 o)), else 0."""
-    return (2 * (opacity / ALPHA_THRESHOLD).clamp(min=1).log()).sqrt()
