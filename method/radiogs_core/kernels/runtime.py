@@ -81,6 +81,11 @@ def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
 
 
+def as_flat_array(tensor: torch.Tensor) -> Any:
+    """The memory of a contiguous tensor as a Warp array of one axis (see ``as_array``)."""
+    return as_array(tensor.view(-1))
+
+
 Result = TypeVar("Result")
 
 CHUNKS_PER_WORKER = 8

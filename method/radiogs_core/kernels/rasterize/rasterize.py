@@ -11,7 +11,7 @@ from ...instruments import count
 from ...instruments.finite import require_finite_blend
 from ...scene.camera import Camera
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..runtime import WorkerSums, as_flat_array, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from .binning import TileLists, tile_lists
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
@@ -87,7 +87,7 @@ class _Blend(torch.autograd.Function):
         sums = like.new_empty(pixels, PIXEL_SUMS)
         ends, blended = (torch.empty(pixels, dtype=torch.int32, device=like.device) for _ in range(2))
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
-        outputs = list(map(_flat, (images, sums, ends, blended)))
+        outputs = list(map(as_flat_array, (images, sums, ends, blended)))
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = blended.sum()
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
@@ -100,12 +100,12 @@ class _Blend(torch.autograd.Function):
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1], as_on_cuda(images.device))
         gradients = WorkerSums(splats, images.device)
-        saved = list(map(_flat, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
+        saved = list(map(as_flat_array, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
         launch_in_parallel(
             kernels.backward,
             _items(ctx.camera, images.device),
             images.device,
-            lambda worker: [*ctx.arguments, *saved, *map(_flat, gradients.of(worker))],
+            lambda worker: [*ctx.arguments, *saved, *map(as_flat_array, gradients.of(worker))],
         )
         return None, None, None, *gradients.total()
 
@@ -116,8 +116,8 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
     image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
     image.depth_unit = depth_unit
     packed = kernels.Splats()
-    packed.starts, packed.members = _flat(lists.starts), _flat(lists.members)
-    packed.records, packed.features = map(_flat, splats)
+    packed.starts, packed.members = as_flat_array(lists.starts), as_flat_array(lists.members)
+    packed.records, packed.features = map(as_flat_array, splats)
     return [image, packed]
 
 
@@ -125,7 +125,3 @@ def _items(camera: Camera, device: torch.device) -> int:
     """Items of the kernels in whole tiles."""
     tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
     return tiles * TILE * TILE // pixels_an_item(as_on_cuda(device))
-
-
-def _flat(value: Tensor) -> Any:
-    return as_array(value.view(-1))

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from ...instruments import count
 from ..arrangement import as_on_cuda
-from ..runtime import MOST_ENTRIES, as_array, launch_in_parallel, workers
+from ..runtime import MOST_ENTRIES, as_array, as_flat_array, launch_in_parallel, workers
 from .shade_source import shade_kernels
 
 SAMPLE_FIELDS = 8
@@ -57,7 +57,7 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device))
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
-        given, result = _inputs(kernels, inputs), _flat(out)
+        given, result = _inputs(kernels, inputs), as_flat_array(out)
         launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
         samples = surfels * views * direction.shape[1]
         lobes = specular_at.sum() * views * direction.shape[1]
@@ -78,9 +78,9 @@ class _Shade(torch.autograd.Function):
         # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
         team = workers(normal.device) if wants_environment else 0
         light = environment.new_zeros(team, *environment.shape)
-        lights = [_flat(buffer) for buffer in light] or [_flat(light)] * workers(normal.device)
-        given, pull = ctx.given, _flat(grad_out.contiguous())
-        outputs = [_flat(value) for value in (*own, *incident)]
+        lights = [as_flat_array(buffer) for buffer in light] or [as_flat_array(light)] * workers(normal.device)
+        given, pull = ctx.given, as_flat_array(grad_out.contiguous())
+        outputs = [as_flat_array(value) for value in (*own, *incident)]
         launch_in_parallel(
             kernels.backward,
             len(normal),
@@ -97,12 +97,8 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
         "normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment",
     )  # fmt: skip
     for name, value in zip(names, inputs[:9], strict=True):
-        setattr(given, name, _flat(value))
+        setattr(given, name, as_flat_array(value))
     given.specular_at = as_array(inputs[9].int())
     given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
     given.height, given.width = inputs[8].shape[:2]
     return given
-
-
-def _flat(value: Tensor) -> Any:
-    return as_array(value.view(-1))

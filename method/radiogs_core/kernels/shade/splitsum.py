@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_array, launch_in_parallel
+from ..runtime import WorkerSums, as_flat_array, launch_in_parallel
 from .splitsum_source import splitsum_kernels
 
 
@@ -43,10 +43,12 @@ class _SplitSum(torch.autograd.Function):
         given = kernels.Inputs()
         given.grid_height, given.table_size = len(diffuse), len(table)
         given.sharp_height, given.sharp_width = sharp.shape[:2]
-        given.normal, given.albedo, given.roughness, given.outgoing = map(_flat, (normal, albedo, roughness, outgoing))
-        given.diffuse, given.glossy, given.sharp, given.table = map(_flat, (diffuse, glossy, sharp, table))
+        given.normal, given.albedo, given.roughness, given.outgoing = map(
+            as_flat_array, (normal, albedo, roughness, outgoing)
+        )
+        given.diffuse, given.glossy, given.sharp, given.table = map(as_flat_array, (diffuse, glossy, sharp, table))
         out = normal.new_empty(len(normal), 2, 3)
-        arguments = [given, _flat(out)]
+        arguments = [given, as_flat_array(out)]
         launch_in_parallel(kernels.forward, len(normal), out.device, lambda _: arguments)
         ctx.kernels, ctx.given = kernels, given
         ctx.save_for_backward(*inputs)
@@ -57,12 +59,11 @@ class _SplitSum(torch.autograd.Function):
         *point, diffuse, glossy, sharp = ctx.saved_tensors
         own = [torch.empty_like(value) for value in point]
         maps = WorkerSums((diffuse, glossy, sharp), pull.device)
-        arguments = [ctx.given, _flat(pull.contiguous()), *map(_flat, own)]
+        arguments = [ctx.given, as_flat_array(pull.contiguous()), *map(as_flat_array, own)]
         launch_in_parallel(
-            ctx.kernels.backward, len(pull), pull.device, lambda worker: [*arguments, *map(_flat, maps.of(worker))]
+            ctx.kernels.backward,
+            len(pull),
+            pull.device,
+            lambda worker: [*arguments, *map(as_flat_array, maps.of(worker))],
         )
         return None, None, *own, *maps.total()
-
-
-def _flat(value: Tensor) -> Any:
-    return as_array(value.view(-1))

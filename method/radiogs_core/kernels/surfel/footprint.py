@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
-from ..runtime import as_array, launch_in_parallel
+from ..runtime import as_flat_array, launch_in_parallel
 from .footprint_source import footprint_kernels
 from .geometry import SplatGeometry
 
@@ -41,9 +41,9 @@ class _Widened(torch.autograd.Function):
         axis_u, axis_v, normal, widened_opacity = map(torch.empty_like, (centre, centre, centre, opacity))
         out = axis_u, axis_v, normal, widened_opacity
         ctx.arguments = [
-            _flat(camera.camera_to_world.contiguous()), 2 / (camera.fx + camera.fy), *map(_flat, given)
+            as_flat_array(camera.camera_to_world.contiguous()), 2 / (camera.fx + camera.fy), *map(as_flat_array, given)
         ]  # fmt: skip
-        arguments = [*ctx.arguments, *map(_flat, out)]
+        arguments = [*ctx.arguments, *map(as_flat_array, out)]
         launch_in_parallel(kernels.forward, len(centre), centre.device, lambda _: arguments)
         ctx.save_for_backward(*given)
         return out
@@ -53,12 +53,8 @@ class _Widened(torch.autograd.Function):
         _, frame, scale, opacity = ctx.saved_tensors
         to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
         given = (pull.contiguous() for pull in pulls)
-        arguments = [*ctx.arguments, *map(_flat, (*given, to_frame, to_scale, to_opacity))]
+        arguments = [*ctx.arguments, *map(as_flat_array, (*given, to_frame, to_scale, to_opacity))]
         launch_in_parallel(
             footprint_kernels(scale.dtype).backward, len(scale), scale.device, lambda _: arguments
         )  # fmt: skip
         return None, None, to_frame, to_scale, to_opacity
-
-
-def _flat(value: Tensor) -> Any:
-    return as_array(value.view(-1))

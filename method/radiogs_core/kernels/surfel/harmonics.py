@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import as_array, launch_in_parallel
+from ..runtime import as_flat_array, launch_in_parallel
 from .harmonics_source import harmonics_kernels
 
 
@@ -25,7 +25,7 @@ class _HarmonicSum(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Tensor) -> Tensor:
         sh, direction = (value.detach().contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], *map(_flat, (sh, direction, out))]
+        arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, (sh, direction, out))]
         launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
         ctx.save_for_backward(sh, direction)
         return out
@@ -35,10 +35,6 @@ class _HarmonicSum(torch.autograd.Function):
         sh, direction = ctx.saved_tensors
         gradients = torch.empty_like(sh), torch.empty_like(direction)
         given = [sh, direction, pull.contiguous(), *gradients]
-        arguments = [sh.shape[1], direction.shape[1], *map(_flat, given)]
+        arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, given)]
         launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
         return gradients
-
-
-def _flat(value: Tensor) -> Any:
-    return as_array(value.view(-1))

@@ -11,7 +11,16 @@ from torch import Tensor
 
 from ...instruments import count
 from ..arrangement import as_on_cuda
-from ..runtime import CHUNKS_PER_WORKER, as_array, compile_for, in_parallel, launch, require_countable, workers
+from ..runtime import (
+    CHUNKS_PER_WORKER,
+    as_array,
+    as_flat_array,
+    compile_for,
+    in_parallel,
+    launch,
+    require_countable,
+    workers,
+)
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, hit_kernels
 from .ray_order import coherent_order
@@ -70,7 +79,7 @@ def find_hits(
     compile_for(origin.device, kernels.gather, kernels.pack)
     order = coherent_order(origin, direction)
     rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
-    tree = [as_array(value.view(-1)) for value in (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)]
+    tree = list(map(as_flat_array, (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)))
     start, backs = t_min.index_select(0, order), as_array(back_from.contiguous())
     at_once = RAYS_AT_ONCE_ON_CUDA if on_cuda else RAYS_AT_ONCE
     if workers(origin.device) > 1:
@@ -101,7 +110,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         hits_id = torch.empty(len(rays), BUFFER, dtype=torch.int32, device=device)
         found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
         left = torch.empty_like(rest)
-        buffers = [as_array(value.view(-1)) for value in (hits_t, hits_id, hits_alpha)]
+        buffers = list(map(as_flat_array, (hits_t, hits_id, hits_alpha)))
         arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), backs, stop, *tree]
         launch(kernels.gather, len(rays), device, [*arguments, *buffers, *map(as_array, (found, left, nodes, leaves))])
         nodes_visited += nodes.sum()
