@@ -20,6 +20,7 @@ import torch
 from radiogs_core.errors import ExplainedError, UsageError
 
 from ..errors import CellFailed, Interrupted
+from ..extras import extra_library
 from ..store.claim import Claimed
 from ..store.folder import Store
 from ..suites.cell import Cell
@@ -52,14 +53,8 @@ def connected(address: str | None) -> Iterator[Any]:
     """
     for name, value in SETTINGS.items():
         os.environ.setdefault(name, value)
-    try:
-        import ray
-    except ImportError as error:
-        raise UsageError(
-            "the engine ray needs Ray, which is not installed",
-            f"{error}.",
-            "pip install 'radiogs-bench[cluster]'  (or leave --engine ray out: --workers N shares one machine)",
-        ) from error
+    otherwise = "  (or leave --engine ray out: --workers N shares one machine)"
+    ray = extra_library("ray", "the engine ray needs Ray", "cluster", otherwise)
     if ray.is_initialized():  # by whoever calls this from Python
         yield ray
         return

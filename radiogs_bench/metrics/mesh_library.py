@@ -2,17 +2,9 @@
 
 from typing import Any
 
-from radiogs_core.errors import UsageError
+from ..extras import extra_library
 
 
 def pyvista() -> Any:
     """The library. Raises UsageError where it is not installed."""
-    try:
-        import pyvista as library
-    except ImportError as error:
-        raise UsageError(
-            "meshes and windows need pyvista, which is not installed",
-            f"{error}".splitlines()[0],
-            "pip install 'radiogs-bench[meshes]'",
-        ) from error
-    return library
+    return extra_library("pyvista", "meshes and windows need pyvista", "meshes")

@@ -4,8 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from radiogs_core.errors import UsageError
-
+from ..extras import extra_library
 from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.sweep import Place, Sweep
@@ -21,7 +20,7 @@ def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
     Scalars are ``STAGE/loss/NAME``, ``STAGE/TASK/MEASURE`` where the model was scored during training, both by the
     steps of their stage, and ``end/TASK/MEASURE``. Raises UsageError without the library `tensorboard`.
     """
-    writer = _writer()
+    writer = extra_library("torch.utils.tensorboard", "event files need tensorboard", "tensorboard").SummaryWriter
     finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
     for place, result in finished:
         cell = f"{place['scene']}-seed-{place['seed']}"
@@ -44,15 +43,3 @@ def _write(events: Any, result: Result) -> None:
             events.add_scalar(f"{point.stage}/{name}", value, last)
     for name, value in end(result).items():
         events.add_scalar(f"{END}/{name}", value, last)
-
-
-def _writer() -> Any:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError as error:
-        raise UsageError(
-            "event files need tensorboard, which is not installed",
-            f"{error}".splitlines()[0],
-            "pip install 'radiogs-bench[tensorboard]'",
-        ) from error
-    return SummaryWriter

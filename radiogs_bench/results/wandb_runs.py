@@ -4,8 +4,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from radiogs_core.errors import UsageError
-
+from ..extras import extra_library
 from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.sweep import Place, Sweep, label
@@ -21,7 +20,7 @@ def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
     config the cell's settings. Values are ``STAGE/loss/NAME`` and ``STAGE/TASK/MEASURE`` by ``STAGE/step``; its summary
     has the finished model's metrics. Raises UsageError without the library `wandb`.
     """
-    wandb = _library()
+    wandb = extra_library("wandb", "runs of Weights & Biases need wandb", "wandb")
     finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
     folder.mkdir(parents=True, exist_ok=True)
     for place, result in finished:
@@ -69,15 +68,3 @@ def _settings(place: Place, result: Result) -> dict[str, Any]:
         "protocol": result["protocol"]["name"],
         "device": cell["device"],
     }
-
-
-def _library() -> Any:
-    try:
-        import wandb
-    except ImportError as error:
-        raise UsageError(
-            "runs of Weights & Biases need wandb, which is not installed",
-            f"{error}".splitlines()[0],
-            "pip install 'radiogs-bench[wandb]'",
-        ) from error
-    return wandb

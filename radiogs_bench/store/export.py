@@ -7,9 +7,9 @@ from typing import Any
 
 import pandas as pd
 
-from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import flat
 
+from ..extras import extra_library
 from .atomic import write_atomically
 from .folder import Store
 from .schema import Result
@@ -31,14 +31,8 @@ def export(store: Store, path: Path, form: str) -> int:
     """Write the table; returns its number of lines. Raises UsageError if pandas cannot write the format here."""
     table = pd.DataFrame(list(rows(store)))
     if form == "parquet":
-        try:
-            content = table.to_parquet(index=False)
-        except ImportError as error:
-            raise UsageError(
-                "parquet needs pyarrow, which is not installed",
-                f"{error}".splitlines()[0],
-                "pip install 'radiogs-bench[parquet]'",
-            ) from error
+        extra_library("pyarrow", "parquet needs pyarrow", "parquet")
+        content = table.to_parquet(index=False)
     elif form == "csv":
         content = table.to_csv(index=False).encode()
     else:
