@@ -91,11 +91,13 @@ def depth_range(view: View, extent: float) -> tuple[float, float]:
 
 
 def views_to_keep(scene: Scene, count: int | None) -> KeptViews:
-    """At most so many views, evenly spread, the middle test view among them; None: as many as fit ``KEPT_BYTES``."""
+    """At most so many views, evenly spread, the middle test view among them; None: as many as fit ``KEPT_BYTES``, at least
+    one.
+    """
     views = [*scene.test, *scene.relight]
     middle = len(scene.test) // 2
     if count is None:
-        count = KEPT_BYTES // _bytes_of(views[middle], len(scene.lights))
+        count = max(1, KEPT_BYTES // _bytes_of(views[middle], len(scene.lights)))
     count = min(count, len(views))
     chosen = frozenset(views[(middle + place * len(views) // count) % len(views)].name for place in range(count))
     return KeptViews([view.name for view in views], chosen, scene.extent)

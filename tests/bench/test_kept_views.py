@@ -86,6 +86,8 @@ def test_without_a_number_as_many_are_kept_as_fit(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(kept_views, "KEPT_BYTES", 3 * bytes_of_view - 1)
     assert len(views_to_keep(model.scene, None).chosen) == 2
     assert sum(each.nbytes for each in codes(model, None).values()) == 2 * bytes_of_view
+    monkeypatch.setattr(kept_views, "KEPT_BYTES", 1)
+    assert views_to_keep(model.scene, None).chosen == {"view_2"}
 
 
 def test_metrics_do_not_depend_on_what_is_kept() -> None:
