@@ -82,8 +82,10 @@ def tilted(degrees: float) -> Surfels:
 
 @cache
 def _begun(variant: Variant, budget: Budget) -> Initialisation:
-    """Most of a test's time would go into starting points that are replaced at once."""
-    return Initialisation(SCENE, variant, budget, 0, CPU)
+    """Most of a test's time would go into starting points that are replaced at once; of the hull, so that they may move
+    from the first step on."""
+    start = replace(variant.geometry.start, points="hull")
+    return Initialisation(SCENE, replace(variant, geometry=replace(variant.geometry, start=start)), budget, 0, CPU)
 
 
 def _placed(stage: Any, tensors: dict[str, torch.Tensor], share: float) -> Any:

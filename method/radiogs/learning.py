@@ -16,8 +16,11 @@ class SplitSumLearning:
     """How stage 1 learns materials and light, by split-sum shading."""
 
     image: float = 0.1
-    """Weight of the image loss of the split sum, beside that of the surfels' radiance (paper: 1). Its light has no
-    shadows and no inter-reflection: at full weight it explains them by wrong shapes."""
+    """Weight of the image loss of the split sum, beside that of the surfels' radiance (paper: 1)."""
+    shapes_surfels: bool = False
+    """Whether the losses of the split sum move, turn, widen and fade surfels, too (paper), or reach materials, light
+    and the surfels' own radiance alone. Its light has no shadows and no inter-reflection, which it explains by wrong
+    shapes where it may."""
     consistency: float = 0.2
     """Weight of the simplified radiometric consistency."""
     consistency_from: float = 2_000 / 40_000

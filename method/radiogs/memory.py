@@ -42,7 +42,7 @@ class Phase:
     ray: int = 0
 
 
-INITIALISE = Phase(surfel=1000, pixel=360)
+INITIALISE = Phase(surfel=850, pixel=360)
 INVERT = Phase(surfel=1060, pixel=380, ray=95)
 REFRESH = Phase(surfel=510, ray=86)
 RELIGHT = Phase(surfel=1440, ray=150)

@@ -42,8 +42,8 @@ def sizes(budget: Budget) -> tuple[int, int]:
 def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     """A run that begins with ``size`` surfels and may not have more.
 
-    They fill the visual hull, as at the start of any run; those of a trained model lie on surfaces. Those that hardly
-    show are looked for once, and stay: most of a hull hardly shows, and the model is to keep its size.
+    They fill the visual hull, whatever the variant starts from; those of a trained model lie on surfaces. Those that
+    hardly show are looked for once, and stay: most of a hull hardly shows, and the model is to keep its size.
     """
     short = replace(
         budget,
@@ -65,7 +65,7 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
         kinds["invert"] = _kinds((tracing,), budget.inverse_iterations, INVERT_STEPS)
     modes = [mode for mode in get_args(Mode) if mode in TITLES]
     steps = {mode: 0 if mode == "pbr" else budget.finetune_iterations for mode in modes}
-    rehearsed = _pruning_once(variant)
+    rehearsed = _in_the_hull(_pruning_once(variant))
     ways = tuple(Relighting(TITLES[mode], replace(rehearsed, relighting=mode), steps[mode]) for mode in modes)
     return ShortRun(rehearsed, short, kinds, ways)
 
@@ -77,6 +77,12 @@ def _pruning_once(variant: Variant) -> Variant:
         rules, hidden_at=(PRUNED_AFTER / INITIALISE_STEPS,) if rules.hidden_at else (), least_contribution=0.0
     )
     return replace(variant, geometry=replace(variant.geometry, density=once))
+
+
+def _in_the_hull(variant: Variant) -> Variant:
+    """Surfels start in the visual hull, where there are as many as are asked for; images have points for fewer."""
+    start = replace(variant.geometry.start, points="hull")
+    return replace(variant, geometry=replace(variant.geometry, start=start))
 
 
 def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:

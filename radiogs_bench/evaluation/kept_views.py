@@ -91,8 +91,9 @@ def depth_range(view: View, extent: float) -> tuple[float, float]:
 
 
 def views_to_keep(scene: Scene, count: int | None) -> KeptViews:
-    """At most so many views, evenly spread, the middle test view among them; None: as many as fit ``KEPT_BYTES``, at least
-    one.
+    """At most so many views, evenly spread, the middle test view among them.
+
+    None: as many as fit ``KEPT_BYTES``, at least one.
     """
     views = [*scene.test, *scene.relight]
     middle = len(scene.test) // 2

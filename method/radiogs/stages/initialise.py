@@ -40,7 +40,8 @@ class UnseenMaterials(Shading):
     """Materials and light that no image shows: they stay as they start, for stage 2 to find."""
 
     def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
-        self.learning, self.image_weight = learning, learning.image
+        self.learning = learning
+        self.image_weight, self.shapes_surfels = learning.image, learning.shapes_surfels
         self.tensors = {"log_environment": constant_light(light_height, learning.light, device)}
         self.rates = {
             "albedo_logit": learning.albedo_rate,
@@ -63,6 +64,7 @@ class SplitSumShading(UnseenMaterials):
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """L_PBR towards the camera, and L_rad once it counts."""
         light = PrefilteredLight(tensors["log_environment"].exp())
-        consistency, shaded = split_sum_consistency_loss(surfels, light, towards(camera, surfels))
+        outgoing = towards(camera, surfels)
+        consistency, shaded = split_sum_consistency_loss(surfels, light, outgoing, self.shapes_surfels)
         counts = progress >= self.learning.consistency_from
         return {"shaded": shaded}, {"consistency": self.learning.consistency * consistency} if counts else {}

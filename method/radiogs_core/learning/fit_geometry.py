@@ -80,6 +80,8 @@ class Shading(Protocol):
     """Learning rates of these, and of the surfels' materials by their raw parameters' names."""
     image_weight: float
     """Weight of the losses of ``images``, beside that of the surfels' own radiance."""
+    shapes_surfels: bool
+    """Whether the images' losses reach where surfels lie, how they are turned, and how wide and opaque they are."""
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -94,6 +96,7 @@ class NoShading:
     tensors: Mapping[str, Tensor] = {}
     rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
     image_weight = 1.0
+    shapes_surfels = False
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -168,8 +171,9 @@ class FitGeometry:
         return rates.position ** (1 - progress) * rates.position_end**progress * self.unit_rate
 
     def _still(self) -> bool:
-        """Whether surfels only take their colours yet."""
-        return self.iteration < self.learning.schedule.moving_from * self.iterations
+        """Whether surfels only take their colours yet, where they start on swept surfaces."""
+        swept = self.space is None and self.learning.start.points == "swept"
+        return swept and self.iteration < self.learning.schedule.moving_from * self.iterations
 
     def _set_rates(self) -> None:
         """Positions fall by their own schedule, the other rates of surfels from ``schedule.decay_from`` on."""
@@ -218,7 +222,8 @@ class FitGeometry:
         weights, camera = self.learning.weights, view.camera
         radiance = own_radiance(camera, surfels)
         shaded, further = self.shading.images(surfels, self.optimiser.tensors, camera, self.iteration / self.iterations)
-        seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit)
+        values_only = () if self.shading.shapes_surfels else shaded.keys()
+        seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit, values_only)
         losses = {**further, **self._image_losses(seen, view)}
         target = seen.depth_normal(camera, self.learning.normal_target == "one-sided")
         losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
@@ -247,15 +252,22 @@ class FitGeometry:
         backgrounds, weights = self.learning.backgrounds, self.learning.weights
         background = backgrounds[self.iteration % len(backgrounds)]
         target = view.over(background)
-        blended = torch.stack(list(seen.images.values()))
-        straight = self.learning.encoding == "straight"
-        if self.learning.colour == "linear":
-            composited = displayed(blended, seen.alpha, straight, background)
-        else:
-            composited = composite(blended, seen.alpha, background)
-        found = reconstruction(composited, target, weights.absolute, weights.similarity)
+        own, *others = seen.images.values()
+        covered = seen.alpha if self.shading.shapes_surfels else seen.alpha.detach()
+        composited = [self._composited(own[None], seen.alpha, background)]
+        if others:
+            composited.append(self._composited(torch.stack(others), covered, background))
+        found = reconstruction(torch.cat(composited), target, weights.absolute, weights.similarity)
         radiance, *shaded = zip(seen.images, found.unbind(), strict=True)
         return dict([radiance]) | {name: self.shading.image_weight * loss for name, loss in shaded}
+
+    def _composited(
+        self, blended: Float[Tensor, "images height width 3"], alpha: Float[Tensor, "height width"], background: float
+    ) -> Float[Tensor, "images height width 3"]:
+        """Blended images in display sRGB, over a grey background."""
+        if self.learning.colour == "linear":
+            return displayed(blended, alpha, self.learning.encoding == "straight", background)
+        return composite(blended, alpha, background)
 
     def _coefficients(self) -> int:
         degree = sum(self.iteration >= share * self.iterations for share in self.learning.schedule.degrees_from)

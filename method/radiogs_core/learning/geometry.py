@@ -42,9 +42,9 @@ class GeometryWeights:
 class GeometrySchedule:
     """When losses and harmonics set in, and when rates change, as shares of the stage."""
 
-    moving_from: float = 0.0
-    """Share before which surfels stay where they start, as wide and turned as they are, while they take their colours:
-    the first steps are long, and spoil a shape that is nearly right (0.05 beside ``SurfelStart.points`` "swept")."""
+    moving_from: float = 0.05
+    """Share before which surfels that start on swept surfaces (``SurfelStart.points``) stay there, as wide and turned
+    as they are, while they take their colours: the first steps are long, and spoil a shape that is nearly right."""
     distortion_from: float = 3_000 / 40_000
     """Share after which the distortion counts."""
     degrees_from: tuple[float, ...] = (6_000 / 40_000, 7_000 / 40_000, 8_000 / 40_000)

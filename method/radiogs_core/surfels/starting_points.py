@@ -35,9 +35,9 @@ DRAWN_AT_ONCE = 1 << 20
 class SurfelStart:
     """What surfels start as."""
 
-    points: Literal["hull", "swept"] = "hull"
-    """Random points of the silhouettes' hull; or points on the surfaces that swept depth maps agree on, facing as those
-    do (``swept_points``), with the hull's where there are none."""
+    points: Literal["hull", "swept"] = "swept"
+    """Points on the surfaces that swept depth maps agree on, facing as those do (``swept_points``), or in the hull
+    where there are none; or random points of the silhouettes' hull (2DGS)."""
     sweep: DepthSweep = field(default_factory=DepthSweep)
     """How depth maps are swept."""
     candidates: int = 128

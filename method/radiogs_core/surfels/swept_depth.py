@@ -33,20 +33,20 @@ class DepthSweep:
     """Depths that are tried."""
     neighbours: int = 8
     """Views that each view is matched with: those that look at the scene's centre from the nearest directions."""
-    agreeing: int = 4
+    agreeing: int = 6
     """How many of them have to agree: a surface may be hidden from the others."""
-    window: int = 5
+    window: int = 3
     """Side, in pixels, of the square whose differences are averaged; odd."""
-    step: float = 0.005
+    step: float = 0.00125
     """Cost of a change of depth by one plane between neighbouring pixels, in display sRGB."""
-    jump: float = 0.02
+    jump: float = 0.06
     """Cost of any larger change."""
     tolerance: float = 0.03
     """Distance behind a view's depth, in scene extents, up to which the view sees a point; the unit of ``freest``."""
     freest: float = -0.25
     """A point stays if the mean of its offsets from the depths of the views that see it, each cut at the tolerance, is
     at least this many tolerances: far in front of what they see is free space."""
-    opacity: float = 0.5
+    opacity: float = 0.8
     """Peak opacity of the surfels that start there."""
 
 

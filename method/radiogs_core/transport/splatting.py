@@ -1,6 +1,6 @@
 """Images of surfels: splatting named channels, and the maps that evaluation compares."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import torch
@@ -53,13 +53,26 @@ class Splat:
 
 
 def splat(
-    camera: Camera, surfels: Surfels, channels: Mapping[str, Float[Tensor, "surfels _"]], depth_unit: float
+    camera: Camera,
+    surfels: Surfels,
+    channels: Mapping[str, Float[Tensor, "surfels _"]],
+    depth_unit: float,
+    values_only: Collection[str] = (),
 ) -> Splat:
-    """Blend per-surfel ``channels`` into images, all in one pass; ``depth_unit`` scales the distortion."""
+    """Blend per-surfel ``channels`` into images, all in one pass; ``depth_unit`` scales the distortion.
+
+    ``values_only``: names of channels whose images give gradient to the channel's values, and none to where surfels
+    lie, how they are turned, and how wide and opaque they are.
+    """
     geometry = surfels.geometry_for(camera)
     columns = [*channels.values(), geometry.normal]
-    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit)
-    *images, normal = raster.features.split([column.shape[-1] for column in columns], -1)
+    widths = [column.shape[-1] for column in columns]
+    pulls = None
+    if values_only:
+        each = torch.tensor([name not in values_only for name in channels] + [True], device=geometry.normal.device)
+        pulls = each.repeat_interleave(torch.tensor(widths, device=each.device))
+    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit, pulls)
+    *images, normal = raster.features.split(widths, -1)
     seen = raster.alpha > 0
     depth = torch.where(seen, raster.depth / torch.where(seen, raster.alpha, 1.0), 0.0)
     return Splat(

@@ -88,6 +88,24 @@ def test_a_weight_of_the_split_sum_is_a_factor_of_its_term_alone(field: str, ter
     assert none[term] == 0.0 < once[term]
 
 
+SHAPE = ("centre", "rotation", "log_scale", "opacity_logit")
+
+
+@pytest.mark.parametrize("weight", ["image", "consistency"])
+def test_the_split_sum_shapes_surfels_only_where_the_variant_says_so(weight: str) -> None:
+    def after_a_step(factor: float, shapes: bool) -> dict[str, torch.Tensor]:
+        split_sum = SplitSumLearning(**{"image": 0.0, "consistency": 0.0, weight: factor}, shapes_surfels=shapes)
+        stage = initialisation(worn(), LATE, Variant(split_sum=split_sum))
+        stage.step()
+        return {name: stage.optimiser.tensors[name].detach().clone() for name in (*SHAPE, "albedo_logit")}
+
+    none, much, shaping = after_a_step(0.0, False), after_a_step(100.0, False), after_a_step(100.0, True)
+    assert all(torch.equal(none[name], much[name]) for name in SHAPE)
+    assert not torch.equal(none["albedo_logit"], much["albedo_logit"])
+    reached = {name for name in SHAPE if not torch.equal(none[name], shaping[name])}
+    assert reached == ({"rotation"} if weight == "consistency" else set(SHAPE))
+
+
 def half_there() -> torch.Tensor:
     return torch.zeros_like(BALL.opacity_logit)
 

@@ -52,15 +52,21 @@ def project(camera: Camera, geometry: SplatGeometry) -> Projection:
     return Projection(camera, tile_lists(camera, geometry), records_of(camera, geometry))
 
 
-def blend(seen: Projection, features: Float[Tensor, "surfels channels"], depth_unit: float) -> Raster:
+def blend(
+    seen: Projection,
+    features: Float[Tensor, "surfels channels"],
+    depth_unit: float,
+    pulls: Bool[Tensor, " channels"] | None = None,
+) -> Raster:
     """Blend surfels front to back.
 
     Gradients flow from all images to what was projected and to ``features``. ``depth_unit`` (world units) makes the
-    distortion independent of the scene's scale. Raises NumericalFailure if a surfel in view has a feature that is not
-    finite.
+    distortion independent of the scene's scale. ``pulls``: which channels give gradient to what was projected, too
+    (None: all); the others give it to their features alone. Raises NumericalFailure if a surfel in view has a feature
+    that is not finite.
     """
     camera = seen.camera
-    images, sums = _Blend.apply(camera, seen.lists, depth_unit, seen.records, features)
+    images, sums = _Blend.apply(camera, seen.lists, depth_unit, pulls, seen.records, features)
     require_finite_blend("blended features", images, {"features": features})
     shape = (camera.height, camera.width)
     alpha, depth, distortion = (sums[:, column].view(shape) for column in range(3))
@@ -68,16 +74,20 @@ def blend(seen: Projection, features: Float[Tensor, "surfels channels"], depth_u
 
 
 def rasterize(
-    camera: Camera, geometry: SplatGeometry, features: Float[Tensor, "surfels channels"], depth_unit: float
+    camera: Camera,
+    geometry: SplatGeometry,
+    features: Float[Tensor, "surfels channels"],
+    depth_unit: float,
+    pulls: Bool[Tensor, " channels"] | None = None,
 ) -> Raster:
     """``blend`` what ``project`` makes of the surfels."""
-    return blend(project(camera, geometry), features, depth_unit)
+    return blend(project(camera, geometry), features, depth_unit, pulls)
 
 
 class _Blend(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, camera: Camera, lists: TileLists, depth_unit: float, *splats: Tensor
+        ctx: Any, camera: Camera, lists: TileLists, depth_unit: float, pulls: Tensor | None, *splats: Tensor
     ) -> tuple[Tensor, Tensor]:
         splats = tuple(value.detach().contiguous() for value in splats)
         like, channels = splats[0], splats[-1].shape[1]
@@ -91,8 +101,14 @@ class _Blend(torch.autograd.Function):
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = blended.sum()
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
+        pulling = images
+        if pulls is not None:
+            # The gradient to a feature does not depend on its value, and that to a weight is a product with it: what is
+            # zero here pulls at nothing that was projected.
+            pulling, splats = images * pulls, (splats[0], splats[1] * pulls)
+            arguments = _arguments(kernels, camera, lists, depth_unit, splats)
         ctx.camera, ctx.arguments = camera, arguments
-        ctx.save_for_backward(images, sums, ends, *splats)
+        ctx.save_for_backward(pulling, sums, ends, *splats)
         return images, sums
 
     @staticmethod
@@ -107,7 +123,7 @@ class _Blend(torch.autograd.Function):
             images.device,
             lambda worker: [*ctx.arguments, *saved, *map(as_flat_array, gradients.of(worker))],
         )
-        return None, None, None, *gradients.total()
+        return None, None, None, None, *gradients.total()
 
 
 def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Any]:

@@ -78,6 +78,27 @@ def test_float64_equals_the_dense_image_and_its_gradients() -> None:
         assert (ours[name] - theirs[name]).abs().max() < 1e-9 * theirs[name].abs().max(), name
 
 
+@in_every_arrangement
+def test_channels_that_do_not_pull_give_gradient_to_their_features_alone() -> None:
+    given, view = random_surfels(40), camera()
+    of_features = torch.tensor([True, False, True, False])
+
+    def silenced(leaves: dict[str, torch.Tensor], view: Camera) -> tuple[torch.Tensor, ...]:
+        geometry = SplatGeometry(*(leaves[name] for name in FIELDS[:5]))
+        raster = rasterize(view, geometry, leaves["features"], UNIT, of_features)
+        return raster.features, raster.alpha, raster.depth, raster.distortion
+
+    images = fast(given, view)
+    assert_same(silenced(given, view), images, 0.0)
+    pulls = [torch.randn_like(value) for value in images]
+    found, all_pull = gradients(silenced, given, view, pulls), gradients(dense, given, view, pulls)
+    some_pull = gradients(dense, given, view, [pulls[0] * of_features, *pulls[1:]])
+    expected = {**some_pull, "features": all_pull["features"]}
+    for name in FIELDS:
+        assert (found[name] - expected[name]).abs().max() < 1e-9 * expected[name].abs().max(), name
+    assert (some_pull["centre"] - all_pull["centre"]).abs().max() > 0.01 * all_pull["centre"].abs().max()
+
+
 def test_gradients_equal_central_differences_in_random_directions() -> None:
     given, view = random_surfels(12), camera(9, 7)
     pulls = [torch.randn_like(value) for value in fast(given, view)]
