@@ -33,13 +33,13 @@ class DepthSweep:
     """Depths that are tried."""
     neighbours: int = 8
     """Views that each view is matched with: those that look at the scene's centre from the nearest directions."""
-    agreeing: int = 6
+    agreeing: int = 3
     """How many of them have to agree: a surface may be hidden from the others."""
     window: int = 3
     """Side, in pixels, of the square whose differences are averaged; odd."""
     step: float = 0.00125
     """Cost of a change of depth by one plane between neighbouring pixels, in display sRGB."""
-    jump: float = 0.06
+    jump: float = 0.03
     """Cost of any larger change."""
     tolerance: float = 0.03
     """Distance behind a view's depth, in scene extents, up to which the view sees a point; the unit of ``freest``."""
