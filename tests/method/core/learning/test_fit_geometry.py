@@ -21,6 +21,7 @@ from radiogs_core.learning.fit_geometry import (
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
 from radiogs_core.learning.views import load
 from radiogs_core.surfels.density import AdaptiveDensity
+from radiogs_core.surfels.starting_points import SurfelStart
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
 RUN = Run(SCENE, Variant(), BUDGET, 0, CPU)
@@ -59,7 +60,8 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
 
 
 def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
-    stage = begun()
+    in_the_hull = GeometryLearning(start=SurfelStart(points="hull"))
+    stage = fit_geometry(in_the_hull, BUDGET).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
     unit, rates, until = SCENE.extent * BUDGET.geometry_rate, SurfelRates(), GeometrySchedule().position_decay_until
     found = []
@@ -75,9 +77,15 @@ def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
 
 def test_surfels_take_their_colours_before_they_move() -> None:
     budget = dataclasses.replace(BUDGET, densify_interval=10**6)
-    learning = GeometryLearning(schedule=GeometrySchedule(moving_from=0.4), density=AdaptiveDensity(hidden_at=()))
-    stage = fit_geometry(learning, budget).begin(RUN, {})
-    assert isinstance(stage, FitGeometry)
+    schedule = GeometrySchedule(moving_from=0.4)
+    learning = GeometryLearning(schedule=schedule, density=AdaptiveDensity(hidden_at=()))
+    moves_at_once = dataclasses.replace(learning, start=SurfelStart(points="hull"))
+    for each, still in ((moves_at_once, False), (learning, True)):
+        stage = fit_geometry(each, budget).begin(RUN, {})
+        assert isinstance(stage, FitGeometry)
+        stage._set_rates()
+        rates = {group["name"]: group["lr"] for group in stage.optimiser.adam.param_groups}
+        assert [rates[name] == 0 for name in ("centre", "rotation", "log_scale")] == [still] * 3
     start = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
     def changed() -> set[str]:

@@ -21,7 +21,7 @@ def test_surfels_start_on_a_sphere_and_face_outwards_at_any_scale_of_the_world(s
     assert float((radius - 1).abs().median()) < 0.05
     outwards = torch.nn.functional.normalize(surfels.centre, dim=-1)
     assert float((surfels.frame[..., 2] * outwards).sum(-1).median()) > 0.9
-    assert float(surfels.opacity.mean()) == pytest.approx(0.5)
+    assert float(surfels.opacity.mean()) == pytest.approx(SMALL.opacity)
     hull = initial_surfels(scene, scene.train, 300, HULL, False, torch.Generator().manual_seed(0))
     assert float((hull.centre.norm(dim=-1) / scale - 1).abs().median()) > 0.1
 
