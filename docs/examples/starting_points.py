@@ -27,9 +27,9 @@ FINE = 0.005
 WAYS: Mapping[str, SurfelStart] = {
     "hull": SurfelStart(points="hull"),
     "swept": SurfelStart(),
-    "swept, changes of depth cost 4 and 1/3 times as much": SurfelStart(sweep=DepthSweep(step=0.005, jump=0.02)),
+    "swept, changes of depth by a plane cost four times as much": SurfelStart(sweep=DepthSweep(step=0.005)),
     "swept, squares of 5 pixels": SurfelStart(sweep=DepthSweep(window=5)),
-    "swept, 4 of 8 views agree": SurfelStart(sweep=DepthSweep(agreeing=4)),
+    "swept, jumps cost twice as much and 6 of 8 views agree": SurfelStart(sweep=DepthSweep(jump=0.06, agreeing=6)),
 }
 
 
