@@ -174,6 +174,7 @@ def test_wrong_wishes_are_refused(arguments: list[str], code: int, tmp_path: Pat
 
 def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps() -> None:
     short = short_run(Variant(), PRESETS["paper"], 2_000_000)
+    assert short.variant.geometry.start.points == "hull"
     assert short.budget.initial_surfels == short.budget.maximum_surfels == 2_000_000
     assert (short.budget.consistency_surfels, short.budget.incident_samples) == (4096, 64)
     kinds = {name: {kind.title: kind for kind in kinds} for name, kinds in short.kinds.items()}
