@@ -73,13 +73,13 @@ class RadiometricConsistency:
 
 
 def split_sum_consistency_loss(
-    surfels: Surfels, light: PrefilteredLight, outgoing: Float[Tensor, "surfels 3"], turns: bool = True
+    surfels: Surfels, light: PrefilteredLight, outgoing: Float[Tensor, "surfels 3"], normal_gradient: bool = True
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "surfels 3"]]:
     """The simplified L_rad of stage 1, over all surfels towards the camera, and the split-sum radiance itself.
 
-    ``turns``: whether they have gradient to the surfels' rotations.
+    ``normal_gradient``: whether they have gradient to the surfels' normals.
     """
-    normal = surfels.frame[..., 2] if turns else surfels.frame[..., 2].detach()
+    normal = surfels.frame[..., 2] if normal_gradient else surfels.frame[..., 2].detach()
     diffuse, specular = split_sum_radiance(normal, surfels.albedo, surfels.roughness, outgoing, light)
     physical = diffuse + specular
     facing = ((outgoing * normal).sum(-1) > 0)[:, None]

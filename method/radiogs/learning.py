@@ -17,10 +17,10 @@ class SplitSumLearning:
 
     image: float = 0.1
     """Weight of the image loss of the split sum, beside that of the surfels' radiance (paper: 1)."""
-    shapes_surfels: bool = False
-    """Whether the losses of the split sum move, turn, widen and fade surfels, too (paper), or reach materials, light
-    and the surfels' own radiance alone. Its light has no shadows and no inter-reflection, which it explains by wrong
-    shapes where it may."""
+    geometry_gradient: bool = False
+    """Whether the losses of the split sum have gradient to the surfels' places, rotations, scales and opacities, too
+    (paper), or to materials, light and the surfels' own radiance alone. Its light has no shadows and no
+    inter-reflection, which it explains by wrong shapes where it may."""
     consistency: float = 0.2
     """Weight of the simplified radiometric consistency."""
     consistency_from: float = 2_000 / 40_000

@@ -41,7 +41,7 @@ class UnseenMaterials(Shading):
 
     def __init__(self, learning: SplitSumLearning, light_height: int, device: torch.device) -> None:
         self.learning = learning
-        self.image_weight, self.shapes_surfels = learning.image, learning.shapes_surfels
+        self.image_weight, self.geometry_gradient = learning.image, learning.geometry_gradient
         self.tensors = {"log_environment": constant_light(light_height, learning.light, device)}
         self.rates = {
             "albedo_logit": learning.albedo_rate,
@@ -65,6 +65,6 @@ class SplitSumShading(UnseenMaterials):
         """L_PBR towards the camera, and L_rad once it counts."""
         light = PrefilteredLight(tensors["log_environment"].exp())
         outgoing = towards(camera, surfels)
-        consistency, shaded = split_sum_consistency_loss(surfels, light, outgoing, self.shapes_surfels)
+        consistency, shaded = split_sum_consistency_loss(surfels, light, outgoing, self.geometry_gradient)
         counts = progress >= self.learning.consistency_from
         return {"shaded": shaded}, {"consistency": self.learning.consistency * consistency} if counts else {}

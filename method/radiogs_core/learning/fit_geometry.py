@@ -80,8 +80,8 @@ class Shading(Protocol):
     """Learning rates of these, and of the surfels' materials by their raw parameters' names."""
     image_weight: float
     """Weight of the losses of ``images``, beside that of the surfels' own radiance."""
-    shapes_surfels: bool
-    """Whether the images' losses reach where surfels lie, how they are turned, and how wide and opaque they are."""
+    geometry_gradient: bool
+    """Whether the images' losses have gradient to the surfels' places, rotations, scales and opacities."""
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -96,7 +96,7 @@ class NoShading:
     tensors: Mapping[str, Tensor] = {}
     rates: Mapping[str, float] = {"albedo_logit": 0.0, "roughness_logit": 0.0}
     image_weight = 1.0
-    shapes_surfels = False
+    geometry_gradient = False
 
     def images(
         self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
@@ -222,8 +222,8 @@ class FitGeometry:
         weights, camera = self.learning.weights, view.camera
         radiance = own_radiance(camera, surfels)
         shaded, further = self.shading.images(surfels, self.optimiser.tensors, camera, self.iteration / self.iterations)
-        values_only = () if self.shading.shapes_surfels else shaded.keys()
-        seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit, values_only)
+        detached = () if self.shading.geometry_gradient else shaded.keys()
+        seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit, detached)
         losses = {**further, **self._image_losses(seen, view)}
         target = seen.depth_normal(camera, self.learning.normal_target == "one-sided")
         losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
@@ -253,7 +253,7 @@ class FitGeometry:
         background = backgrounds[self.iteration % len(backgrounds)]
         target = view.over(background)
         own, *others = seen.images.values()
-        covered = seen.alpha if self.shading.shapes_surfels else seen.alpha.detach()
+        covered = seen.alpha if self.shading.geometry_gradient else seen.alpha.detach()
         composited = [self._composited(own[None], seen.alpha, background)]
         if others:
             composited.append(self._composited(torch.stack(others), covered, background))

@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import accumulate
 
 import torch
 from jaxtyping import Bool, Float
@@ -57,21 +58,19 @@ def splat(
     surfels: Surfels,
     channels: Mapping[str, Float[Tensor, "surfels _"]],
     depth_unit: float,
-    values_only: Collection[str] = (),
+    detached: Collection[str] = (),
 ) -> Splat:
     """Blend per-surfel ``channels`` into images, all in one pass; ``depth_unit`` scales the distortion.
 
-    ``values_only``: names of channels whose images give gradient to the channel's values, and none to where surfels
-    lie, how they are turned, and how wide and opaque they are.
+    ``detached``: names of channels whose images give gradient to the channel's values, and none to the surfels' places,
+    rotations, scales and opacities.
     """
     geometry = surfels.geometry_for(camera)
     columns = [*channels.values(), geometry.normal]
     widths = [column.shape[-1] for column in columns]
-    pulls = None
-    if values_only:
-        each = torch.tensor([name not in values_only for name in channels] + [True], device=geometry.normal.device)
-        pulls = each.repeat_interleave(torch.tensor(widths, device=each.device))
-    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit, pulls)
+    ends = dict(zip(channels, accumulate(widths), strict=False))
+    without_gradient = [slice(ends[name] - channels[name].shape[-1], ends[name]) for name in detached]
+    raster = rasterize(camera, geometry, torch.cat(columns, -1), depth_unit, without_gradient)
     *images, normal = raster.features.split(widths, -1)
     seen = raster.alpha > 0
     depth = torch.where(seen, raster.depth / torch.where(seen, raster.alpha, 1.0), 0.0)

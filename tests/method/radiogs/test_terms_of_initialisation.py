@@ -92,9 +92,9 @@ SHAPE = ("centre", "rotation", "log_scale", "opacity_logit")
 
 
 @pytest.mark.parametrize("weight", ["image", "consistency"])
-def test_the_split_sum_shapes_surfels_only_where_the_variant_says_so(weight: str) -> None:
+def test_the_split_sum_has_gradient_to_geometry_only_where_the_variant_says_so(weight: str) -> None:
     def after_a_step(factor: float, shapes: bool) -> dict[str, torch.Tensor]:
-        split_sum = SplitSumLearning(**{"image": 0.0, "consistency": 0.0, weight: factor}, shapes_surfels=shapes)
+        split_sum = SplitSumLearning(**{"image": 0.0, "consistency": 0.0, weight: factor}, geometry_gradient=shapes)
         stage = initialisation(worn(), LATE, Variant(split_sum=split_sum))
         stage.step()
         return {name: stage.optimiser.tensors[name].detach().clone() for name in (*SHAPE, "albedo_logit")}

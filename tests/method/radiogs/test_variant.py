@@ -57,7 +57,7 @@ OTHER = {
     "geometry.backgrounds": (0.5,),
     "geometry.colour": "display",
     "split_sum.consistency_from": 0.5,
-    "split_sum.shapes_surfels": True,
+    "split_sum.geometry_gradient": True,
     "materials.start.light": "constant",
     "materials.start.search.steps": 5,
     "materials.start.search.neighbours": 3,

@@ -1,5 +1,6 @@
 """K1: rasterize surfels into any number of feature channels, in one pass, with gradient to every parameter."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,17 +57,16 @@ def blend(
     seen: Projection,
     features: Float[Tensor, "surfels channels"],
     depth_unit: float,
-    pulls: Bool[Tensor, " channels"] | None = None,
+    detached: Sequence[slice] = (),
 ) -> Raster:
     """Blend surfels front to back.
 
-    Gradients flow from all images to what was projected and to ``features``. ``depth_unit`` (world units) makes the
-    distortion independent of the scene's scale. ``pulls``: which channels give gradient to what was projected, too
-    (None: all); the others give it to their features alone. Raises NumericalFailure if a surfel in view has a feature
-    that is not finite.
+    Gradients flow from all images to what was projected and to ``features``; from the channels ``detached`` to their
+    features alone. ``depth_unit`` (world units) makes the distortion independent of the scene's scale. Raises
+    NumericalFailure if a surfel in view has a feature that is not finite.
     """
     camera = seen.camera
-    images, sums = _Blend.apply(camera, seen.lists, depth_unit, pulls, seen.records, features)
+    images, sums = _Blend.apply(camera, seen.lists, depth_unit, detached, seen.records, features)
     require_finite_blend("blended features", images, {"features": features})
     shape = (camera.height, camera.width)
     alpha, depth, distortion = (sums[:, column].view(shape) for column in range(3))
@@ -78,16 +78,16 @@ def rasterize(
     geometry: SplatGeometry,
     features: Float[Tensor, "surfels channels"],
     depth_unit: float,
-    pulls: Bool[Tensor, " channels"] | None = None,
+    detached: Sequence[slice] = (),
 ) -> Raster:
     """``blend`` what ``project`` makes of the surfels."""
-    return blend(project(camera, geometry), features, depth_unit, pulls)
+    return blend(project(camera, geometry), features, depth_unit, detached)
 
 
 class _Blend(torch.autograd.Function):
     @staticmethod
     def forward(
-        ctx: Any, camera: Camera, lists: TileLists, depth_unit: float, pulls: Tensor | None, *splats: Tensor
+        ctx: Any, camera: Camera, lists: TileLists, depth_unit: float, detached: Sequence[slice], *splats: Tensor
     ) -> tuple[Tensor, Tensor]:
         splats = tuple(value.detach().contiguous() for value in splats)
         like, channels = splats[0], splats[-1].shape[1]
@@ -101,14 +101,13 @@ class _Blend(torch.autograd.Function):
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = blended.sum()
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
-        pulling = images
-        if pulls is not None:
-            # The gradient to a feature does not depend on its value, and that to a weight is a product with it: what is
-            # zero here pulls at nothing that was projected.
-            pulling, splats = images * pulls, (splats[0], splats[1] * pulls)
+        attached = images
+        if detached:
+            # The gradient to a feature does not depend on its value, and that to a weight is a product with it.
+            attached, splats = _zeroed(images, detached), (splats[0], _zeroed(splats[1], detached))
             arguments = _arguments(kernels, camera, lists, depth_unit, splats)
         ctx.camera, ctx.arguments = camera, arguments
-        ctx.save_for_backward(pulling, sums, ends, *splats)
+        ctx.save_for_backward(attached, sums, ends, *splats)
         return images, sums
 
     @staticmethod
@@ -124,6 +123,14 @@ class _Blend(torch.autograd.Function):
             lambda worker: [*ctx.arguments, *saved, *map(as_flat_array, gradients.of(worker))],
         )
         return None, None, None, None, *gradients.total()
+
+
+def _zeroed(values: Float[Tensor, "rows channels"], channels: Sequence[slice]) -> Float[Tensor, "rows channels"]:
+    """The values, with zeros in some of the channels."""
+    values = values.clone()
+    for each in channels:
+        values[:, each] = 0
+    return values
 
 
 def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float, splats: Any) -> list[Any]:

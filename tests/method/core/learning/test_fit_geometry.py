@@ -1,7 +1,7 @@
 """The kit's geometry stage: what every surfel method begins with, whoever asks for it."""
 
 import dataclasses
-from typing import Any
+from typing import Any, Literal
 
 import pytest
 import torch
@@ -75,17 +75,26 @@ def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
     assert found == pytest.approx([rates.position, between, rates.position_end, rates.position_end])
 
 
+SHAPE = ("centre", "rotation", "log_scale")
+
+
+@pytest.mark.parametrize(("points", "still"), [("hull", False), ("swept", True)])
+def test_surfels_that_start_in_the_hull_move_from_the_first_step_on(
+    points: Literal["hull", "swept"], still: bool
+) -> None:
+    learning = GeometryLearning(start=SurfelStart(points=points))
+    stage = fit_geometry(learning, BUDGET).begin(RUN, {})
+    assert isinstance(stage, FitGeometry)
+    stage._set_rates()
+    rates = {group["name"]: group["lr"] for group in stage.optimiser.adam.param_groups}
+    assert [rates[name] == 0 for name in SHAPE] == [still] * 3
+
+
 def test_surfels_take_their_colours_before_they_move() -> None:
     budget = dataclasses.replace(BUDGET, densify_interval=10**6)
-    schedule = GeometrySchedule(moving_from=0.4)
-    learning = GeometryLearning(schedule=schedule, density=AdaptiveDensity(hidden_at=()))
-    moves_at_once = dataclasses.replace(learning, start=SurfelStart(points="hull"))
-    for each, still in ((moves_at_once, False), (learning, True)):
-        stage = fit_geometry(each, budget).begin(RUN, {})
-        assert isinstance(stage, FitGeometry)
-        stage._set_rates()
-        rates = {group["name"]: group["lr"] for group in stage.optimiser.adam.param_groups}
-        assert [rates[name] == 0 for name in ("centre", "rotation", "log_scale")] == [still] * 3
+    learning = GeometryLearning(schedule=GeometrySchedule(moving_from=0.4), density=AdaptiveDensity(hidden_at=()))
+    stage = fit_geometry(learning, budget).begin(RUN, {})
+    assert isinstance(stage, FitGeometry)
     start = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
     def changed() -> set[str]:
@@ -93,11 +102,11 @@ def test_surfels_take_their_colours_before_they_move() -> None:
         return {name for name, value in start.items() if not torch.equal(value, now[name])}
 
     while stage.iteration < 0.4 * stage.iterations:
-        assert not changed() & {"centre", "rotation", "log_scale"}
+        assert not changed() & set(SHAPE)
         stage.step()
     assert {"sh", "opacity_logit"} <= changed()
     stage.step()
-    assert {"centre", "rotation", "log_scale"} <= changed()
+    assert set(SHAPE) <= changed()
 
 
 def test_a_stage_that_loses_its_last_surfel_says_so() -> None:
