@@ -29,8 +29,8 @@ PIXEL = 4
 """Of a training image that is held: three colours and coverage of 8 bits."""
 
 HITS = 6.0
-"""Surfels that a ray meets in a trained model, on average (``corner``, preset tiny: 6.1). Those at the start of
-stage 1, which fill a visual hull, are met by 48; surfels laid on surfaces by 2.3."""
+"""Surfels that a ray meets in a trained model, on average (``corner``, preset tiny: 6.1). Those that
+fill a visual hull are met by 48; surfels laid on surfaces by 2.3."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,12 @@ PARTS: dict[str, tuple[str, ...]] = {
     ),
     "optimiser": ("radiogs_core.surfels.optimiser",),
     "density": ("radiogs_core.surfels.density", "radiogs_core.learning.contribution"),
-    "starting points": ("radiogs_core.surfels.starting_points", "radiogs_core.surfels.surroundings"),
+    "starting points": (
+        "radiogs_core.surfels.starting_points",
+        "radiogs_core.surfels.swept_depth",
+        "radiogs_core.surfels.swept_points",
+        "radiogs_core.surfels.surroundings",
+    ),
     "light's start": ("radiogs_core.learning.light_start", "radiogs_core.learning.radiance_solver"),
     "images": ("radiogs_datasets", "radiogs_core.learning.views", "radiogs_core.scene.held_pixels"),
 }

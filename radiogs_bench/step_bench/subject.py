@@ -75,11 +75,12 @@ def _sized(budget: Any, surfels: int | None) -> tuple[Any, int | None]:
 def lay_on_surfaces(stage: Stage, subject: Subject) -> str:
     """Put surfels on the scene's true surfaces in the place of those that a stage begins with; says which there are.
 
-    Starting points fill the visual hull, where a ray meets ten times the surfels that it meets in a trained model.
+    In a visual hull a ray meets ten times the surfels that it meets in a trained model, and small images have points on
+    swept surfaces for fewer surfels than are asked for.
     """
     if not isinstance(stage, FitGeometry) or subject.scene.surfaces is None:
         return OWN_START
-    count = len(stage.surfels)
+    count = len(stage.surfels) if subject.surfels is None else subject.surfels
     laid = surfels_over(subject.scene, count)
     made = Surfels.of({name: value.to(subject.device) for name, value in laid.parameters().items()})
     stage.optimiser.replace(made, torch.full((count,), -1, device=subject.device))
