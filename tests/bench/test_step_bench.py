@@ -6,6 +6,7 @@ import math
 import shutil
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -28,9 +29,11 @@ from radiogs_bench.step_bench.ratios import compared, read_record, require_compa
 from radiogs_bench.step_bench.record import parts_said
 from radiogs_bench.step_bench.sampling import PARTS, Looking, placed
 from radiogs_bench.step_bench.sizes import SIZES
-from radiogs_bench.step_bench.subject import ON_SURFACES, OWN_START, subject_of, surfels_over
+from radiogs_bench.step_bench.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
+from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
+from radiogs_core.learning.fit_geometry import FitGeometry
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 
@@ -103,7 +106,7 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
 
 
 def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
-    """Starting points, which fill the hull, are met by 48 a ray."""
+    """Surfels that fill the hull are met by 48 a ray."""
     scene = load_scene("corner")
     surfels = surfels_over(scene, 3000)
     assert len(surfels) == 3000
@@ -113,6 +116,16 @@ def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
     with recording() as found:
         gather_incident(SurfelTracer(surfels), surfels, 4, None)
     assert 3.5 < found.work["hits"] / found.work["rays"] < 7
+
+
+def test_as_many_surfels_are_laid_as_the_size_asks_for_wherever_a_method_starts() -> None:
+    subject = replace(subject_of(method("irgs"), load_scene("corner"), SIZES["smoke"], CPU), surfels=500)
+    run = Run(subject.scene, subject.short.variant, subject.short.budget, 0, CPU)
+    stage = subject.method.stages(run.variant, run.budget)[0].begin(run, {})
+    assert isinstance(stage, FitGeometry)
+    assert len(stage.surfels) != 500
+    assert lay_on_surfaces(stage, subject) == ON_SURFACES
+    assert len(stage.surfels) == 500
 
 
 def test_every_part_is_of_modules_that_there_are() -> None:
