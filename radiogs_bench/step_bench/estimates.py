@@ -35,23 +35,31 @@ def median_of(passes: Passes) -> Ranged:
     return Ranged(median(values), values[rank - 1], values[count - rank])
 
 
-def ratio_of_medians(before: Passes, after: Passes, paired: bool) -> Ranged:
+def ratio_of_medians(before: Passes, after: Passes, paired: bool) -> Ranged | None:
     """The median before over the median after: above 1 is faster now. Interval: percentiles of a bootstrap.
 
-    Passes are drawn as a whole, because their values share a load; ``paired`` ones together.
+    Passes are drawn as a whole, because their values share a load; ``paired`` ones together. None where a median is
+    zero: the clock of processor time is too coarse for it. No interval where that happens to passes that are drawn.
     """
+    value = _ratio(_median(before), _median(after))
+    if value is None or min(len(before), len(after)) < 2:
+        return value if value is None else Ranged(value, None, None)
     drawn = random.Random(0)
     found = []
     for _ in range(DRAWS):
         first = [drawn.randrange(len(before)) for _ in before]
         second = first if paired else [drawn.randrange(len(after)) for _ in after]
-        found.append(_median([before[place] for place in first]) / _median([after[place] for place in second]))
-    value = _median(before) / _median(after)
-    if min(len(before), len(after)) < 2:
-        return Ranged(value, None, None)
+        ratio = _ratio(_median([before[place] for place in first]), _median([after[place] for place in second]))
+        if ratio is None:
+            return Ranged(value, None, None)
+        found.append(ratio)
     found.sort()
     cut = round(DRAWS * (1 - CONFIDENCE) / 2)
     return Ranged(value, found[cut], found[-1 - cut])
+
+
+def _ratio(before: float, after: float) -> float | None:
+    return before / after if before > 0 and after > 0 else None
 
 
 def _median(passes: Passes) -> float:

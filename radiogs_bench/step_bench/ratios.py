@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import DataError, UsageError
 
 from ..store.seal import Broken, OtherSchema, read_sealed
-from .estimates import ratio_of_medians
+from .estimates import Ranged, ratio_of_medians
 from .record import SCHEMA, milliseconds
 
 if TYPE_CHECKING:
@@ -53,7 +53,8 @@ def require_comparable(ours: Mapping[str, Any], theirs: Mapping[str, Any]) -> No
 
 
 def compared(ours: Plain, theirs: Plain, paired: bool) -> Iterator[Plain]:
-    """Ratio of medians, theirs over ours, for everything that both did at one size.
+    """Ratio of medians, theirs over ours, for everything that both did at one size; its value is None where it took
+    less than a tick of the clock.
 
     Raises UsageError where the models or the images differ.
     """
@@ -65,9 +66,10 @@ def compared(ours: Plain, theirs: Plain, paired: bool) -> Iterator[Plain]:
     for row in ours["rows"]:
         if row["title"] in before:
             earlier = before[row["title"]]
+            ratio = ratio_of_medians(earlier["passes"], row["passes"], paired)
             yield {
                 "title": row["title"],
-                **ratio_of_medians(earlier["passes"], row["passes"], paired)._asdict(),
+                **(ratio._asdict() if ratio else dict.fromkeys(Ranged._fields)),
                 "before": earlier["median"],
                 "now": row["median"],
                 "operations": [earlier["operations"], row["operations"]],
@@ -93,7 +95,8 @@ def as_table(name: str, ratios: list[Plain]) -> "Table":
     for each in ratios:
         interval = "" if each["low"] is None else f"{each['low']:.2f} to {each['high']:.2f}"
         table.add_row(
-            each["title"], milliseconds(each["before"]), milliseconds(each["now"]), f"{each['value']:.2f}", interval,
+            each["title"], milliseconds(each["before"]), milliseconds(each["now"]),
+            "too short" if each["value"] is None else f"{each['value']:.2f}", interval,
             *(f"{before:,} → {now:,}" for before, now in (each["operations"], each["launches"])),
             ", ".join(f"{what} x {ratio:.2f}" for what, ratio in each["other work"].items()),
         )  # fmt: skip

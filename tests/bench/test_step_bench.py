@@ -25,7 +25,7 @@ from radiogs_bench.step_bench.document import table_of, with_tables
 from radiogs_bench.step_bench.estimates import exponent_of, median_of, ratio_of_medians
 from radiogs_bench.step_bench.history import append, read_history
 from radiogs_bench.step_bench.passes import one_pass
-from radiogs_bench.step_bench.ratios import compared, read_record, require_comparable
+from radiogs_bench.step_bench.ratios import as_table, compared, read_record, require_comparable
 from radiogs_bench.step_bench.record import parts_said
 from radiogs_bench.step_bench.sampling import PARTS, Looking, placed
 from radiogs_bench.step_bench.sizes import SIZES
@@ -206,7 +206,14 @@ def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
     assert apart.value == 2.0
     assert apart.low is not None
     assert apart.low < 1.5
-    assert ratio_of_medians(before[:1], after, True).low is None
+    assert ratio_of_medians(before[:1], after[:1], True) == (2.0, None, None)
+
+
+def test_what_takes_less_than_a_tick_of_the_clock_has_no_ratio() -> None:
+    some, none = [[1.0], [2.0], [3.0]], [[0.0], [0.0], [4.0]]
+    assert ratio_of_medians(some, none, True) is None
+    assert ratio_of_medians(none, some, True) is None
+    assert ratio_of_medians([[0.0], *some], some, False) == (0.75, None, None)
 
 
 def test_records_are_compared_on_one_machine_and_tell_of_other_work(measured: tuple[Path, Path]) -> None:
@@ -219,6 +226,10 @@ def test_records_are_compared_on_one_machine_and_tell_of_other_work(measured: tu
     assert first["value"] == pytest.approx(2)
     assert first["other work"] == {}
     assert set(last["other work"].values()) == {0.5}
+    other["rows"][0]["passes"] = [[0.0]]
+    first, *_ = compared(size, other, paired=False)
+    assert (first["value"], first["low"]) == (None, None)
+    assert list(as_table("smoke", [first]).columns[3].cells) == ["too short"]
     with pytest.raises(UsageError, match="surfels 400 against 300"):
         list(compared(size, {**other, "surfels": 300}, paired=False))
     with pytest.raises(UsageError, match="differ in cpu"):
@@ -305,5 +316,5 @@ def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys:
     assert main(["bench", "steps", *given]) == 0
     ratios = {each["title"]: each["value"] for each in json.loads(record.read_text())["ratios"]["smoke"]}
     assert ratios["stage 1, initialisation: step"] > 2
-    assert ratios["relighting by rays, split sum: a frame"] < 2
+    assert ratios["relighting by rays, split sum: preparing"] < 2
     assert "times as fast" in capsys.readouterr().out
