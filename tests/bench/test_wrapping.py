@@ -17,6 +17,8 @@ def test_no_word_and_no_number_is_cut() -> None:
         lines = wrapped(SENTENCE, width).split("\n")
         assert max(map(len, lines)) <= width
         assert " ".join(lines) == SENTENCE
+    path = "out/of/a/folder/whose/name/is/longer/than/the/terminal"
+    assert path in wrapped(f"the page is in {path} now", 20).split("\n")
 
 
 def test_a_command_to_copy_stays_in_one_piece_and_a_list_keeps_its_margin() -> None:
