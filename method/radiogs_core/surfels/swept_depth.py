@@ -5,11 +5,11 @@ of neighbouring pixels are brought together so that depth rarely jumps (semi-glo
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, grid_sample, normalize
 
@@ -31,9 +31,9 @@ class DepthSweep:
     """Longest side, in pixels, to which images are averaged: the work does not grow with the images."""
     planes: int = 48
     """Depths that are tried."""
-    neighbours: int = 8
+    neighbours: int = 16
     """Views that each view is matched with: those that look at the scene's centre from the nearest directions."""
-    agreeing: int = 3
+    agreeing: int = 6
     """How many of them have to agree: a surface may be hidden from the others."""
     window: int = 3
     """Side, in pixels, of the square whose differences are averaged; odd."""
@@ -91,37 +91,95 @@ def _swept(
     view: SmallView, others: Sequence[SmallView], centre: Float[Tensor, "3"], radius: float, sweep: DepthSweep
 ) -> Float[Tensor, "height width"]:
     depth = torch.zeros(view.covered.shape)
-    rows, columns = view.covered.any(1).nonzero()[:, 0], view.covered.any(0).nonzero()[:, 0]
-    if len(rows) == 0 or not others:
+    if not others or not bool(view.covered.any()):
         return depth
-    box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
     middle = float(view.camera.depth_of(centre))
     planes = torch.linspace(max(middle - radius, middle * 0.05), middle + radius, sweep.planes)
-    costs = torch.stack([_difference(view, other, box, planes, sweep.window) for other in others])
-    cost = costs.sort(dim=0).values[: sweep.agreeing].mean(0).clamp(max=LARGEST_COST)
-    covered = view.covered[box]
-    depth[box] = torch.where(covered, lowest(aggregated(cost, covered, sweep.step, sweep.jump), planes), 0.0)
+    matched = _MatchedPixels.of(view, sweep.window)
+    costs = (_difference(matched, other, planes) for other in others)
+    cost = mean_of_least(costs, sweep.agreeing).clamp(max=LARGEST_COST)
+    total = aggregated(cost, matched.covered, sweep.step, sweep.jump)
+    depth[matched.box] = torch.where(matched.covered, lowest(total, planes), 0.0)
     return depth
 
 
+@dataclass(frozen=True)
+class _MatchedPixels:
+    """The covered pixels of a view.
+
+    ``box``: the rows and columns that hold them; ``place``: their places in it, row by row; ``directions``: world
+    vectors of unit depth through them; ``colour``: display sRGB; ``neighbours``: how many lie in the square about each
+    pixel of the box, which has ``window`` pixels a side.
+    """
+
+    camera: Camera
+    box: tuple[slice, slice]
+    covered: Bool[Tensor, "rows columns"]
+    place: Int[Tensor, " pixels"]
+    directions: Float[Tensor, "pixels 3"]
+    colour: Float[Tensor, "3 pixels"]
+    neighbours: Float[Tensor, "rows columns"]
+    window: int
+
+    @classmethod
+    def of(cls, view: SmallView, window: int) -> "_MatchedPixels":
+        rows, columns = view.covered.any(1).nonzero()[:, 0], view.covered.any(0).nonzero()[:, 0]
+        box = slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+        covered = view.covered[box]
+        place = covered.flatten().nonzero()[:, 0]
+        directions = view.camera.ray_directions()[view.covered]
+        neighbours = window_sums(covered[None].float(), window)[0].clamp(min=1)
+        return cls(view.camera, box, covered, place, directions, view.colour[:, view.covered], neighbours, window)
+
+
 def _difference(
-    view: SmallView, other: SmallView, box: tuple[slice, slice], planes: Float[Tensor, " planes"], window: int
+    matched: _MatchedPixels, other: SmallView, planes: Float[Tensor, " planes"]
 ) -> Float[Tensor, "planes rows columns"]:
-    """Mean absolute difference of colours, over the covered pixels of each window, where the box is seen by another."""
-    begin = (view.camera.centre - other.camera.centre) @ other.camera.axes
-    local = begin + view.camera.ray_directions()[box] @ other.camera.axes * planes[:, None, None, None]
-    lens = torch.tensor([other.camera.fx, other.camera.fy]), torch.tensor([other.camera.cx, other.camera.cy])
-    pixel = local[..., :2] / local[..., 2:].clamp(min=1e-6) * lens[0] + lens[1]
-    size = torch.tensor([other.camera.width, other.camera.height])
+    """Mean absolute difference of colours, over the covered pixels of each square, where the box is seen by another."""
+    camera = other.camera
+    to_grid = torch.tensor(  # from the camera's axes to grid_sample's coordinates, -1 to 1, times depth
+        [
+            [2 * camera.fx / camera.width, 0.0, 2 * camera.cx / camera.width - 1],
+            [0.0, 2 * camera.fy / camera.height, 2 * camera.cy / camera.height - 1],
+            [0.0, 0.0, 1.0],
+        ]
+    )
+    begin = to_grid @ camera.axes.T @ (matched.camera.centre - camera.centre)
+    slope = to_grid @ camera.axes.T @ matched.directions.T
+    x, y, depth = torch.addcmul(begin[:, None, None], slope[:, None], planes[:, None])
+    along = depth.clamp(min=1e-6).reciprocal_()
     source = torch.cat([other.colour, other.covered[None].float()])[None]
-    grid = (pixel / size * 2 - 1).flatten(0, 1)[None]
-    seen = grid_sample(source, grid, mode="bilinear", align_corners=False)[0].unflatten(1, local.shape[:2])
-    difference = (seen[:3] - view.colour[:, *box][:, None]).abs().mean(0)
+    grid = torch.stack([x.mul_(along), y.mul_(along)], -1)[None]
+    *colour, coverage = grid_sample(source, grid, mode="bilinear", align_corners=False)[0]
+    difference = sum((seen.sub_(own).abs_() for seen, own in zip(colour, matched.colour, strict=True)), 0.0 * depth) / 3
     # Where the other view sees no object there is none.
-    difference = torch.where((seen[3] > COVERED) & (local[..., 2] > 0), difference, 1.0)
-    inside = view.covered[box].float()
-    total = avg_pool2d((difference * inside)[:, None], window, 1, window // 2)[:, 0]
-    return total / avg_pool2d(inside[None], window, 1, window // 2)[0].clamp(min=1e-6)
+    difference = torch.where((coverage > COVERED) & (depth > 0), difference, 1.0)
+    over_box = torch.zeros(len(planes), matched.covered.numel()).index_copy_(1, matched.place, difference)
+    return window_sums(over_box.unflatten(1, matched.covered.shape), matched.window) / matched.neighbours
+
+
+def window_sums(values: Float[Tensor, "maps rows columns"], window: int) -> Float[Tensor, "maps rows columns"]:
+    """Sums over the square of ``window`` pixels a side about each pixel; nothing lies beyond the border."""
+    for axis in (1, 2):
+        reach, length = window // 2, values.shape[axis]
+        total = values.clone()
+        for shift in range(1, min(reach, length - 1) + 1):
+            total.narrow(axis, shift, length - shift).add_(values.narrow(axis, 0, length - shift))
+            total.narrow(axis, 0, length - shift).add_(values.narrow(axis, shift, length - shift))
+        values = total
+    return values
+
+
+def mean_of_least(maps: Iterable[Float[Tensor, "*shape"]], count: int) -> Float[Tensor, "*shape"]:
+    """At each place, the mean of the ``count`` least values, or of all where there are fewer maps."""
+    least: list[Tensor] = []
+    for each in maps:
+        left = each
+        for place, kept in enumerate(least):
+            least[place], left = torch.minimum(kept, left), torch.maximum(kept, left)
+        if len(least) < count:
+            least.append(left)
+    return torch.stack(least).mean(0)
 
 
 def aggregated(

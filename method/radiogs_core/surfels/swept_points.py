@@ -18,6 +18,15 @@ from .swept_depth import DepthSweep, SmallView, swept_depths
 FINEST = 30
 """How often cubes shrink at most: to a 30,000th. Points nearer than that are one."""
 
+FUSIONS = 4
+"""How often points move to the mean of the depths of the views that see them."""
+
+NARROWER = 0.7
+"""Factor of the distance within which depths count, from one such move to the next."""
+
+STEEPEST = 0.2
+"""Cosine between the normal and the direction to a view from which on its depth counts."""
+
 REACH = 2
 """Pixels to each side over which the plane through a pixel's point is fitted."""
 
@@ -26,7 +35,9 @@ def swept_points(
     scene: Scene, views: Sequence[View], radius: float, count: int, sweep: DepthSweep, generator: torch.Generator
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
     """At most ``count`` world points, the unit normals of the surface there (towards who sees it), and its colours in
-    display sRGB. The scene lies within ``radius`` of its centre. Evenly spread, as far as there are pixels."""
+    display sRGB. The scene lies within ``radius`` of its centre. Points are ``fused``, and evenly spread as far as
+    there are pixels.
+    """
     small = [SmallView.of(view, sweep.side) for view in views]
     depths = swept_depths(small, scene.centre.float(), radius, sweep)
     tolerance = sweep.tolerance * scene.extent
@@ -34,7 +45,7 @@ def swept_points(
     points, normals, colours = (torch.cat(part) for part in zip(*parts, strict=True))
     stays = torch.nonzero(offsets(points, small, depths, tolerance) >= sweep.freest)[:, 0]
     chosen = stays[spread(points[stays], count, scene.extent, generator)]
-    return points[chosen], normals[chosen], colours[chosen]
+    return fused(points[chosen], normals[chosen], small, depths, tolerance), normals[chosen], colours[chosen]
 
 
 def _surface(view: SmallView, depth: Float[Tensor, "height width"], tolerance: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -80,6 +91,33 @@ def offsets(
         total += torch.where(sees, offset.clamp(min=-1), 0.0)
         seen_by += sees
     return total / seen_by.clamp(min=1)
+
+
+def fused(
+    points: Float[Tensor, "points 3"],
+    normals: Float[Tensor, "points 3"],
+    views: Sequence[SmallView],
+    depths: Sequence[Float[Tensor, "height width"]],
+    tolerance: float,
+) -> Float[Tensor, "points 3"]:
+    """The points, moved along their unit normals to the surface that the depth maps have in common.
+
+    Single depths scatter about it, and surfels in front of it would hide it. Each move is the mean distance, along the
+    normal, to the depths of the views that see the point within a ``tolerance`` (world units), weighted by the cosine.
+    """
+    for fusion in range(FUSIONS):
+        reach = tolerance * NARROWER**fusion
+        total, weights = torch.zeros(len(points)), torch.zeros(len(points))
+        for view, depth in zip(views, depths, strict=True):
+            found, sees = _looked_up(points, view, depth)
+            ray = points - view.camera.centre
+            distance = (found / view.camera.depth_of(points) - 1) * (ray * normals).sum(-1)
+            cosine = -(ray * normals).sum(-1) / ray.norm(dim=-1)
+            weight = torch.where(sees & (distance.abs() < reach) & (cosine > STEEPEST), cosine, 0.0)
+            total += torch.where(weight > 0, distance, 0.0) * weight
+            weights += weight
+        points = points + (total / weights.clamp(min=1e-6))[:, None] * normals
+    return points
 
 
 def _looked_up(

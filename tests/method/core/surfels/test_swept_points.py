@@ -2,10 +2,12 @@ import dataclasses
 
 import pytest
 import torch
+from scipy.spatial import cKDTree
 
-from radiogs_core.surfels.starting_points import SurfelStart, initial_surfels
+from radiogs_core.surfels.starting_points import SurfelStart, initial_surfels, view_radius
 from radiogs_core.surfels.swept_depth import DepthSweep, SmallView
-from radiogs_core.surfels.swept_points import offsets, spread
+from radiogs_core.surfels.swept_points import fused, offsets, spread, swept_points
+from radiogs_datasets import load_scene
 from scenes import sphere_scene
 
 SMALL = DepthSweep(side=32, planes=32, neighbours=4, agreeing=2)
@@ -40,6 +42,47 @@ def test_what_views_see_through_is_left_out_and_what_none_sees_counts_nothing() 
     # The last view looks from half-way behind: for it the second point is behind the plane, unseen.
     behind = offsets(points[1:2], [views[0], views[4]], [depths[0], depths[4]], tolerance)
     assert float(behind) == pytest.approx(-1.0)
+
+
+def test_fused_points_lie_where_the_depths_of_all_views_are_on_average() -> None:
+    """Views that differ by a thirtieth: points from all of them end on the sphere between, wherever they began."""
+    scene = sphere_scene(views=24, size=64)
+    views = [SmallView.of(view, 64) for view in scene.train]
+    radii = [1 + (0.03 if place % 2 else -0.03) for place in range(24)]
+    depths = [_depth_of_a_sphere(view, radius) for view, radius in zip(views, radii, strict=True)]
+    outwards = torch.nn.functional.normalize(torch.randn(500, 3, generator=torch.Generator().manual_seed(0)), dim=-1)
+    centres = torch.stack([view.camera.centre for view in views])
+    facing = (outwards @ torch.nn.functional.normalize(centres, dim=-1).T > 0.5).sum(1)
+    outwards = outwards[facing >= 4]
+    assert len(outwards) > 200
+    for begun in (0.96, 1.04):
+        ended = fused(begun * outwards, outwards, views, depths, tolerance=0.2).norm(dim=-1)
+        assert float((ended - 1).abs().median()) < 0.005
+        assert float((ended - 1).abs().quantile(0.9)) < 0.02
+    unseen = torch.tensor([[0.0, 0.0, 9.0]])
+    assert torch.equal(fused(unseen, outwards[:1], views, depths, tolerance=0.2), unseen)
+    far = 1.3 * outwards
+    assert torch.equal(fused(far, outwards, views, depths, tolerance=0.1), far)
+
+
+def _depth_of_a_sphere(view: SmallView, radius: float) -> torch.Tensor:
+    """Of the sphere about the origin; 0 beside it."""
+    direction, centre = view.camera.ray_directions(), view.camera.centre
+    a, b = direction.square().sum(-1), direction @ centre
+    under = b.square() - a * (centre.square().sum() - radius**2)
+    return torch.where(view.covered & (under > 0), (-b - under.clamp(min=0).sqrt()) / a, 0.0)
+
+
+@pytest.mark.parametrize("name", ["occluder", "wire"])
+def test_hardly_a_point_starts_beside_thin_things(name: str) -> None:
+    """Plain floor below bars and plates looks alike at many depths: few near views agree on wrong ones."""
+    scene = load_scene(name)
+    surface = scene.true_surfaces(0.01 * scene.extent).centre.double()
+    points, _, _ = swept_points(
+        scene, scene.train, view_radius(scene), 3000, DepthSweep(), torch.Generator().manual_seed(0)
+    )
+    far = cKDTree(surface.numpy()).query(points.double().numpy())[0] > 0.02 * scene.extent
+    assert far.mean() < 0.06
 
 
 def test_points_are_spread_over_the_world_and_not_over_pixels() -> None:
