@@ -27,9 +27,10 @@ FINE = 0.005
 WAYS: Mapping[str, SurfelStart] = {
     "hull": SurfelStart(points="hull"),
     "swept": SurfelStart(),
+    "swept, 3 of the 8 nearest views agree": SurfelStart(sweep=DepthSweep(neighbours=8, agreeing=3)),
+    "swept, 6 of 8": SurfelStart(sweep=DepthSweep(neighbours=8, agreeing=6)),
+    "swept, 8 of 24": SurfelStart(sweep=DepthSweep(neighbours=24, agreeing=8)),
     "swept, changes of depth by a plane cost four times as much": SurfelStart(sweep=DepthSweep(step=0.005)),
-    "swept, squares of 5 pixels": SurfelStart(sweep=DepthSweep(window=5)),
-    "swept, jumps cost twice as much and 6 of 8 views agree": SurfelStart(sweep=DepthSweep(jump=0.06, agreeing=6)),
 }
 
 
