@@ -204,7 +204,7 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
 ) -> None:
     plan = EffectPlan(indirect=False, kept=True)
     stage = decided(initialised, plan)
-    index = (1 - stage.shader.cache.incident.visibility).sum(1).topk(3).indices
+    index = stage.shader.cache.incident.radiance.sum((1, 2)).topk(3).indices
     before = copy_of(stage.shader.cache.incident.of(index))
     found = stage.shader.cache.light_on(index, stage.model.surfels, plan, 1)
     assert found.visibility.requires_grad
