@@ -27,6 +27,7 @@ FINE = 0.005
 WAYS: Mapping[str, SurfelStart] = {
     "hull": SurfelStart(points="hull"),
     "swept": SurfelStart(),
+    "swept, points not fused": SurfelStart(sweep=DepthSweep(fusions=0)),
     "swept, 3 of the 8 nearest views agree": SurfelStart(sweep=DepthSweep(neighbours=8, agreeing=3)),
     "swept, 6 of 8": SurfelStart(sweep=DepthSweep(neighbours=8, agreeing=6)),
     "swept, 8 of 24": SurfelStart(sweep=DepthSweep(neighbours=24, agreeing=8)),

@@ -42,8 +42,10 @@ def ratio_of_medians(before: Passes, after: Passes, paired: bool) -> Ranged | No
     zero: the clock of processor time is too coarse for it. No interval where that happens to passes that are drawn.
     """
     value = _ratio(_median(before), _median(after))
-    if value is None or min(len(before), len(after)) < 2:
-        return value if value is None else Ranged(value, None, None)
+    if value is None:
+        return None
+    if min(len(before), len(after)) < 2:
+        return Ranged(value, None, None)
     drawn = random.Random(0)
     found = []
     for _ in range(DRAWS):

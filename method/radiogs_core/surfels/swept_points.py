@@ -18,11 +18,8 @@ from .swept_depth import DepthSweep, SmallView, swept_depths
 FINEST = 30
 """How often cubes shrink at most: to a 30,000th. Points nearer than that are one."""
 
-FUSIONS = 4
-"""How often points move to the mean of the depths of the views that see them."""
-
 NARROWER = 0.7
-"""Factor of the distance within which depths count, from one such move to the next."""
+"""Factor of the distance within which depths count, from one move of a point to the next."""
 
 STEEPEST = 0.2
 """Cosine between the normal and the direction to a view from which on its depth counts."""
@@ -45,7 +42,8 @@ def swept_points(
     points, normals, colours = (torch.cat(part) for part in zip(*parts, strict=True))
     stays = torch.nonzero(offsets(points, small, depths, tolerance) >= sweep.freest)[:, 0]
     chosen = stays[spread(points[stays], count, scene.extent, generator)]
-    return fused(points[chosen], normals[chosen], small, depths, tolerance), normals[chosen], colours[chosen]
+    points, normals = points[chosen], normals[chosen]
+    return fused(points, normals, small, depths, tolerance, sweep.fusions), normals, colours[chosen]
 
 
 def _surface(view: SmallView, depth: Float[Tensor, "height width"], tolerance: float) -> tuple[Tensor, Tensor, Tensor]:
@@ -99,20 +97,22 @@ def fused(
     views: Sequence[SmallView],
     depths: Sequence[Float[Tensor, "height width"]],
     tolerance: float,
+    fusions: int,
 ) -> Float[Tensor, "points 3"]:
-    """The points, moved along their unit normals to the surface that the depth maps have in common.
+    """The points, moved ``fusions`` times along their unit normals to the surface that the depth maps have in common.
 
     Single depths scatter about it, and surfels in front of it would hide it. Each move is the mean distance, along the
     normal, to the depths of the views that see the point within a ``tolerance`` (world units), weighted by the cosine.
     """
-    for fusion in range(FUSIONS):
+    for fusion in range(fusions):
         reach = tolerance * NARROWER**fusion
         total, weights = torch.zeros(len(points)), torch.zeros(len(points))
         for view, depth in zip(views, depths, strict=True):
             found, sees = _looked_up(points, view, depth)
-            ray = points - view.camera.centre
-            distance = (found / view.camera.depth_of(points) - 1) * (ray * normals).sum(-1)
-            cosine = -(ray * normals).sum(-1) / ray.norm(dim=-1)
+            to_view = view.camera.centre - points
+            towards = (to_view * normals).sum(-1)
+            distance = (1 - found / view.camera.depth_of(points)) * towards
+            cosine = towards / to_view.norm(dim=-1)
             weight = torch.where(sees & (distance.abs() < reach) & (cosine > STEEPEST), cosine, 0.0)
             total += torch.where(weight > 0, distance, 0.0) * weight
             weights += weight

@@ -44,6 +44,7 @@ OTHER = {
     "geometry.start.sweep.step": 0.1,
     "geometry.start.sweep.jump": 0.0,
     "geometry.start.sweep.freest": 0.2,
+    "geometry.start.sweep.fusions": 1,
     "geometry.start.sweep.opacity": 0.5,
     "geometry.surroundings.candidates": 4,
     "geometry.surroundings.compared": 1,

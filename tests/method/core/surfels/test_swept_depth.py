@@ -3,15 +3,8 @@ import itertools
 import pytest
 import torch
 
-from radiogs_core.surfels.swept_depth import (
-    DepthSweep,
-    SmallView,
-    aggregated,
-    lowest,
-    mean_of_least,
-    swept_depths,
-    window_sums,
-)
+from radiogs_core.surfels.semi_global_matching import aggregated, lowest
+from radiogs_core.surfels.swept_depth import DepthSweep, SmallView, mean_of_least, swept_depths, window_sums
 from scenes import sphere_scene
 
 STEP, JUMP = 0.3, 0.7

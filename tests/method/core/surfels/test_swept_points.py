@@ -56,13 +56,14 @@ def test_fused_points_lie_where_the_depths_of_all_views_are_on_average() -> None
     outwards = outwards[facing >= 4]
     assert len(outwards) > 200
     for begun in (0.96, 1.04):
-        ended = fused(begun * outwards, outwards, views, depths, tolerance=0.2).norm(dim=-1)
+        ended = fused(begun * outwards, outwards, views, depths, tolerance=0.2, fusions=4).norm(dim=-1)
         assert float((ended - 1).abs().median()) < 0.005
         assert float((ended - 1).abs().quantile(0.9)) < 0.02
     unseen = torch.tensor([[0.0, 0.0, 9.0]])
-    assert torch.equal(fused(unseen, outwards[:1], views, depths, tolerance=0.2), unseen)
+    assert torch.equal(fused(unseen, outwards[:1], views, depths, tolerance=0.2, fusions=4), unseen)
+    assert torch.equal(fused(outwards, outwards, views, depths, tolerance=0.2, fusions=0), outwards)
     far = 1.3 * outwards
-    assert torch.equal(fused(far, outwards, views, depths, tolerance=0.1), far)
+    assert torch.equal(fused(far, outwards, views, depths, tolerance=0.1, fusions=4), far)
 
 
 def _depth_of_a_sphere(view: SmallView, radius: float) -> torch.Tensor:
