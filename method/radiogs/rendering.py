@@ -5,30 +5,36 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splatting import incident_map, shaded_maps, split_sum_maps
-from radiogs_core.transport.tracer import gather_incident
+from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .model import Model
 from .tracing import Rays
 from .variant import Variant
 
 
+DENSER = 2
+"""Directions over the hemisphere for each of training's, and as many drawn from the light. In training the directions of a
+surfel change from step to step and what one set errs by averages out; a view is shaded from one."""
+
+
 class Renderer:
     """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
 
-    For Monte-Carlo shading, incident light is traced once, from ``samples`` fixed directions per surfel; what the
-    model's plan left out stays out. Surfels that kept their light in training are traced with all others. Indirect
-    light that was given in training is given here too.
+    For Monte-Carlo shading, incident light is traced once, along ``DENSER`` times ``samples`` directions over the
+    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over the
+    hemisphere miss a sun, and if they are not turned all surfels of a wall miss it alike. With the deviation
+    ``spread-views`` there are ``samples`` of the first kind alone, not turned. What the model's plan left out stays out. Surfels that kept their light in training are traced with all others. Indirect
+    light that was given in training is given here too. Two renderers of one model have the same directions.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
         self.model, self.incident, self.straight = model, None, variant.straight
         if variant.shading == "monte-carlo":
-            with torch.no_grad():
-                rays, surfels = Rays.of(variant, model.indirect), model.surfels
-                self.incident = gather_incident(
-                    rays.tracer(surfels), surfels, samples, None, rays.floor, model.plan.at_once
-                )
+            self.incident = _incident(model, samples, variant)
 
     def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
         """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
@@ -46,3 +52,17 @@ class Renderer:
             return split_sum_maps(camera, surfels, environment, self.straight)
         specular_at = self.model.plan.specular_among(surfels.albedo)
         return shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at, self.straight)
+
+
+@torch.no_grad()
+def _incident(model: Model, samples: int, variant: Variant) -> Incident:
+    """The light that arrives at each surfel along the directions that new views are shaded from."""
+    rays, surfels, plan = Rays.of(variant, model.indirect), model.surfels, model.plan.at_once
+    tracer = rays.tracer(surfels)
+    if "spread-views" in variant.deviations:
+        return gather_incident(tracer, surfels, samples, None, rays.floor, plan)
+    generator = torch.Generator(surfels.centre.device).manual_seed(0)
+    light = LightSampler(EnvironmentMap(model.environment))
+    each = DENSER * samples
+    directions = relighting_directions(surfels.frame[..., 2], light, each, each, generator, rays.floor)
+    return incident_along(tracer, *directions, plan)

@@ -125,6 +125,7 @@ STRATEGIES = Suite(
 
 DEVIATIONS = (
     "hemisphere-floor", "fixed-offset", "light-detached", "image-weight", "display-radiance", "start-light",
+    "spread-views",
 )  # fmt: skip
 """Values of RadioGS's variant field ``deviations``: deviations of the released code (docs/paper_and_code.md)."""
 

@@ -34,16 +34,17 @@ from .views import TrainingView
 ROWS = 16
 """Rows of light that are sought at most; a larger map starts as this one, enlarged."""
 
-POINTS = 4800
+POINTS = 2400
 """Points that the training views are asked for, all together."""
 
 FEWEST_POINTS = 64
 """Points without which no light is sought: surfels that leave hardly a pixel solid say nothing about it."""
 
-DIRECTIONS = 128
-"""Rays from each point."""
+DIRECTIONS = 1024
+"""Rays from each point. With fewer, a sun of some degrees is met by few of them, and the noise of what it sends makes
+albedo vary: a search for the least variation then flees from the sun to a broader light."""
 
-POINTS_AT_ONCE = 1024
+POINTS_AT_ONCE = 128
 """Points whose rays are traced together."""
 
 WHOLE = 0.99

@@ -15,6 +15,7 @@ from ..errors import DataError
 from ..instruments import fire
 from ..scene.light import EnvironmentMap, texel_solid_angles
 
+GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 
 DIRECTIONS_AT_ONCE = 1 << 21
@@ -118,12 +119,39 @@ class LightSampler:
     def draw(self, count: int, generator: torch.Generator) -> Float[Tensor, "count 3"]:
         """``count`` independent directions."""
         place = torch.rand(count, generator=generator, dtype=torch.float64, device=self.cumulative.device)
+        texel, _ = self._found(place)
+        along, across = torch.rand(
+            2, count, generator=generator, dtype=self.density.dtype, device=self.cumulative.device
+        )
+        return self._inside(texel, along, across)
+
+    def draw_sets(self, sets: int, count: int, generator: torch.Generator) -> Float[Tensor, "sets count 3"]:
+        """Sets of ``count`` directions, each spread evenly: a Kronecker lattice of the golden ratio, shifted at random,
+        through the inverse of the distribution. Single directions are distributed as those of ``draw``.
+        """
+        like: dict[str, Any] = {"dtype": torch.float64, "device": self.cumulative.device}
+        order = torch.arange(count, **like)
+        shift, turn = torch.rand(2, sets, 1, generator=generator, **like)
+        texel, across = self._found(((order + shift) / count).flatten())
+        along = ((order * GOLDEN_RATIO + turn) % 1).flatten()
+        kind = self.density.dtype
+        return self._inside(texel, along.to(kind), across.to(kind)).view(sets, count, 3)
+
+    def _found(self, place: Float[Tensor, " count"]) -> tuple[Int[Tensor, " count"], Float[Tensor, " count"]]:
+        """The texels that hold these shares of the whole, and how far into each texel's own share they are."""
         # The first texel whose running sum exceeds the draw: never one of probability zero.
-        texel = torch.searchsorted(self.cumulative, place * self.cumulative[-1], right=True)
+        place = place * self.cumulative[-1]
+        texel = torch.searchsorted(self.cumulative, place, right=True)
         texel = texel.clamp(max=len(self.cumulative) - 1)  # a draw that rounds up to the whole sum
+        above = self.cumulative[texel]
+        before = torch.where(texel > 0, self.cumulative[(texel - 1).clamp(min=0)], 0.0)
+        return texel, ((place - before) / (above - before).clamp(min=torch.finfo(place.dtype).tiny)).clamp(0, 1)
+
+    def _inside(
+        self, texel: Int[Tensor, " count"], along: Float[Tensor, " count"], across: Float[Tensor, " count"]
+    ) -> Float[Tensor, "count 3"]:
+        """Directions inside texels, from where in [0, 1] they are: down by solid angle, and across."""
         row, column = texel // self.width, texel % self.width
-        like: dict[str, Any] = {"dtype": self.density.dtype, "device": self.density.device}
-        along, across = torch.rand(2, count, generator=generator, **like)
         upper, lower = (torch.cos((row + edge) * (torch.pi / self.height)) for edge in (0, 1))
         z = upper + (lower - upper) * along
         azimuth = torch.pi - (column + across) * (2 * torch.pi / self.width)
@@ -160,8 +188,7 @@ def relighting_directions(
     for some in _pieces(len(normal), samples):
         here, along = normal[some], direction[some]
         along[:, :hemisphere_samples], _ = hemisphere_directions(here, hemisphere_samples, generator, floor)
-        drawn = sampler.draw(len(here) * light_samples, generator)
-        along[:, hemisphere_samples:] = drawn.view(len(here), light_samples, 3)
+        along[:, hemisphere_samples:] = sampler.draw_sets(len(here), light_samples, generator)
         above = (along * here[:, None]).sum(-1) > 0
         density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(along)
         weight[some] = torch.where(above, 1 / density, 0.0)

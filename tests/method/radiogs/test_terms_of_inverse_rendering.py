@@ -244,11 +244,13 @@ def sight_and_height(surfels: Surfels, incident: Incident) -> tuple[float, float
     return float(incident.visibility.mean()), float(height.min())
 
 
-def assert_rays_follow_their_deviations(light_on: Callable[[InverseRendering], Incident], steps: int) -> None:
+def assert_rays_follow_their_deviations(
+    light_on: Callable[[InverseRendering], Incident], steps: int, always: tuple[str, ...] = ()
+) -> None:
     """Tilted surfels, which stand in each other's way: 0.05 is nearer than a standard deviation of them."""
     surfels, found = tilted(35.0), {}
     for deviations in ((), ("fixed-offset",), ("hemisphere-floor",)):
-        stage = inverse_rendering(surfels, LATE, Variant(deviations=deviations))
+        stage = inverse_rendering(surfels, LATE, Variant(deviations=always + deviations))
         for _ in range(steps):
             stage.step()
         found[deviations] = sight_and_height(surfels, light_on(stage))
@@ -265,4 +267,6 @@ def test_the_deviations_of_rays_reach_stage_two(steps: int) -> None:
 
 
 def test_the_deviations_of_rays_reach_rendering() -> None:
-    assert_rays_follow_their_deviations(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0)
+    """Directions that are drawn from the light know no floor: without them."""
+    spread = ("spread-views",)
+    assert_rays_follow_their_deviations(lambda stage: Renderer(stage.model, 16, stage.variant).incident, 0, spread)

@@ -1,6 +1,7 @@
 """Samplers against their densities (chi-square), strategies against each other (z-test), frames to the last digit."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import torch
 from scipy.stats import chi2
 
 from radiogs_core.errors import DataError
-from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.transport import sampling
 from radiogs_core.transport.sampling import (
     LightSampler,
@@ -96,12 +97,21 @@ def test_the_random_direction_is_uniform_over_the_hemisphere() -> None:
     assert fits(grid_counts(height, turn, 10), np.full(100, 400.0))
 
 
-def test_draws_from_the_light_follow_its_density_also_inside_each_texel() -> None:
+def one_of_each_set(sampler: LightSampler, sets: int) -> torch.Tensor:
+    """A random direction of each set of five: those of one set are not independent."""
+    drawn = sampler.draw_sets(sets, 5, seeded())
+    return drawn[torch.arange(sets), torch.randint(5, (sets,), generator=seeded(1))]
+
+
+@pytest.mark.parametrize("draw", [lambda sampler, count: sampler.draw(count, seeded()), one_of_each_set])
+def test_draws_from_the_light_follow_its_density_also_inside_each_texel(
+    draw: Callable[[LightSampler, int], torch.Tensor],
+) -> None:
     """Chi-square on a grid three times as fine as the map in azimuth and, inside each row, in height."""
     radiance = torch.rand(4, 8, 3, dtype=torch.float64) ** 4
     radiance[1, 2] = 0
     sampler = LightSampler(EnvironmentMap(radiance))
-    direction = sampler.draw(100_000, seeded())
+    direction = draw(sampler, 100_000)
     x, y, z = direction.unbind(-1)
     edges = torch.cos(torch.arange(5, dtype=torch.float64) * (math.pi / 4))
     row = (torch.acos(z) / math.pi * 4).long().clamp(max=3)
@@ -112,6 +122,18 @@ def test_draws_from_the_light_follow_its_density_also_inside_each_texel() -> Non
     share = (radiance.max(-1).values * texel_solid_angles(4, 8)).numpy()
     expected = np.kron(share / share.sum(), np.full((3, 3), 1 / 9)) * 100_000
     assert fits(counts.ravel(), expected.ravel())
+
+
+def test_a_set_is_spread_more_evenly_than_independent_draws() -> None:
+    """The mean of a smooth function over 32 directions scatters by a fifth, under a sun in the sky."""
+    sun = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
+    radiance = 0.5 + 20 * (60 * (texel_directions(16, 32) @ sun - 1)).exp()[..., None].expand(-1, -1, 3)
+    sampler, side = LightSampler(EnvironmentMap(radiance)), torch.tensor([0.0, 0.6, 0.8], dtype=torch.float64)
+    sets = sampler.draw_sets(2000, 32, seeded())
+    alone = sampler.draw(2000 * 32, seeded()).view(2000, 32, 3)
+    spread, scattered = ((directions @ side).clamp(min=0).mean(1) for directions in (sets, alone))
+    assert float(spread.std()) < 0.4 * float(scattered.std())
+    assert float(spread.mean()) == pytest.approx(float(scattered.mean()), abs=4 * float(scattered.std()) / 2000**0.5)
 
 
 def test_the_lights_density_integrates_to_one_and_is_the_radiance_up_to_scale() -> None:

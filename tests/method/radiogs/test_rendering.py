@@ -1,0 +1,76 @@
+"""A model under its own light: a sun that is narrower than the spread of a surfel's directions is not missed."""
+
+import pytest
+import torch
+
+from radiogs.model import Model
+from radiogs.rendering import DENSER, Renderer
+from radiogs.variant import Variant
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
+from radiogs_core.transport.incident import Incident
+from radiogs_datasets.generate.materials import Material
+from radiogs_datasets.generate.solids import Sphere
+from scenes import surfels_over
+
+ROWS = 16
+SAMPLES = 32
+BALL = Sphere((0.0, 0.0, 0.0), 1.0, Material((0.7, 0.7, 0.7), 0.9))
+
+
+def sun() -> torch.Tensor:
+    """A lobe half as bright 9 degrees from its middle, 40 times as bright as the sky, 45 degrees high; radiance."""
+    middle = torch.tensor([0.5**0.5, 0.0, 0.5**0.5], dtype=torch.float64)
+    lobe = (60.0 * (texel_directions(ROWS, 2 * ROWS) @ middle - 1)).exp()
+    return (0.5 + 20 * lobe)[..., None].expand(-1, -1, 3).float()
+
+
+def by_quadrature(normal: torch.Tensor) -> torch.Tensor:
+    """Irradiance on unoccluded surfaces: the bilinear map summed over texels eight times as fine."""
+    towards = texel_directions(8 * ROWS, 16 * ROWS)
+    light = EnvironmentMap(sun().double()).lookup(towards)[..., 0] * texel_solid_angles(8 * ROWS, 16 * ROWS)
+    return (normal.double() @ towards.flatten(0, 1).T).clamp(min=0) @ light.flatten()
+
+
+def by_directions(normal: torch.Tensor, incident: Incident) -> torch.Tensor:
+    """The same from a renderer's directions, weights and visibility."""
+    light = EnvironmentMap(sun()).lookup(incident.direction)[..., 0]
+    cosine = (incident.direction * normal[:, None]).sum(-1).clamp(min=0)
+    return (incident.weight * incident.visibility * cosine * light).sum(1).double()
+
+
+def errors(deviations: tuple[str, ...]) -> tuple[float, float]:
+    """Root-mean-square error of irradiance, and its mean, both relative, on the side that the sun lights."""
+    surfels = surfels_over([BALL], 0.12)
+    renderer = Renderer(Model(surfels, sun().log()), SAMPLES, Variant(deviations=deviations))
+    assert renderer.incident is not None
+    normal = surfels.frame[..., 2]
+    truth = by_quadrature(normal)
+    lit = truth > 0.5 * truth.max()
+    relative = (by_directions(normal, renderer.incident) / truth - 1)[lit]
+    return float(relative.square().mean().sqrt()), float(relative.mean())
+
+
+def test_a_sun_lights_all_surfels_alike_where_directions_are_drawn_from_the_light() -> None:
+    use_threads(1)
+    scatter, bias = errors(())
+    assert scatter < 0.04
+    assert abs(bias) < 0.005
+    assert errors(("spread-views",))[0] > 3 * scatter
+
+
+def test_two_renderers_of_one_model_agree() -> None:
+    model = Model(surfels_over([BALL], 0.3), sun().log())
+    first, second = (Renderer(model, SAMPLES, Variant()).incident for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert torch.equal(first.direction, second.direction)
+
+
+@pytest.mark.parametrize("directions", [1, 3])
+def test_as_many_directions_are_drawn_as_are_spread(directions: int) -> None:
+    model = Model(surfels_over([BALL], 0.5), sun().log())
+    for deviations, count in (((), 2 * DENSER * directions), (("spread-views",), directions)):
+        incident = Renderer(model, directions, Variant(deviations=deviations)).incident
+        assert incident is not None
+        assert incident.direction.shape[1] == count
