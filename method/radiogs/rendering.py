@@ -15,20 +15,20 @@ from .model import Model
 from .tracing import Rays
 from .variant import Variant
 
-
 DENSER = 2
-"""Directions over the hemisphere for each of training's, and as many drawn from the light. In training the directions of a
-surfel change from step to step and what one set errs by averages out; a view is shaded from one."""
+"""Directions over the hemisphere for each of training's, and as many drawn from the light. In training a surfel's
+directions change from step to step, and what one set errs by averages out; a view is shaded from one."""
 
 
 class Renderer:
     """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
 
     For Monte-Carlo shading, incident light is traced once, along ``DENSER`` times ``samples`` directions over the
-    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over the
-    hemisphere miss a sun, and if they are not turned all surfels of a wall miss it alike. With the deviation
-    ``spread-views`` there are ``samples`` of the first kind alone, not turned. What the model's plan left out stays out. Surfels that kept their light in training are traced with all others. Indirect
-    light that was given in training is given here too. Two renderers of one model have the same directions.
+    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over
+    the hemisphere miss a sun, and where they are not turned all surfels of a wall miss it alike. With the deviation
+    ``spread-views`` there are ``samples`` over the hemisphere alone, not turned. What the model's plan left out stays
+    out. Surfels that kept their light in training are traced with all others. Indirect light that was given in training
+    is given here too. Two renderers of one model have the same directions.
     """
 
     def __init__(self, model: Model, samples: int, variant: Variant) -> None:
