@@ -125,14 +125,15 @@ def test_draws_from_the_light_follow_its_density_also_inside_each_texel(
 
 
 def test_a_set_is_spread_more_evenly_than_independent_draws() -> None:
-    """The mean of a smooth function over 32 directions scatters by a fifth, under a sun in the sky."""
+    """Under a sun in the sky the mean cosine with a tilted normal over 32 directions scatters by .15 of independent ones
+    (by .38 where a set is one row of its lattice)."""
     sun = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     radiance = 0.5 + 20 * (60 * (texel_directions(16, 32) @ sun - 1)).exp()[..., None].expand(-1, -1, 3)
     sampler, side = LightSampler(EnvironmentMap(radiance)), torch.tensor([0.0, 0.6, 0.8], dtype=torch.float64)
     sets = sampler.draw_sets(2000, 32, seeded())
     alone = sampler.draw(2000 * 32, seeded()).view(2000, 32, 3)
     spread, scattered = ((directions @ side).clamp(min=0).mean(1) for directions in (sets, alone))
-    assert float(spread.std()) < 0.4 * float(scattered.std())
+    assert float(spread.std()) < 0.25 * float(scattered.std())
     assert float(spread.mean()) == pytest.approx(float(scattered.mean()), abs=4 * float(scattered.std()) / 2000**0.5)
 
 
