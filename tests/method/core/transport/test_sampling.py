@@ -125,7 +125,7 @@ def test_draws_from_the_light_follow_its_density_also_inside_each_texel(
 
 
 def test_a_set_is_spread_more_evenly_than_independent_draws() -> None:
-    """Under a sun in the sky the mean cosine with a tilted normal over 32 directions scatters by .15 of independent ones
+    """The mean cosine with a tilted normal under a sun scatters by .15 of what it does over 32 independent directions
     (by .38 where a set is one row of its lattice)."""
     sun = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     radiance = 0.5 + 20 * (60 * (texel_directions(16, 32) @ sun - 1)).exp()[..., None].expand(-1, -1, 3)
