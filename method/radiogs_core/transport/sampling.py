@@ -59,7 +59,8 @@ def hemisphere_directions(
     sine = (1 - height.square()).sqrt()
     turn = torch.zeros(len(normal), 1, **like)
     if generator is not None:
-        turn = 2 * torch.pi * torch.rand(len(normal), 1, generator=generator, **like)
+        drawn = torch.rand(len(normal), 1, generator=generator, device=normal.device)  # the same in either precision
+        turn = 2 * torch.pi * drawn.to(normal.dtype)
     direction = torch.empty(len(normal), samples, 3, **like)
     for some in _pieces(len(normal), samples):
         azimuth = place * GOLDEN_ANGLE + turn[some]
