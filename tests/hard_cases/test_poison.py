@@ -109,8 +109,10 @@ def ending(slot: str, value: float, seed: int) -> str:
     if numeric and same_numbers(found, in_float64(surfels, light, camera)):
         return "as float64"
     if slot in SURFEL_SLOTS:
-        others = torch.tensor([place for place in range(6) if place != victim])
-        if same_bits(found, maps(sound.take(others), light, camera)):
+        # Unseen instead of gone: the directions of the others are drawn in the order of all.
+        opacity = sound.opacity_logit.clone()
+        opacity[victim] = -math.inf
+        if same_bits(found, maps(Surfels.of(sound.parameters() | {"opacity_logit": opacity}), light, camera)):
             return "left out"
     if slot in (*SURFEL_SLOTS, "light") and same_bits(found, maps(sound, light_of_sound, camera)):
         return "never read"
