@@ -20,8 +20,8 @@ from radiogs_core.surfels.surfels import Surfels
 
 from .known_indirect import Nearest
 
-SPACING = 0.017
-"""Distance between true surfels in units of the scene's extent; ``corner`` has 13,000 of them."""
+SPACING = 0.0125
+"""Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""
 
 DARKEST = 1e-4
 """Share of the light's maximum below which a texel is raised to it: what is held is its logarithm."""
