@@ -54,7 +54,8 @@ def fixed() -> tuple[Tensor, Tensor, Tensor, Tensor]:
     """Pixels, directions, weights and targets, drawn once."""
     torch.manual_seed(4)
     seen, points = points_of(surfels_of(start()))
-    direction, weight = hemisphere_directions(points.normal, SAMPLES, torch.Generator().manual_seed(0))
+    # A seed whose directions leave the kinks of l1 and of the clamps at zero outside all stencils.
+    direction, weight = hemisphere_directions(points.normal, SAMPLES, torch.Generator().manual_seed(2))
     return covered_pixels(seen), direction, weight, torch.rand(len(points), 3, dtype=F64)
 
 
