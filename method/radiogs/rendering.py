@@ -1,4 +1,4 @@
-"""A trained model as it is shown: shaded as it was trained, under the light it was trained in."""
+"""A trained model under the light it was trained in, shaded by the rules it was trained by, along more directions."""
 
 import torch
 from jaxtyping import Float
@@ -21,7 +21,7 @@ directions change from step to step, and what one set errs by averages out; a vi
 
 
 class Renderer:
-    """A trained model under the light it was trained in, ready to be seen from any camera, shaded as it was trained.
+    """A trained model under the light it was trained in, ready to be seen from any camera.
 
     For Monte-Carlo shading, incident light is traced once, along ``DENSER`` times ``samples`` directions over the
     hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over
