@@ -14,8 +14,8 @@ RELEASED: Mapping[str, str] = {
     "image-weight": "the image loss of L_PBR weighs L1 by 1.0 instead of 0.8",
     "premultiplied-encoding": "blended radiance is encoded for display together with the black around it",
     "display-radiance": "stage 1 learns in display colour; stage 2 takes what it learnt for linear radiance",
-    "spread-views": "new views are shaded along N_s directions over the hemisphere, none drawn from the light",
     "start-light": "stage 2 begins under a constant radiance of 1.5, whatever the exposure",
+    "spread-views": "new views are shaded along N_s directions over the hemisphere, none drawn from the light",
 }
 """Deviations by name. The order is that of the documentation."""
 

@@ -83,7 +83,7 @@ def test_a_sun_in_one_texel_gives_its_irradiance() -> None:
         math.sin(polar) * math.cos(azimuth), math.sin(polar) * math.sin(azimuth), math.cos(polar),
     ], dtype=F64)  # fmt: skip
     normal = normalize(sun + 0.5 * unit(1)[0], dim=-1)
-    direction = LightSampler(light).draw(20_000, seeded())
+    direction = LightSampler(light).draw(20_000, 1, seeded())[:, 0]
     density = LightSampler(light).pdf(direction)
     # The nearest texel of each draw is the sun: piecewise-constant radiance over its density is one number.
     irradiance = (1e5 / density * (direction @ normal)).mean()

@@ -53,7 +53,7 @@ def test_directions_from_the_light_fill_the_texels_as_their_density_says(height:
     radiance = torch.rand(height, 2 * height, 3, dtype=F64, generator=seeded(seed)) ** 6
     sampler = LightSampler(EnvironmentMap(radiance))
     draws = 40_000
-    x, y, z = sampler.draw(draws, seeded(seed + 100)).unbind(-1)
+    x, y, z = sampler.draw(draws, 1, seeded(seed + 100))[:, 0].unbind(-1)
     row = np.clip((np.arccos(z.numpy()) / math.pi * height).astype(int), 0, height - 1)
     column = ((0.5 - np.arctan2(y.numpy(), x.numpy()) / (2 * math.pi)) % 1 * 2 * height).astype(int)
     counts = np.bincount(row * 2 * height + column, minlength=2 * height**2)

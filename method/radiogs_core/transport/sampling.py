@@ -117,18 +117,9 @@ class LightSampler:
         self.cumulative = share.flatten().cumsum(0)
         self.density = (share / area).flatten().to(light.radiance.dtype)
 
-    def draw(self, count: int, generator: torch.Generator) -> Float[Tensor, "count 3"]:
-        """``count`` independent directions."""
-        place = torch.rand(count, generator=generator, dtype=torch.float64, device=self.cumulative.device)
-        texel, _ = self._found(place)
-        along, across = torch.rand(
-            2, count, generator=generator, dtype=self.density.dtype, device=self.cumulative.device
-        )
-        return self._inside(texel, along, across)
-
-    def draw_sets(self, sets: int, count: int, generator: torch.Generator) -> Float[Tensor, "sets count 3"]:
-        """Sets of ``count`` directions, each spread evenly: a Kronecker lattice of the golden ratio, shifted at random,
-        through the inverse of the distribution. Single directions are distributed as those of ``draw``.
+    def draw(self, sets: int, count: int, generator: torch.Generator) -> Float[Tensor, "sets count 3"]:
+        """Independent sets of ``count`` directions, each set spread evenly: a Kronecker lattice of the golden ratio,
+        shifted at random, through the inverse of the distribution. A single direction has exactly the density ``pdf``.
         """
         like: dict[str, Any] = {"dtype": torch.float64, "device": self.cumulative.device}
         order = torch.arange(count, **like)
@@ -189,7 +180,7 @@ def relighting_directions(
     for some in _pieces(len(normal), samples):
         here, along = normal[some], direction[some]
         along[:, :hemisphere_samples], _ = hemisphere_directions(here, hemisphere_samples, generator, floor)
-        along[:, hemisphere_samples:] = sampler.draw_sets(len(here), light_samples, generator)
+        along[:, hemisphere_samples:] = sampler.draw(len(here), light_samples, generator)
         above = (along * here[:, None]).sum(-1) > 0
         density = hemisphere_samples / (2 * torch.pi) + light_samples * sampler.pdf(along)
         weight[some] = torch.where(above, 1 / density, 0.0)

@@ -57,7 +57,7 @@ def sunlit(intensity: float, stand: Stand) -> Probe:
     sky[len(sky) // 4, sky.shape[1] // 3] = intensity
     normal = normalize(torch.randn(COUNT, 3, generator=generator), dim=-1)
     spread, _ = hemisphere_directions(normal, SPREAD, generator)
-    drawn = LightSampler(EnvironmentMap(sky)).draw_sets(COUNT, DRAWN, generator)
+    drawn = LightSampler(EnvironmentMap(sky)).draw(COUNT, DRAWN, generator)
     samples = SPREAD + DRAWN
 
     def weight(inputs: Values) -> Tensor:

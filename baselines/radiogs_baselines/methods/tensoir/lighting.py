@@ -69,7 +69,7 @@ class NewLight:
 
     def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
         """What points send out of the light itself."""
-        direction = self.sampler.draw_sets(len(points.ray), self.count, generator)
+        direction = self.sampler.draw(len(points.ray), self.count, generator)
         density = self.sampler.pdf(direction)
         weight = torch.where(density > 0, 1 / (self.count * density), 0.0)
         reflected = transport(points, direction, weight)

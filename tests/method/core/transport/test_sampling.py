@@ -99,11 +99,11 @@ def test_the_random_direction_is_uniform_over_the_hemisphere() -> None:
 
 def one_of_each_set(sampler: LightSampler, sets: int) -> torch.Tensor:
     """A random direction of each set of five: those of one set are not independent."""
-    drawn = sampler.draw_sets(sets, 5, seeded())
+    drawn = sampler.draw(sets, 5, seeded())
     return drawn[torch.arange(sets), torch.randint(5, (sets,), generator=seeded(1))]
 
 
-@pytest.mark.parametrize("draw", [lambda sampler, count: sampler.draw(count, seeded()), one_of_each_set])
+@pytest.mark.parametrize("draw", [lambda sampler, count: sampler.draw(count, 1, seeded())[:, 0], one_of_each_set])
 def test_draws_from_the_light_follow_its_density_also_inside_each_texel(
     draw: Callable[[LightSampler, int], torch.Tensor],
 ) -> None:
@@ -130,8 +130,8 @@ def test_a_set_is_spread_more_evenly_than_independent_draws() -> None:
     sun = torch.tensor([0.6, 0.0, 0.8], dtype=torch.float64)
     radiance = 0.5 + 20 * (60 * (texel_directions(16, 32) @ sun - 1)).exp()[..., None].expand(-1, -1, 3)
     sampler, side = LightSampler(EnvironmentMap(radiance)), torch.tensor([0.0, 0.6, 0.8], dtype=torch.float64)
-    sets = sampler.draw_sets(2000, 32, seeded())
-    alone = sampler.draw(2000 * 32, seeded()).view(2000, 32, 3)
+    sets = sampler.draw(2000, 32, seeded())
+    alone = sampler.draw(2000 * 32, 1, seeded()).view(2000, 32, 3)
     spread, scattered = ((directions @ side).clamp(min=0).mean(1) for directions in (sets, alone))
     assert float(spread.std()) < 0.25 * float(scattered.std())
     assert float(spread.mean()) == pytest.approx(float(scattered.mean()), abs=4 * float(scattered.std()) / 2000**0.5)
@@ -150,7 +150,7 @@ def test_a_sun_in_one_texel_is_found_by_every_draw() -> None:
     radiance = torch.zeros(16, 32, 3)
     radiance[5, 30] = 1e5
     sampler = LightSampler(EnvironmentMap(radiance))
-    direction = sampler.draw(1000, seeded())
+    direction = sampler.draw(1000, 1, seeded())
     assert float(sampler.pdf(direction).min()) == pytest.approx(1 / float(texel_solid_angles(16, 32)[5]), rel=1e-5)
 
 
@@ -159,14 +159,14 @@ def test_the_dark_texels_of_a_large_map_are_drawn_as_often_as_they_should() -> N
     radiance = torch.ones(512, 1024, 3)
     area = texel_solid_angles(512, 1024)
     radiance[0, 0] = float((4 * math.pi - area[0]) / area[0])
-    direction = LightSampler(EnvironmentMap(radiance)).draw(40_000, seeded())
+    direction = LightSampler(EnvironmentMap(radiance)).draw(40_000, 1, seeded())[:, 0]
     below = float((direction[:, 2] < 0).double().mean())
     assert abs(below - 0.25) < 4 * math.sqrt(0.25 * 0.75 / 40_000)
 
 
 def test_a_black_light_is_drawn_from_uniformly() -> None:
     sampler = LightSampler(EnvironmentMap(torch.zeros(4, 8, 3, dtype=torch.float64)))
-    direction = sampler.draw(20_000, seeded())
+    direction = sampler.draw(20_000, 1, seeded())[:, 0]
     turn = torch.atan2(direction[:, 1], direction[:, 0]) / (2 * math.pi) % 1
     assert fits(grid_counts((direction[:, 2] + 1) / 2, turn, 10), np.full(100, 200.0))
     torch.testing.assert_close(sampler.pdf(direction), torch.full((20_000,), 1 / (4 * math.pi), dtype=torch.float64))
