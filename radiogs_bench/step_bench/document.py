@@ -110,9 +110,9 @@ def history_lines(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def _course(values: Sequence[float | None]) -> str:
-    """Heights in eighths of the largest value; nothing for a single one."""
+    """Heights in eighths of the largest value; nothing for a single one, or where all are below the clock's tick."""
     known = [value for value in values if value is not None]
-    if len(known) < 2:
+    if len(known) < 2 or not any(known):
         return ""
     return "".join(" " if value is None else BLOCKS[round(7 * value / max(known))] for value in values)
 
