@@ -8,7 +8,8 @@ sums with what is measured. Nothing has an entry for each harmonic of each sampl
 from dataclasses import dataclass
 
 from radiogs_core.capabilities import MemoryPhase, TrainingImages
-from radiogs_core.transport.splitsum import GRID_SIZE, LARGEST_HEIGHT, LEVELS
+from radiogs_core.transport.light_filters import filters_bytes
+from radiogs_core.transport.splitsum import LARGEST_HEIGHT
 from radiogs_core.transport.tracer import RAYS_AT_ONCE
 
 from .budget import Budget
@@ -69,13 +70,13 @@ def memory_of(
     samples = budget.incident_samples if traced else 0
     directions = budget.relight_hemisphere_samples + budget.relight_light_samples
     views = PIXEL * images.views * pixels
-    learnt = views + _filters(min(budget.light_height, LARGEST_HEIGHT))
+    learnt = views + filters_bytes(min(budget.light_height, LARGEST_HEIGHT))
     alone = surfels * SURFEL
     model = alone + surfels * 3 * FLOAT
     # Stage 2 also keeps what stage 1 left, from which probes of effects begin, and the tree that rays go through.
     initialised = learnt + surfels * (LEARNT + 3 * FLOAT)
     inverted = learnt + surfels * (2 * LEARNT + 600 + SAMPLE * samples)
-    shown = _filters(LARGEST_HEIGHT) + model
+    shown = filters_bytes(LARGEST_HEIGHT) + model
     relit = shown + surfels * SAMPLE * directions
     solved = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples
 
@@ -98,8 +99,3 @@ def memory_of(
         MemoryPhase("relighting, a step of fine-tuning", model, tuned),
         MemoryPhase("relighting, a frame by surfels alone", alone, peak(alone, OWN_FRAME)),
     )
-
-
-def _filters(height: int) -> int:
-    """The matrices that filter a light of so many rows."""
-    return FLOAT * (1 + len(LEVELS)) * GRID_SIZE * 2 * height * height

@@ -47,7 +47,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
 
     from radiogs_core.errors import UsageError
 
-    from .. import kernel_bench
+    from ..kernel_bench import bench, record
     from ..kernel_bench.embree import missing_embree
     from ..store.atomic import write_atomically
     from ..store.provenance import session
@@ -64,7 +64,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
         reasons.append("real geometry: no file was named with --points")
     skipped = [reason for reason in reasons if reason]
     rows = list(
-        kernel_bench.bench_kernels(
+        bench.bench_kernels(
             device, options.points, tuple(options.kernels), tuple(options.scenes), options.repetitions, complain
         )
     )
@@ -72,8 +72,8 @@ def bench_kernels(options: argparse.Namespace) -> int:
     scaling = None
     if device.type == "cpu" and "trace" in options.kernels and "M" in options.scenes and team > 1:
         complain(f"trace, M, float32, {team} threads against one")
-        scaling = kernel_bench.scaling(team, options.repetitions)
-    show(kernel_bench.as_table(rows, device.type == "cuda"))
+        scaling = bench.scaling(team, options.repetitions)
+    show(record.as_table(rows, device.type == "cuda"))
     for name in sorted({row.yardstick for row in rows if row.yardstick}):
         say(f"yardstick of {', '.join(sorted({row.kernel for row in rows if row.yardstick == name}))}: {name}")
     if scaling is not None:
@@ -81,8 +81,8 @@ def bench_kernels(options: argparse.Namespace) -> int:
     for reason in skipped:
         say(f"skipped: {reason}")
     if options.json is not None:
-        record = kernel_bench.as_json(rows, scaling, skipped, dict(session(device)))
-        write_atomically(options.json, strict_json(sealed(record)))
+        kept = record.as_json(rows, scaling, skipped, dict(session(device)))
+        write_atomically(options.json, strict_json(sealed(kept)))
     return 0
 
 

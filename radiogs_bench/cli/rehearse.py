@@ -14,7 +14,7 @@ from .options import add_scene_options, add_verbose, names, positive, scene_opti
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
 
-    from ..rehearsal.one_row import Row
+    from ..rehearsal.row import Row
     from .options import Commands
 
 GIB = 2**30
@@ -146,7 +146,7 @@ def _by_formula(options: argparse.Namespace) -> int:
 def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
     """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
     from ..metrics import protocol
-    from ..rehearsal.one_row import Row
+    from ..rehearsal.row import Row
     from ..suites.registry import SUITES
     from ..suites.scenes import load_scenes, own_scenes
     from ..suites.suite import Metric, Suite, of_methods

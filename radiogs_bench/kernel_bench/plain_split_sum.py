@@ -6,7 +6,8 @@ from torch import Tensor
 
 from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.transport.splitsum import LEVELS, PrefilteredLight, brdf_table
+from radiogs_core.transport.light_filters import LEVELS
+from radiogs_core.transport.splitsum import PrefilteredLight, brdf_table
 
 
 def split_sum_radiance(

@@ -15,13 +15,12 @@ from zipfile import BadZipFile
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.spatial import cKDTree
 from torch import Tensor
 
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
-from radiogs_core.kernels.surfel.support import support_of
 from radiogs_core.transport.sampling import tangent_frame
 
 OVERLAP = 0.93
@@ -101,19 +100,6 @@ SCENES: dict[str, Callable[[], KernelScene]] = {
     "M": lambda: blob(inside=False),
     "Mi": lambda: blob(inside=True),
 }
-
-
-def support_quads(geometry: SplatGeometry) -> tuple[Float[Tensor, "corners 3"], Int[Tensor, "triangles 3"]]:
-    """Every surfel's support as the square around its ellipse, in two triangles."""
-    reach = support_of(geometry).radius[:, None]
-    along_u, along_v = (
-        reach * axis / axis.square().sum(-1, keepdim=True) for axis in (geometry.axis_u, geometry.axis_v)
-    )
-    signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
-    corners = torch.stack([geometry.centre + u * along_u + v * along_v for u, v in signs], 1)
-    first = 4 * torch.arange(len(geometry), dtype=torch.int32)[:, None]
-    halves = [first + torch.tensor([half], dtype=torch.int32) for half in ((0, 1, 2), (0, 2, 3))]
-    return corners.flatten(0, 1), torch.cat(halves)
 
 
 def _scene(

@@ -9,7 +9,7 @@ from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling
-from .one_row import Row
+from .row import Row
 
 GIB = 2**30
 SCHEMA = "radiogs-bench/memory/1"

@@ -16,8 +16,9 @@ from ..store.folder import Store
 from ..training.progress import Progress
 from .growth import Rung, extended, peak
 from .limits import give_memory_back, in_use
-from .one_row import Row, rehearse_rows
+from .one_row import rehearse_rows
 from .phases import Phase, Phases, TooLarge
+from .row import Row
 
 FIRST = 0.25
 """Share of the size at which a run begins that is tried first: two sizes tell what grows with the model."""

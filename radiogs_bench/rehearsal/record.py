@@ -12,8 +12,8 @@ from ..store.provenance import session
 from .climb import Bounds, Climb
 from .growth import HOST, Rung, extended, peak
 from .limits import KNOWN_DEVICES, Speed, speed_of
-from .one_row import Row
 from .phases import Phase
+from .row import Row
 from .whole import whole_of
 
 SCHEMA = "radiogs-bench/rehearsal/1"

@@ -17,7 +17,7 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.enlargement import enlarged
 
 from ..kernel_bench.scenes import OVERLAP, SPREAD
-from ..rehearsal.one_row import Row
+from ..rehearsal.row import Row
 from .sizes import Size, surfels_at
 
 FIRST_SPACING = 0.05

@@ -29,7 +29,7 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.radiance_solver import RenderingEquation
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport import splitsum
+from radiogs_core.transport import light_filters, splitsum
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets.enlargement import enlarged
 from radiogs_datasets.registry import load_scene
@@ -65,7 +65,7 @@ def warm_up(*heights: int) -> None:
 
 def matrices(height: int) -> int:
     """Bytes of those that filter a light of so many rows."""
-    return splitsum._filters(min(height, splitsum.LARGEST_HEIGHT)).nbytes
+    return light_filters._filters(min(height, splitsum.LARGEST_HEIGHT), torch.device("cpu")).nbytes
 
 
 def hits_a_ray(surfels: Surfels) -> float:

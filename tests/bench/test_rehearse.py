@@ -27,8 +27,8 @@ from radiogs_bench.rehearsal.climb import Bounds, sizes_of
 from radiogs_bench.rehearsal.document import lines_of, with_tables
 from radiogs_bench.rehearsal.growth import Rung, extended
 from radiogs_bench.rehearsal.limits import give_memory_back, resident
-from radiogs_bench.rehearsal.one_row import Row
 from radiogs_bench.rehearsal.phases import Phase, of_memory
+from radiogs_bench.rehearsal.row import Row
 from radiogs_bench.rehearsal.whole import whole_of
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages

@@ -1,64 +1,49 @@
-"""Split-sum shading: pre-filtered light times a pre-integrated BRDF (paper, initialisation and relighting).
-
-The light is filtered by matrices that keep a constant light constant and the total energy of every other one; they
-are linear in the texels, so gradients to the light are exact.
-"""
+"""Split-sum shading: pre-filtered light times a pre-integrated BRDF (paper, initialisation and relighting)."""
 
 from functools import cache, cached_property
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Complex, Float
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from ..kernels.shade.brdf import smith_visibility
 from ..kernels.shade.splitsum import split_sum
-from ..scene.light import EnvironmentMap, bilinear_texels, texel_directions, texel_solid_angles
+from ..scene.light import EnvironmentMap, texel_solid_angles
+from .light_filters import LEVELS, filtered, turned_spectrum
 
 LARGEST_HEIGHT = 32
-GRID_HEIGHT = 16
-"""Rows of the grid that filtered light is stored on: its content is smooth."""
-
-GRID_SIZE = 2 * GRID_HEIGHT * GRID_HEIGHT
-"""Its texels."""
-
-LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Roughnesses of the filtered maps; below the first the light itself (its texels are as wide as that lobe)."""
-
-
-ENERGY_TOLERANCE = 1e-5
-"""Filtering keeps the energy of every texel to this share (16 rounds would leave 1 % at the sharpest level)."""
-
-MOST_BALANCING_ROUNDS = 1024
-"""The sharpest level of a light of 16 rows takes longest, about 200; each round is two products with its matrix."""
 
 
 class PrefilteredLight:
-    """A light map, filtered for diffuse and glossy reflection; differentiable in its texels.
+    """A light map, filtered for diffuse and glossy reflection (see ``light_filters``); differentiable in its texels.
 
     ``radiance``: linear, lat-long (see ``light``). ``sharp``: the same, averaged down by solid angle to at most 32
-    rows.
+    rows; below the first of LEVELS it stands for the filtered light, as its texels are as wide as that lobe.
     """
 
     def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
         height = min(radiance.shape[0], LARGEST_HEIGHT)
+        if radiance.shape[:2] == (height, 2 * height):
+            self.sharp = radiance
+            return
         area = texel_solid_angles(*radiance.shape[:2]).to(radiance).expand(radiance.shape[:2])
-        small = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
-        self._matrix = _filters(height).to(radiance)
-        self.sharp = small
+        self.sharp = _pooled(radiance * area[..., None], height) / _pooled(area[..., None], height)
 
     @cached_property
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
         """Irradiance over pi by normal."""
-        filtered = self._matrix[:GRID_SIZE] @ self.sharp.reshape(-1, 3)
-        return filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
+        return filtered(self._spectrum, len(self.sharp), 0, 1)[0].to(self.sharp)
 
     @cached_property
     def glossy(self) -> Float[Tensor, "levels rows columns 3"]:
         """Light averaged over the GGX lobe of each of LEVELS, by mirrored direction."""
-        # Apart from the diffuse one: shading by rays needs that one alone, a sixth of the work.
-        filtered = self._matrix[GRID_SIZE:] @ self.sharp.reshape(-1, 3)
-        return filtered.view(len(LEVELS), GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
+        # Apart from the diffuse one: shading by rays needs that one alone.
+        return filtered(self._spectrum, len(self.sharp), 1, len(LEVELS)).to(self.sharp)
+
+    @cached_property
+    def _spectrum(self) -> Complex[Tensor, "frequencies texels 3"]:
+        return turned_spectrum(self.sharp)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
@@ -104,48 +89,3 @@ def brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness
     value = torch.where(valid, lobe * view_half * light_z / half_z, 0.0)
     bright = torch.exp2((-5.55473 * view_half - 6.98316) * view_half)
     return torch.stack([(value * (1 - bright)).mean((2, 3)), (value * bright).mean((2, 3))], -1).float()
-
-
-@cache
-def _filters(height: int) -> Float[Tensor, "rows texels"]:
-    """Rows: the diffuse grid, then the glossy grids; columns: texels of a light of ``height`` rows. Float32.
-
-    The glossy kernel is nvdiffrec's: seen and mirrored along the same axis, weight D(h) (n.wi) per solid angle.
-    """
-    texels = texel_directions(height, 2 * height).reshape(-1, 3)
-    area = texel_solid_angles(height, 2 * height).expand(height, 2 * height).reshape(-1)
-    axes = texel_directions(GRID_HEIGHT, 2 * GRID_HEIGHT).reshape(-1, 3)
-    cosine = (axes @ texels.T).clamp(-1, 1)
-    kernels = [cosine.clamp(min=0)]
-    half_cosine_squared = (1 + cosine) / 2
-    for roughness in LEVELS:
-        alpha_squared = roughness**4
-        denominator = half_cosine_squared * (alpha_squared - 1) + 1
-        kernels.append(alpha_squared / denominator.square() * cosine.clamp(min=0))
-    return torch.cat([_balanced(kernel, area) for kernel in kernels]).float()
-
-
-def _balanced(kernel: Float[Tensor, "grid texels"], area: Float[Tensor, " texels"]) -> Float[Tensor, "grid texels"]:
-    """Scaled so that rows sum to one (a constant stays) and columns give away a texel's light (energy stays).
-
-    In turns, by Sinkhorn: rows alone would brighten a sun near the pole of the map by 7 %.
-    """
-    covered = _grid_solid_angles()
-    rows, columns = torch.ones_like(covered), area
-    for _ in range(MOST_BALANCING_ROUNDS):
-        before, columns = columns, area / ((covered * rows) @ kernel)
-        rows = 1 / (kernel @ columns)
-        # What the columns still had to change by is what a texel's energy was off by before this round.
-        if float((columns / before - 1).abs().max()) < ENERGY_TOLERANCE:
-            break
-    return rows[:, None] * kernel * columns
-
-
-def _grid_solid_angles() -> Float[Tensor, " grid"]:
-    """Solid angle that each texel of the grid stands for under bilinear lookup; they add up to the sphere."""
-    fine = 64 * GRID_HEIGHT
-    direction, width = texel_directions(fine, 4)[:, 0], 2 * GRID_HEIGHT
-    texel, share = bilinear_texels(direction, GRID_HEIGHT, width)
-    ring = texel_solid_angles(fine, 1) * share / width
-    rows = torch.zeros(GRID_HEIGHT, dtype=torch.float64).index_add(0, (texel // width).flatten(), ring.flatten())
-    return rows.repeat_interleave(width)

@@ -8,7 +8,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from radiogs_core.scene.light import bilinear_texels, texel_directions
-from radiogs_core.transport.splitsum import GRID_HEIGHT, PrefilteredLight
+from radiogs_core.transport.light_filters import GRID_HEIGHT, GRID_WIDTH
+from radiogs_core.transport.splitsum import PrefilteredLight
 
 from .variant import TexelAreas
 
@@ -24,7 +25,7 @@ class ApproximatelyFilteredLight(PrefilteredLight):
         """Irradiance over pi by normal, 8 % too bright on average."""
         height, width = self.sharp.shape[:2]
         filtered = _approximate_filter(height, width).to(self.sharp) @ self.sharp.reshape(-1, 3)
-        return filtered.view(GRID_HEIGHT, 2 * GRID_HEIGHT, 3)
+        return filtered.view(GRID_HEIGHT, GRID_WIDTH, 3)
 
 
 def filtered_light(radiance: Float[Tensor, "height width 3"], areas: TexelAreas) -> PrefilteredLight:
@@ -63,7 +64,7 @@ def cube_directions(face: int = FACE) -> Float[Tensor, "6 face face 3"]:
 def _approximate_filter(height: int, width: int) -> Float[Tensor, "grid texels"]:
     """From the texels of a lat-long map, read bilinearly at those of the cube, to the diffuse grid; float32."""
     direction = cube_directions().view(-1, 3)
-    normal = texel_directions(GRID_HEIGHT, 2 * GRID_HEIGHT).view(-1, 3)
+    normal = texel_directions(GRID_HEIGHT, GRID_WIDTH).view(-1, 3)
     area = approximate_areas().expand(6, FACE, FACE).reshape(-1)
     kernel = (normal @ direction.T).clamp(min=0) * area / torch.pi
     texel, share = bilinear_texels(direction, height, width)

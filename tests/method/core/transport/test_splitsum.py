@@ -6,7 +6,8 @@ import torch
 from radiogs_bench.kernel_bench import plain_split_sum as dense
 from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, specular
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
-from radiogs_core.transport.splitsum import LEVELS, PrefilteredLight, split_sum_radiance
+from radiogs_core.transport.light_filters import LEVELS
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 from reference.quadrature import lobe_quadrature, sphere_quadrature
 
 F64 = torch.float64
