@@ -73,15 +73,20 @@ class RadiometricConsistency:
 
 
 def split_sum_consistency_loss(
-    surfels: Surfels, light: PrefilteredLight, outgoing: Float[Tensor, "surfels 3"], normal_gradient: bool = True
+    surfels: Surfels,
+    own: Float[Tensor, "surfels 3"],
+    light: PrefilteredLight,
+    outgoing: Float[Tensor, "surfels 3"],
+    normal_gradient: bool = True,
 ) -> tuple[Float[Tensor, ""], Float[Tensor, "surfels 3"]]:
     """The simplified L_rad of stage 1, over all surfels towards the camera, and the split-sum radiance itself.
 
-    ``normal_gradient``: whether they have gradient to the surfels' normals.
+    ``own``: L_G along the unit directions ``outgoing``. ``normal_gradient``: whether the two have gradient to the
+    surfels' normals.
     """
     normal = surfels.frame[..., 2] if normal_gradient else surfels.frame[..., 2].detach()
     diffuse, specular = split_sum_radiance(normal, surfels.albedo, surfels.roughness, outgoing, light)
     physical = diffuse + specular
     facing = ((outgoing * normal).sum(-1) > 0)[:, None]
-    residual = torch.where(facing, surfel_radiance(surfels.sh, outgoing) - physical, 0.0)
+    residual = torch.where(facing, own - physical, 0.0)
     return residual.abs().mean(), physical

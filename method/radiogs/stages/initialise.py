@@ -50,7 +50,7 @@ class UnseenMaterials(Shading):
         }
 
     def images(
-        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """Nothing."""
         return {}, {}
@@ -60,11 +60,11 @@ class SplitSumShading(UnseenMaterials):
     """Surfels shaded by the split sum, and the simplified radiometric consistency of their radiance with it."""
 
     def images(
-        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """L_PBR towards the camera, and L_rad once it counts."""
         light = PrefilteredLight(tensors["log_environment"].exp())
         outgoing = towards(camera, surfels)
-        consistency, shaded = split_sum_consistency_loss(surfels, light, outgoing, self.geometry_gradient)
+        consistency, shaded = split_sum_consistency_loss(surfels, own, light, outgoing, self.geometry_gradient)
         counts = progress >= self.learning.consistency_from
         return {"shaded": shaded}, {"consistency": self.learning.consistency * consistency} if counts else {}

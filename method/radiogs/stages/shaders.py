@@ -14,6 +14,7 @@ from torch import Tensor
 from radiogs_core.instruments import part
 from radiogs_core.learning.views import TrainingView
 from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.splatting import shade_surfels, towards
@@ -81,8 +82,9 @@ class SplitSum:
 
     def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
         """L_rad over all surfels, towards the camera."""
-        outgoing = towards(camera, model.surfels)
-        return split_sum_consistency_loss(model.surfels, PrefilteredLight(model.environment), outgoing)[0]
+        outgoing, light = towards(camera, model.surfels), PrefilteredLight(model.environment)
+        own = surfel_radiance(model.surfels.sh, outgoing)
+        return split_sum_consistency_loss(model.surfels, own, light, outgoing)[0]
 
     def radiance(
         self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight

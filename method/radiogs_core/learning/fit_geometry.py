@@ -24,7 +24,7 @@ from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
 from ..surfels.surroundings import surrounded_surfels
-from ..transport.splatting import Splat, own_radiance, splat
+from ..transport.splatting import Splat, own_radiance_twice, splat
 from .backward import backward
 from .contribution import largest_contribution
 from .geometry import GeometryLearning, turning
@@ -84,10 +84,11 @@ class Shading(Protocol):
     """Whether the images' losses have gradient to the surfels' places, rotations, scales and opacities."""
 
     def images(
-        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """Linear radiance of each surfel towards the camera by name, to be compared with the training image, and
-        further weighted losses by name. ``tensors`` as learnt so far; ``progress``: share of the stage that is done."""
+        further weighted losses by name. ``own``: L_G of each surfel towards the camera, with gradient to its
+        harmonics alone; ``tensors`` as learnt so far; ``progress``: share of the stage that is done."""
 
 
 class NoShading:
@@ -99,7 +100,7 @@ class NoShading:
     geometry_gradient = False
 
     def images(
-        self, surfels: Surfels, tensors: Mapping[str, Tensor], camera: Camera, progress: float
+        self, surfels: Surfels, own: Tensor, tensors: Mapping[str, Tensor], camera: Camera, progress: float
     ) -> tuple[Mapping[str, Float[Tensor, "surfels 3"]], Mapping[str, Tensor]]:
         """Nothing."""
         return {}, {}
@@ -220,8 +221,9 @@ class FitGeometry:
 
     def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
         weights, camera = self.learning.weights, view.camera
-        radiance = own_radiance(camera, surfels)
-        shaded, further = self.shading.images(surfels, self.optimiser.tensors, camera, self.iteration / self.iterations)
+        radiance, own = own_radiance_twice(camera, surfels)
+        progress = self.iteration / self.iterations
+        shaded, further = self.shading.images(surfels, own, self.optimiser.tensors, camera, progress)
         detached = () if self.shading.geometry_gradient else shaded.keys()
         seen = splat(camera, surfels, {"radiance": radiance, **shaded}, self.depth_unit, detached)
         losses = {**further, **self._image_losses(seen, view)}

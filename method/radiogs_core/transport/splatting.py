@@ -12,7 +12,7 @@ from ..kernels.image.display import displayed
 from ..kernels.image.normals import one_sided_normals
 from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
-from ..surfels.harmonics import surfel_radiance
+from ..surfels.harmonics import radiance_of_harmonics, surfel_radiance
 from ..surfels.surfels import Surfels
 from .depth_normals import depth_normals
 from .incident import Incident
@@ -105,9 +105,21 @@ def own_radiance(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]
     A surfel that moves is also seen from another side: under strong harmonics that turn is 14 to 40 % of the gradient
     of its centre. A surfel at the camera's centre is seen from nowhere, and has no such gradient.
     """
+    return surfel_radiance(surfels.sh, _seen_along(camera, surfels))
+
+
+def own_radiance_twice(
+    camera: Camera, surfels: Surfels
+) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
+    """``own_radiance``, and the same values with gradient to the harmonics alone."""
+    return radiance_of_harmonics(surfels.sh, _seen_along(camera, surfels))
+
+
+def _seen_along(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
+    """Unit directions from the surfels to the camera, with gradient; zero at its centre."""
     towards_camera = camera.centre - surfels.centre
     square = towards_camera.square().sum(-1, keepdim=True)
-    return surfel_radiance(surfels.sh, towards_camera * torch.where(square > 0, square, torch.inf).rsqrt())
+    return towards_camera * torch.where(square > 0, square, torch.inf).rsqrt()
 
 
 @torch.no_grad()

@@ -65,7 +65,8 @@ def test_a_camera_behind_the_surface_sees_nothing_of_it() -> None:
 
 def split_sum(surfels: Surfels, camera: Camera) -> tuple[Tensor, Tensor]:
     light = PrefilteredLight(torch.full((8, 16, 3), LIGHT))
-    return split_sum_consistency_loss(surfels, light, towards(camera, surfels))
+    outgoing = towards(camera, surfels)
+    return split_sum_consistency_loss(surfels, surfel_radiance(surfels.sh, outgoing), light, outgoing)
 
 
 def test_the_simplified_consistency_is_the_distance_from_the_split_sum_on_the_visible_side() -> None:

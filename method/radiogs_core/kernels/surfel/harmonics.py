@@ -17,24 +17,33 @@ def harmonic_sum(
 
     Gradients to both; that of the directions is the polynomials', which a normalisation before it makes tangential.
     """
-    return _HarmonicSum.apply(sh, direction)
+    return _HarmonicSums.apply(sh, direction)[0]
 
 
-class _HarmonicSum(torch.autograd.Function):
+def harmonic_sums(
+    sh: Float[Tensor, "surfels coefficients 3"], direction: Float[Tensor, "surfels views 3"]
+) -> tuple[Float[Tensor, "surfels views 3"], Float[Tensor, "surfels views 3"]]:
+    """``harmonic_sum``, and the same values with gradient to the harmonics alone."""
+    return _HarmonicSums.apply(sh, direction)
+
+
+class _HarmonicSums(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, *inputs: Tensor) -> Tensor:
+    def forward(ctx: Any, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         sh, direction = (value.detach().contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
         arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, (sh, direction, out))]
         launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
         ctx.save_for_backward(sh, direction)
-        return out
+        ctx.set_materialize_grads(False)
+        return out, out.clone()
 
     @staticmethod
-    def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor]:
+    def backward(ctx: Any, pull: Tensor | None, pull_of_harmonics: Tensor | None) -> tuple[Tensor, Tensor]:
         sh, direction = ctx.saved_tensors
         gradients = torch.empty_like(sh), torch.empty_like(direction)
-        given = [sh, direction, pull.contiguous(), *gradients]
+        pulls = (each if each is not None else torch.zeros_like(direction) for each in (pull, pull_of_harmonics))
+        given = [sh, direction, *(each.contiguous() for each in pulls), *gradients]
         arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, given)]
         launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
         return gradients

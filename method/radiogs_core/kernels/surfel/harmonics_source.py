@@ -62,6 +62,7 @@ _BACKWARD = (
         const long long place = 3 * ((long long)views * surfel + view);
         const SCALAR x = direction.data[place], y = direction.data[place + 1], z = direction.data[place + 2];
         const SCALAR* from = pull.data + place;
+        const SCALAR* further = pull_of_harmonics.data + place;
 """
     + HARMONICS
     + """
@@ -69,7 +70,7 @@ _BACKWARD = (
         SCALAR s[16] = {};
         for (int k = 0; k < coefficients; ++k)
             for (int c = 0; c < 3; ++c) {
-                to_surfel[3 * k + c] += harmonic[k] * from[c];
+                to_surfel[3 * k + c] += harmonic[k] * (from[c] + further[c]);
                 s[k] += of_surfel[3 * k + c] * from[c];
             }
         const SCALAR a = SCALAR(0.4886025119029199), b = SCALAR(1.0925484305920792), e = SCALAR(0.31539156525252005);
@@ -108,6 +109,7 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
         sh: flat,
         direction: flat,
         pull: flat,
+        pull_of_harmonics: flat,
         grad_sh: flat,
         grad_direction: flat,
     ): ...
@@ -124,9 +126,12 @@ def harmonics_kernels(dtype: torch.dtype) -> Any:
         sh: flat,
         direction: flat,
         pull: flat,
+        pull_of_harmonics: flat,
         grad_sh: flat,
         grad_direction: flat,
     ):
-        pull_back(begin + wp.tid(), coefficients, views, sh, direction, pull, grad_sh, grad_direction)
+        pull_back(
+            begin + wp.tid(), coefficients, views, sh, direction, pull, pull_of_harmonics, grad_sh, grad_direction
+        )
 
     return SimpleNamespace(forward=forward, backward=backward)
