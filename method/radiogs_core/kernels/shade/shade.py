@@ -9,7 +9,7 @@ from torch import Tensor
 from ...instruments import count
 from ..arrangement import as_on_cuda
 from ..runtime import MOST_ENTRIES, as_array, as_flat_array, launch_in_parallel, workers
-from .shade_source import shade_kernels
+from .shade_source import TEXEL, shade_kernels
 
 SAMPLE_FIELDS = 8
 """Numbers that a sample is read from: direction (3), weight, visibility, indirect radiance (3)."""
@@ -77,7 +77,7 @@ class _Shade(torch.autograd.Function):
         incident = [torch.empty_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
         # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
         team = workers(normal.device) if wants_environment else 0
-        light = environment.new_zeros(team, *environment.shape)
+        light = environment.new_zeros(team, *environment.shape[:2], TEXEL)
         lights = [as_flat_array(buffer) for buffer in light] or [as_flat_array(light)] * workers(normal.device)
         given, pull = ctx.given, as_flat_array(grad_out.contiguous())
         outputs = [as_flat_array(value) for value in (*own, *incident)]
@@ -88,16 +88,15 @@ class _Shade(torch.autograd.Function):
             lambda worker: [given, pull, int(wants_incident), int(wants_environment), *outputs, lights[worker]],
         )
         traced = incident if wants_incident else [None, None]
-        return *own, None, None, None, *traced, light.sum(0) if wants_environment else None, None
+        return *own, None, None, None, *traced, light.sum(0)[..., :3] if wants_environment else None, None
 
 
 def _inputs(kernels: Any, inputs: Any) -> Any:
     given = kernels.Inputs()
-    names = (
-        "normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect", "environment",
-    )  # fmt: skip
-    for name, value in zip(names, inputs[:9], strict=True):
+    names = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect")
+    for name, value in zip(names, inputs[:8], strict=True):
         setattr(given, name, as_flat_array(value))
+    given.environment = as_flat_array(torch.nn.functional.pad(inputs[8], (0, TEXEL - 3)))
     given.specular_at = as_array(inputs[9].int())
     given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
     given.height, given.width = inputs[8].shape[:2]

@@ -20,6 +20,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..lanes import VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from .brdf import FRESNEL_NORMAL
@@ -27,11 +28,18 @@ from .brdf import FRESNEL_NORMAL
 LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
 
-SERIES_TERMS = {torch.float32: (6, 8), torch.float64: (11, 15)}
-"""Terms of the series of atan up to tan(pi/16) and of exp down to -0.55 that reach the last digit of each type."""
+SERIES_TERMS = {torch.float32: (9, 8), torch.float64: (20, 15)}
+"""Terms of the series of atan up to tan(pi/8) and of exp down to -0.55 that reach the last digit of each type."""
 
-_SURFEL = """
+TEXEL = 4
+"""Numbers of a texel of the light in memory: three channels, and one that makes it a vector."""
+
+_SURFEL = (
+    """
     constexpr int LANES = SAMPLES_IN_A_BLOCK;
+"""
+    + VECTORS
+    + """
     const int views = given.views, samples = given.samples, height = given.height, width = given.width;
     // A surfel without a specular part has no view that a lobe is evaluated for.
     const int specular_views = given.specular_at.data[surfel] ? views : 0;
@@ -48,17 +56,17 @@ _SURFEL = """
     const SCALAR alpha_squared = roughness * roughness * roughness * roughness;
     const SCALAR k = (roughness + one) * (roughness + one) / SCALAR(8);
 
-    // atan2: the angle is halved twice, until the series of atan converges at once.
+    // atan2: beyond pi/8, atan(t) is pi/4 + atan((t - 1) / (t + 1)), and the series of atan converges at once.
     auto angle = [](SCALAR y, SCALAR x) -> SCALAR {
         const SCALAR across = x < 0 ? -x : x, along = y < 0 ? -y : y;
         const bool steep = along > across;
         const SCALAR longer = steep ? along : across, shorter = steep ? across : along;
-        SCALAR t = shorter / (longer > 0 ? longer : SCALAR(1));
-        t = t / (SCALAR(1) + wp::sqrt(SCALAR(1) + t * t));
-        t = t / (SCALAR(1) + wp::sqrt(SCALAR(1) + t * t));
+        const bool beyond = shorter > SCALAR(0.41421356237309505) * longer;
+        const SCALAR below = beyond ? shorter + longer : longer;
+        const SCALAR t = (beyond ? shorter - longer : shorter) / (below > 0 ? below : SCALAR(1));
         SCALAR series = 0;
         for (int term = ATAN_TERMS - 1; term >= 0; --term) series = SCALAR(1) / SCALAR(2 * term + 1) - t * t * series;
-        const SCALAR octant = SCALAR(4) * t * series;
+        const SCALAR octant = t * series + (beyond ? SCALAR(3.14159265358979323846 / 4) : SCALAR(0));
         const SCALAR quadrant = steep ? SCALAR(3.14159265358979323846 / 2) - octant : octant;
         const SCALAR half_turn = x < 0 ? SCALAR(3.14159265358979323846) - quadrant : quadrant;
         return y < 0 ? -half_turn : half_turn;
@@ -77,11 +85,20 @@ _SURFEL = """
         const SCALAR taken = sum - a;
         return (a - (sum - taken)) + (b - taken);
     };
-    auto sum_of = [](SCALAR* lanes) -> SCALAR {
-        for (int span = LANES / 2; span > 0; span /= 2)
-            for (int c = 0; c < span; ++c) lanes[c] += lanes[c + span];
-        return lanes[0];
+#if ON_CUDA
+    auto sum_of = [](const SCALAR* lanes) -> SCALAR { return lanes[0]; };
+#else
+    typedef SCALAR Texel __attribute__((vector_size(4 * sizeof(SCALAR)), aligned(sizeof(SCALAR))));
+    auto sum_of = [](const SCALAR* lanes) -> SCALAR {
+        Lanes all;
+        for (int c = 0; c < LANES; ++c) all[c] = lanes[c];
+        const auto half = __builtin_shufflevector(all, all, 0, 1, 2, 3, 4, 5, 6, 7)
+            + __builtin_shufflevector(all, all, 8, 9, 10, 11, 12, 13, 14, 15);
+        const auto quarter = __builtin_shufflevector(half, half, 0, 1, 2, 3)
+            + __builtin_shufflevector(half, half, 4, 5, 6, 7);
+        return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
     };
+#endif
     auto faces = [&](const SCALAR* wo) -> bool { return nx * wo[0] + ny * wo[1] + nz * wo[2] > zero; };
     bool seen_from_any = false;
     for (int view = 0; view < views; ++view) seen_from_any |= faces(wo_of_view + 3 * view);
@@ -89,20 +106,33 @@ _SURFEL = """
     // Irradiance of the six channels; the same for all views.
     SCALAR diffuse[6][LANES] = {};
 """
+)
 
 _BLOCK = """
         const int count = samples - begin < LANES ? samples - begin : LANES;
         SCALAR wx[LANES], wy[LANES], wz[LANES], weight[LANES], seen[LANES], met[3][LANES];
-        for (int c = 0; c < count; ++c) {
-            wx[c] = wi_of_sample[3 * (begin + c)];
-            wy[c] = wi_of_sample[3 * (begin + c) + 1];
-            wz[c] = wi_of_sample[3 * (begin + c) + 2];
-            weight[c] = weight_of_sample[begin + c];
-            seen[c] = visibility_of_sample[begin + c];
-            for (int i = 0; i < 3; ++i) met[i][c] = indirect_of_sample[3 * (begin + c) + i];
+        SCALAR directions[3 * LANES], radiance[3 * LANES];
+        // Copied as they lie, and then by channel: of whole blocks the compiler reorders registers.
+        if (count == LANES) {
+            for (int c = 0; c < 3 * LANES; ++c) directions[c] = wi_of_sample[3 * begin + c];
+            for (int c = 0; c < 3 * LANES; ++c) radiance[c] = indirect_of_sample[3 * begin + c];
+            for (int c = 0; c < LANES; ++c) weight[c] = weight_of_sample[begin + c];
+            for (int c = 0; c < LANES; ++c) seen[c] = visibility_of_sample[begin + c];
+        } else {
+            for (int c = 0; c < LANES; ++c) {
+                const int sample = begin + (c < count ? c : 0);
+                weight[c] = c < count ? weight_of_sample[sample] : zero;
+                seen[c] = c < count ? visibility_of_sample[sample] : zero;
+                for (int i = 0; i < 3; ++i) directions[3 * c + i] = c < count ? wi_of_sample[3 * sample + i] : zero;
+                for (int i = 0; i < 3; ++i) radiance[3 * c + i] = c < count ? indirect_of_sample[3 * sample + i] : zero;
+            }
         }
-        for (int c = count; c < LANES; ++c)
-            wx[c] = wy[c] = wz[c] = weight[c] = seen[c] = met[0][c] = met[1][c] = met[2][c] = zero;
+        for (int c = 0; c < LANES; ++c) {
+            wx[c] = directions[3 * c];
+            wy[c] = directions[3 * c + 1];
+            wz[c] = directions[3 * c + 2];
+            for (int i = 0; i < 3; ++i) met[i][c] = radiance[3 * c + i];
+        }
 
         SCALAR light_cosine[LANES], flow[LANES], down[LANES], right[LANES];
         int upper[LANES], lower[LANES], first[LANES], second[LANES];
@@ -126,22 +156,31 @@ _BLOCK = """
             right[c] = column - SCALAR(left);
             down[c] = row - SCALAR(top);
             const int wrapped = left < 0 ? left + width : left;
-            first[c] = 3 * wrapped;
-            second[c] = 3 * (wrapped + 1 < width ? wrapped + 1 : 0);
-            upper[c] = 3 * width * top;
-            lower[c] = 3 * width * (top + 1 < height ? top + 1 : height - 1);
+            first[c] = TEXEL * wrapped;
+            second[c] = TEXEL * (wrapped + 1 < width ? wrapped + 1 : 0);
+            upper[c] = TEXEL * width * top;
+            lower[c] = TEXEL * width * (top + 1 < height ? top + 1 : height - 1);
         }
         // Radiance of the six channels: V Env, then L_ind.
         SCALAR light[3][LANES], incident[6][LANES];
+        SCALAR texels[TEXEL * LANES];
         for (int c = 0; c < LANES; ++c) {
             const SCALAR* above = given.environment.data + upper[c];
             const SCALAR* below = given.environment.data + lower[c];
             const int a = first[c], b = second[c];
             const SCALAR up = one - down[c], left = one - right[c];
+#if ON_CUDA
             for (int i = 0; i < 3; ++i)
-                light[i][c] = up * (left * above[a + i] + right[c] * above[b + i])
+                texels[i] = up * (left * above[a + i] + right[c] * above[b + i])
                     + down[c] * (left * below[a + i] + right[c] * below[b + i]);
+#else
+            auto texel = [](const SCALAR* place) -> Texel { return *(const Texel*)place; };
+            *(Texel*)(texels + TEXEL * c) = up * (left * texel(above + a) + right[c] * texel(above + b))
+                + down[c] * (left * texel(below + a) + right[c] * texel(below + b));
+#endif
         }
+        for (int i = 0; i < 3; ++i)
+            for (int c = 0; c < LANES; ++c) light[i][c] = texels[TEXEL * c + i];
         for (int i = 0; i < 3; ++i) {
             for (int c = 0; c < LANES; ++c) incident[i][c] = seen[c] * light[i][c];
             for (int c = 0; c < LANES; ++c) incident[3 + i][c] = met[i][c];
@@ -277,13 +316,20 @@ _BACKWARD = (
             for (int c = 0; c < count; ++c) {
                 if (weight[c] == zero) continue;
                 const SCALAR up = one - down[c], left = one - right[c];
-                for (int i = 0; i < 3; ++i) {
-                    SCALAR* texels = grad_environment.data + i;
-                    const SCALAR value = seen[c] * incident_pull[i][c];
-                    wp::atomic_add(texels + upper[c] + first[c], up * left * value);
-                    wp::atomic_add(texels + upper[c] + second[c], up * right[c] * value);
-                    wp::atomic_add(texels + lower[c] + first[c], down[c] * left * value);
-                    wp::atomic_add(texels + lower[c] + second[c], down[c] * right[c] * value);
+                const SCALAR share[4] = {up * left, up * right[c], down[c] * left, down[c] * right[c]};
+                const int place[4] = {
+                    upper[c] + first[c], upper[c] + second[c], lower[c] + first[c], lower[c] + second[c]
+                };
+                const SCALAR value[TEXEL] = {
+                    seen[c] * incident_pull[0][c], seen[c] * incident_pull[1][c], seen[c] * incident_pull[2][c]
+                };
+                for (int corner = 0; corner < 4; ++corner) {
+                    SCALAR* texel = grad_environment.data + place[corner];
+#if ON_CUDA
+                    for (int i = 0; i < 3; ++i) wp::atomic_add(texel + i, share[corner] * value[i]);
+#else
+                    *(Texel*)texel += share[corner] * *(const Texel*)value;
+#endif
                 }
             }
         }
@@ -374,6 +420,7 @@ def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
         "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
         "ATAN_TERMS": str(atan_terms),
         "EXP_TERMS": str(exp_terms),
+        "TEXEL": str(TEXEL),
         "F0": repr(FRESNEL_NORMAL),
     }
     return native_text(snippet, dtype, on_cuda, words)
