@@ -114,9 +114,22 @@ _BACKWARD = (
     for (int k = 0; k < channels; ++k) behind += blended_pull[k] * blended_out[k];
     SCALAR left = SCALAR(1);
     SCALAR origin_pull[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
+    auto fetch_sums = [&](int entry) {
+        if (entry < end) {
+            const long long surfel = hits.surfel.data[entry];
+            SCALAR* to_sh = grad_sh.data + width * surfel;
+            FETCH(to_sh);
+            FETCH(to_sh + 16);
+            FETCH(to_sh + 32);
+            FETCH(hits.surface.data + 13 * surfel);
+            FETCH(grad_surface.data + 13 * surfel);
+        }
+    };
     fetch(begin);
+    fetch_sums(begin);
     for (int entry = begin; entry < end; ++entry) {
         fetch(entry + 1);
+        fetch_sums(entry + 1);
         const int surfel = hits.surfel.data[entry];
         const SCALAR* surface = hits.surface.data + 13LL * surfel;
         const SCALAR *axis_u = surface + 3, *axis_v = surface + 6, *normal = surface + 9;
@@ -129,9 +142,9 @@ _BACKWARD = (
             u += axis_u[c] * offset[c];
             v += axis_v[c] * offset[c];
         }
-        const SCALAR bell = SCALAR(exp(SCALAR(-0.5) * (u * u + v * v)));
-        const SCALAR full = surface[12] * bell;
-        const SCALAR alpha = full < SCALAR(MAX_ALPHA) ? full : SCALAR(MAX_ALPHA);
+        // Where alpha was cut off at its largest value it has no gradient, and what it would have been is not needed.
+        const SCALAR alpha = hits.alpha.data[entry];
+        const bool free = alpha < SCALAR(MAX_ALPHA);
         const SCALAR weight = left * alpha;
         const SCALAR* features = hits.features.data + (long long)channels * surfel;
         SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)}, lit[LANES];
@@ -154,8 +167,8 @@ _BACKWARD = (
         SCALAR* to_features = grad_features.data + (long long)channels * surfel;
         for (int k = 0; k < channels; ++k) ADD(to_features + k, weight * blended_pull[k]);
 
-        const SCALAR pull_bell = full < SCALAR(MAX_ALPHA) ? pull_alpha : SCALAR(0);
-        const SCALAR pull_u = -pull_bell * full * u, pull_v = -pull_bell * full * v;
+        const SCALAR pull_log = free ? pull_alpha * alpha : SCALAR(0);
+        const SCALAR pull_u = -pull_log * u, pull_v = -pull_log * v;
         SCALAR pull_point[3], along = weight * depth_pull;
         for (int c = 0; c < 3; ++c) {
             pull_point[c] = pull_u * axis_u[c] + pull_v * axis_v[c];
@@ -171,7 +184,7 @@ _BACKWARD = (
             ADD(to_surface + 9 + c, -pull_depth * offset[c]);
             origin_pull[c] -= pull_centre;
         }
-        ADD(to_surface + 12, pull_bell * bell);
+        ADD(to_surface + 12, pull_log / surface[12]);
         left *= SCALAR(1) - alpha;
     }
     for (int c = 0; c < 3; ++c) grad_origin.data[3 * ray + c] = origin_pull[c];
