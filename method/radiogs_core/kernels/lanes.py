@@ -5,6 +5,8 @@ blending 13 channels instead of 9 took five times as long. A vector type is vect
 where an item has one lane, ``Lanes`` is a plain number.
 """
 
+import torch
+
 VECTORS = """
 #if ON_CUDA
     using Lanes = SCALAR;
@@ -22,6 +24,24 @@ VECTORS = """
 """
 """``Lanes``, ``Mask`` (of comparisons; its lanes are 0 or -1 in a vector) and ``Whole`` (integers) for LANES numbers of
 the type SCALAR, ``LANE`` to read or write one of them, and ``any``."""
+
+BELL = """
+#if ON_CUDA
+    auto bell = [](SCALAR square) -> SCALAR { return SCALAR(exp(SCALAR(-0.5) * square)); };
+#else
+    // exp(-square / 2) = 2^-n e^r with |r| <= log(2) / 2; supports end at n = 8.
+    auto bell = [](Lanes square) -> Lanes {
+        const Lanes n = __builtin_elementwise_floor(square * SCALAR(0.5 / 0.69314718055994530942) + SCALAR(0.5));
+        const Lanes r = (n * SCALAR(LOG2_HIGH) - SCALAR(0.5) * square) + n * SCALAR(LOG2_LOW);
+        Lanes power = Lanes{} + SCALAR(1);
+        for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + r * power * (SCALAR(1) / SCALAR(term));
+        // 2^-n by its bits: the exponent alone.
+        const Whole bits = (EXPONENT_OF_ONE - __builtin_convertvector(n, Whole)) << MANTISSA_BITS;
+        return power * (Lanes)bits;
+    };
+#endif
+"""
+"""``bell``: exp(-square / 2) of ``Lanes``, for ``bell_words``."""
 
 SUMS_OF_LANES = """
     // sums[i] becomes the sum of the lanes of rows[i], for 16 rows of LANES = 16 numbers: each step folds pairs of rows
@@ -49,3 +69,19 @@ SUMS_OF_LANES = """
     };
 """
 """``sums_of``: the sums over the lanes of 16 vectors at once. For the CPU's arrangement alone."""
+
+
+def bell_words(dtype: torch.dtype) -> dict[str, str]:
+    """What the words of ``BELL`` mean for a scalar type.
+
+    Terms of the series of exp on [-log(2) / 2, log(2) / 2] that reach its last digit, how its numbers are laid out, and
+    log(2) in two parts: a product of the first with n up to 8 is exact.
+    """
+    double = dtype == torch.float64
+    return {
+        "EXP_TERMS": "13" if double else "7",
+        "EXPONENT_OF_ONE": "1023" if double else "127",
+        "MANTISSA_BITS": "52" if double else "23",
+        "LOG2_HIGH": "0.693359375",
+        "LOG2_LOW": "-2.121944400546905827679e-4",
+    }

@@ -18,7 +18,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..lanes import SUMS_OF_LANES, VECTORS
+from ..lanes import BELL, SUMS_OF_LANES, VECTORS, bell_words
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
@@ -32,9 +32,6 @@ RECORD = 12
 PIXEL_SUMS = 5
 """Scalars kept per pixel: sum w, sum w z, distortion, sum w m, sum w m^2, with m = z / depth_unit."""
 
-SERIES_TERMS = {torch.float32: 7, torch.float64: 13}
-"""Terms of the series of exp on [-log(2) / 2, log(2) / 2] that reach the last digit of each type."""
-
 
 def pixels_an_item(on_cuda: bool) -> int:
     """How many pixels of a tile one item of the kernels blends."""
@@ -47,20 +44,9 @@ _TILE = (
 """
     + VECTORS
     + """
-#if ON_CUDA
-    auto bell = [](SCALAR square) -> SCALAR { return SCALAR(exp(SCALAR(-0.5) * square)); };
-#else
-    // exp(-square / 2) = 2^-n e^r with |r| <= log(2) / 2; supports end at n = 8.
-    auto bell = [](Lanes square) -> Lanes {
-        const Lanes n = __builtin_elementwise_floor(square * SCALAR(0.5 / 0.69314718055994530942) + SCALAR(0.5));
-        const Lanes r = (n * SCALAR(LOG2_HIGH) - SCALAR(0.5) * square) + n * SCALAR(LOG2_LOW);
-        Lanes power = Lanes{} + SCALAR(1);
-        for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + r * power * (SCALAR(1) / SCALAR(term));
-        // 2^-n by its bits: the exponent alone.
-        const Whole bits = (EXPONENT_OF_ONE - __builtin_convertvector(n, Whole)) << MANTISSA_BITS;
-        return power * (Lanes)bits;
-    };
-#endif
+"""
+    + BELL
+    + """
     const Lanes zero = {}, one = zero + SCALAR(1);
     const Mask none = {};
     const int tile = item * LANES / (TILE * TILE);
@@ -309,8 +295,6 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
 
 
 def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool) -> str:
-    # log(2) in two parts: a product of the first with n up to 8 is exact.
-    high = 0.693359375
     words = {
         "PIXELS_AN_ITEM": str(pixels_an_item(on_cuda)),
         "TILE": str(TILE),
@@ -320,11 +304,7 @@ def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool)
         "MAX_ALPHA": repr(MAX_ALPHA),
         "STOP": repr(RASTER_TRANSMITTANCE_STOP),
         "ROWS": str(_rows(channels, on_cuda)),
-        "EXP_TERMS": str(SERIES_TERMS[dtype]),
-        "EXPONENT_OF_ONE": "127" if dtype == torch.float32 else "1023",
-        "MANTISSA_BITS": "23" if dtype == torch.float32 else "52",
-        "LOG2_HIGH": repr(high),
-        "LOG2_LOW": "-2.121944400546905827679e-4",
+        **bell_words(dtype),
     }
     return native_text(snippet, dtype, on_cuda, words)
 

@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
+from ..lanes import BELL, VECTORS, bell_words
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
@@ -20,7 +21,8 @@ BUFFER = 32
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
-_GATHER = """
+_GATHER = (
+    """
 #if ON_CUDA
     #define LOWEST_BYTE(bits) ((__ffsll(bits) - 1) >> 3)
     #define FETCH(address)
@@ -28,6 +30,11 @@ _GATHER = """
     #define LOWEST_BYTE(bits) (__builtin_ctzll(bits) >> 3)
     #define FETCH(address) __builtin_prefetch(address)
 #endif
+    constexpr int LANES = 8;
+"""
+    + VECTORS
+    + BELL
+    + """
     const SCALAR ox = origin[0], oy = origin[1], oz = origin[2];
     const SCALAR dx = direction[0], dy = direction[1], dz = direction[2];
     const SCALAR huge = SCALAR(1e30);
@@ -130,6 +137,11 @@ _GATHER = """
             }
             unsigned long long bits;
             memcpy(&bits, flag, 8);
+#if !ON_CUDA
+            Lanes bells;
+            memcpy(&bells, square, sizeof(bells));
+            if (bits) bells = bell(bells);
+#endif
             while (bits) {
                 const int c = LOWEST_BYTE(bits);
                 bits &= bits - 1;
@@ -146,7 +158,11 @@ _GATHER = """
                     hit_id[j] = hit_id[j - 1];
                     hit_alpha[j] = hit_alpha[j - 1];
                 }
-                SCALAR alpha = f[96 + c] * SCALAR(exp(SCALAR(-0.5) * square[c]));
+#if ON_CUDA
+                const SCALAR alpha = f[96 + c] * bell(square[c]);
+#else
+                const SCALAR alpha = f[96 + c] * bells[c];
+#endif
                 hit_t[at] = t;
                 hit_id[at] = id;
                 hit_alpha[at] = alpha < SCALAR(MAX_ALPHA) ? alpha : SCALAR(MAX_ALPHA);
@@ -173,6 +189,7 @@ done:
     nodes_out.data[slot] = nodes;
     leaves_out.data[slot] = leaf_count;
 """
+)
 
 
 @cache
@@ -181,7 +198,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    words = {"BUFFER": str(BUFFER), "STACK": str(STACK), "MAX_ALPHA": str(MAX_ALPHA)}
+    words = {"BUFFER": str(BUFFER), "STACK": str(STACK), "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 
     @wp.func
     def spread(bits: wp.int32):
