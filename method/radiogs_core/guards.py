@@ -7,7 +7,7 @@ acted. Guards without one are part of a formula and act on every value, for whic
 
 from dataclasses import dataclass
 
-from .kernels.runtime import MOST_ENTRIES
+from .kernels.arguments import MOST_ENTRIES
 from .kernels.surfel.geometry import ALPHA_THRESHOLD, MAX_ALPHA, RASTER_TRANSMITTANCE_STOP, TRACE_TRANSMITTANCE_STOP
 from .kernels.trace.bvh import COORDINATE_PADDING
 from .kernels.trace.topology import DEEPEST

@@ -12,8 +12,7 @@ from typing import Any, TypeVar
 import torch
 import warp as wp
 
-from ..errors import UsageError
-from ..instruments import fire
+from .arguments import packed, require_countable
 from .arrangement import as_on_cuda
 
 
@@ -58,32 +57,16 @@ ITEMWISE = {"cpu_compiler_flags": "-march=native -ffp-contract=on"}
 contracted must not depend on whether an item falls into such a group, or results would depend on the chunks' sizes."""
 
 
-MOST_ENTRIES = 2**31 - 1
-"""Entries of one list: kernels count them in 32 bits."""
-
-
-def require_countable(entries: int, what: str, remedy: str) -> None:
-    """Raise UsageError if a list would have more entries than its kernels can count."""
-    if entries > MOST_ENTRIES:
-        fire(uncountable_lists=1)
-        raise UsageError(f"{entries} {what} at once", f"A list holds at most {MOST_ENTRIES} of them.", remedy)
-
-
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
-    """The tensor's memory as a Warp array, without copy or gradient; ``dtype`` groups the last axis (vectors).
+    """The memory of a contiguous tensor as a Warp array of one axis, without copy or gradient, for a field of a struct.
+
+    ``dtype`` groups the tensor's last axis (vectors).
 
     Raises UsageError for a tensor with more entries than a kernel can count.
     """
     require_countable(tensor.numel(), "entries of an array", "Use fewer surfels, samples or pixels.")
-    if tensor.numel() == 0:
-        # A view of nothing may have any strides, and Warp takes them at their word.
-        tensor = tensor.new_empty(tensor.shape)
-    return wp.from_torch(tensor.detach(), dtype=dtype, requires_grad=False)
-
-
-def as_flat_array(tensor: torch.Tensor) -> Any:
-    """The memory of a contiguous tensor as a Warp array of one axis (see ``as_array``)."""
-    return as_array(tensor.view(-1))
+    memory = tensor.detach() if dtype is not None else tensor.detach().view(-1)
+    return wp.from_torch(memory, dtype=dtype, requires_grad=False)
 
 
 Result = TypeVar("Result")
@@ -133,9 +116,12 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], device: torch.device) -> 
 
 
 def launch(kernel: wp.Kernel, count: int, device: torch.device, arguments: Sequence[Any]) -> None:
-    """Run ``kernel`` for items [0, count) in the calling thread; its first argument is the first item, zero."""
+    """Run ``kernel`` for items [0, count) in the calling thread; its first argument is the first item, zero.
+
+    ``arguments``: the others, see ``packed``.
+    """
     if count > 0:
-        wp.launch(kernel, dim=count, inputs=[0, *arguments], device=wp.device_from_torch(device))
+        wp.launch(kernel, dim=count, inputs=[0, *packed(kernel, arguments)], device=wp.device_from_torch(device))
 
 
 def compile_for(device: torch.device, *kernels: wp.Kernel) -> None:
@@ -175,7 +161,8 @@ class WorkerSums:
 def launch_in_parallel(
     kernel: wp.Kernel, count: int, device: torch.device, arguments: Callable[[int], Sequence[Any]]
 ) -> None:
-    """Run ``kernel`` for items [0, count); it takes the first item of its range, then ``arguments(worker)``.
+    """Run ``kernel`` for items [0, count); it takes the first item of its range, then what ``packed`` makes of
+    ``arguments(worker)``.
 
     On CUDA that is one launch. On the CPU the items are cut into equal chunks, dealt to the workers in a fixed
     order (chunk k to worker k mod n): the sums are repeatable for a given thread count. Warp releases the
@@ -187,13 +174,13 @@ def launch_in_parallel(
     if count == 0:
         return
     if team == 1:
-        wp.launch(kernel, dim=count, inputs=[0, *arguments(0)], device=where)
+        wp.launch(kernel, dim=count, inputs=[0, *packed(kernel, arguments(0))], device=where)
         return
     pieces = min(count, team * CHUNKS_PER_WORKER)
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        given = arguments(worker)
+        given = packed(kernel, arguments(worker))
         for begin, end in list(pairwise(bounds))[worker::team]:
             wp.launch(kernel, dim=end - begin, inputs=[begin, *given], device=where)
 

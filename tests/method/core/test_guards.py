@@ -16,7 +16,7 @@ from radiogs_core.errors import ExplainedError
 from radiogs_core.guards import GUARDS
 from radiogs_core.instruments import recording
 from radiogs_core.instruments.finite import require_finite
-from radiogs_core.kernels.runtime import MOST_ENTRIES, require_countable
+from radiogs_core.kernels.arguments import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
 from radiogs_core.learning.light_start import light_and_albedo
 from radiogs_core.learning.light_start_settings import LightStart

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .display_source import display_kernels
 
 
@@ -32,7 +32,7 @@ class _Displayed(torch.autograd.Function):
         given = blended.detach().contiguous(), alpha.detach().contiguous()
         kernels, encoded, out = display_kernels(given[0].dtype), *(torch.empty_like(given[0]) for _ in range(2))
         ctx.values = [len(alpha), len(blended), int(straight), background]
-        arguments = [*ctx.values, *map(as_flat_array, (*given, encoded, out))]
+        arguments = [*ctx.values, *(*given, encoded, out)]
         launch_in_parallel(kernels.forward, len(alpha), out.device, lambda _: arguments)
         ctx.save_for_backward(*given, encoded)
         return out
@@ -41,6 +41,6 @@ class _Displayed(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor, None, None]:
         blended, alpha, encoded = ctx.saved_tensors
         kernels, out = display_kernels(pull.dtype), (torch.empty_like(blended), torch.empty_like(alpha))
-        arguments = [*ctx.values, *map(as_flat_array, (blended, alpha, encoded, pull.contiguous(), *out))]
+        arguments = [*ctx.values, *(blended, alpha, encoded, pull.contiguous(), *out)]
         launch_in_parallel(kernels.backward, len(alpha), pull.device, lambda _: arguments)
         return *out, None, None

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .blocks import blocks_in
 from .edges_source import edge_kernels
 
@@ -24,7 +24,7 @@ def edge_allowance(
     covered = guide.new_ones(height, width) if mask is None else mask.detach().to(guide).contiguous()
     outside = torch.empty(height, width, 1, dtype=torch.bool, device=guide.device)
     given = guide, covered, out, outside.view(torch.uint8)
-    arguments = [height, width, sharpness, *map(as_flat_array, given)]
+    arguments = [height, width, sharpness, *given]
     items = blocks_in(height, width, kernels.columns)
     launch_in_parallel(kernels.allowance, items, guide.device, lambda _: arguments)
     # Zeros are written afterwards: the exponential of what underflows takes ten times as long.
@@ -50,7 +50,7 @@ class _Smoothness(torch.autograd.Function):
         answers = data.new_empty((2, *data.shape) if keep else 0)
         sums = data.new_empty(blocks_in(height, width, kernels.columns))
         given = data, allowance.detach().contiguous(), answers, sums
-        arguments = [height, width, int(keep), *map(as_flat_array, given)]
+        arguments = [height, width, int(keep), *given]
         launch_in_parallel(kernels.forward, len(sums), data.device, lambda _: arguments)
         ctx.kernels, ctx.items = kernels, len(sums)
         ctx.save_for_backward(answers)
@@ -61,6 +61,6 @@ class _Smoothness(torch.autograd.Function):
         (answers,) = ctx.saved_tensors
         _, height, width, _ = answers.shape
         each, out = pull.reshape(1) / (3 * height * width), answers.new_empty(answers.shape[1:])
-        arguments = [height, width, *map(as_flat_array, (answers, each, out))]
+        arguments = [height, width, *(answers, each, out)]
         launch_in_parallel(ctx.kernels.backward, ctx.items, out.device, lambda _: arguments)
         return out, None

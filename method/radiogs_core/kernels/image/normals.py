@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
 
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .normals_source import normal_kernels
 
 
@@ -36,7 +36,7 @@ class _OneSided(torch.autograd.Function):
         out = torch.empty_like(points)
         flags = solid.contiguous().view(torch.uint8)
         given = points, depth.detach().contiguous(), flags, toward.contiguous(), out, sides
-        arguments = [height, width, *map(as_flat_array, given)]
+        arguments = [height, width, *given]
         launch_in_parallel(kernels.forward, height * width, out.device, lambda _: arguments)
         ctx.save_for_backward(points, out, sides)
         return out
@@ -47,8 +47,8 @@ class _OneSided(torch.autograd.Function):
         height, width = sides.shape[:2]
         kernels, steps = normal_kernels(points.dtype), points.new_empty(height, width, 6)
         out = torch.empty_like(points)
-        of_steps = [width, *map(as_flat_array, (points, normal, sides, pull.contiguous(), steps))]
+        of_steps = [width, *(points, normal, sides, pull.contiguous(), steps)]
         launch_in_parallel(kernels.pull, height * width, out.device, lambda _: of_steps)
-        of_points = [height, width, *map(as_flat_array, (sides, steps, out))]
+        of_points = [height, width, *(sides, steps, out)]
         launch_in_parallel(kernels.gather, height * width, out.device, lambda _: of_points)
         return out, None, None, None

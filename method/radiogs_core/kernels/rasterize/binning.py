@@ -1,7 +1,6 @@
 """Which surfels a tile must look at: exact screen bounds of every support ellipse, and lists in depth order."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import torch
 import warp as wp
@@ -9,8 +8,9 @@ from jaxtyping import Bool, Int
 from torch import Tensor
 
 from ...scene.camera import Camera
+from ..arguments import packed, require_countable
 from ..arrangement import as_on_cuda
-from ..runtime import as_array, launch_in_parallel, require_countable
+from ..runtime import as_array, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from ..surfel.support import support_of
 from .binning_source import binning_kernels
@@ -60,9 +60,7 @@ def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Te
     vectors = [value.contiguous() for value in (centre, geometry.axis_u, geometry.axis_v, geometry.normal)]
     support = support_of(geometry).counted()
     arguments = [
-        window, *(as_array(value, dtype=kernels.vector) for value in vectors), as_array(support.radius),
-        as_array(support.can_be_met),
-        as_array(tiles, dtype=wp.vec4i), as_array(counts), as_array(depth),
+        window, *vectors, support.radius, support.can_be_met, tiles, counts, depth,
     ]  # fmt: skip
     launch_in_parallel(kernels.bound, len(centre), centre.device, lambda _: arguments)
     return tiles, counts, depth
@@ -75,8 +73,9 @@ def counted_lists(
     across, count = _grid(camera)
     starts = torch.zeros(count + 1, dtype=torch.int32)
     members = torch.empty(entries, dtype=torch.int32)
-    arrays: list[Any] = [as_array(nearest_first), as_array(tiles, dtype=wp.vec4i), as_array(starts), as_array(members)]
-    wp.launch(binning_kernels(torch.float32).listed, dim=1, inputs=[across, count, *arrays], device="cpu")
+    listed = binning_kernels(torch.float32).listed
+    arguments = packed(listed, [across, count, nearest_first, tiles, starts, members])
+    wp.launch(listed, dim=1, inputs=arguments, device="cpu")
     return starts, members
 
 
@@ -89,11 +88,8 @@ def sorted_lists(
     counts = (last - first + 1).prod(-1)
     begins = counts.cumsum(0) - counts
     tile, member = (torch.empty(entries, dtype=torch.int32, device=tiles.device) for _ in range(2))
-    arrays = [
-        as_array(nearest_first), as_array(begins), as_array(tiles, dtype=wp.vec4i), as_array(tile), as_array(member),
-    ]  # fmt: skip
-    write = binning_kernels(torch.float32).entries
-    launch_in_parallel(write, len(nearest_first), tiles.device, lambda _: [across, *arrays])
+    write, arguments = binning_kernels(torch.float32).entries, [across, nearest_first, begins, tiles, tile, member]
+    launch_in_parallel(write, len(nearest_first), tiles.device, lambda _: arguments)
     # Pairs come in depth order; a stable sort by tile keeps that order within each tile.
     tile, order = tile.sort(stable=True)
     starts = torch.searchsorted(tile, torch.arange(count + 1, dtype=torch.int32, device=tile.device), out_int32=True)

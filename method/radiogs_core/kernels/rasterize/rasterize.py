@@ -12,7 +12,7 @@ from ...instruments import count
 from ...instruments.finite import require_finite_blend
 from ...scene.camera import Camera
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_flat_array, launch_in_parallel
+from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from .binning import TileLists, tile_lists
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
@@ -97,7 +97,7 @@ class _Blend(torch.autograd.Function):
         sums = like.new_empty(pixels, PIXEL_SUMS)
         ends, blended = (torch.empty(pixels, dtype=torch.int32, device=like.device) for _ in range(2))
         arguments = _arguments(kernels, camera, lists, depth_unit, splats)
-        outputs = list(map(as_flat_array, (images, sums, ends, blended)))
+        outputs = [images, sums, ends, blended]
         launch_in_parallel(kernels.forward, _items(camera, like.device), like.device, lambda _: [*arguments, *outputs])
         pairs = blended.sum()
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
@@ -115,12 +115,12 @@ class _Blend(torch.autograd.Function):
         images, sums, ends, *splats = ctx.saved_tensors
         kernels = blend_kernels(images.dtype, images.shape[1], as_on_cuda(images.device))
         gradients = WorkerSums(splats, images.device)
-        saved = list(map(as_flat_array, (images, sums, ends, grad_images.contiguous(), grad_sums.contiguous())))
+        saved = [images, sums, ends, grad_images.contiguous(), grad_sums.contiguous()]
         launch_in_parallel(
             kernels.backward,
             _items(ctx.camera, images.device),
             images.device,
-            lambda worker: [*ctx.arguments, *saved, *map(as_flat_array, gradients.of(worker))],
+            lambda worker: [*ctx.arguments, *saved, *gradients.of(worker)],
         )
         return None, None, None, None, *gradients.total()
 
@@ -139,8 +139,8 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
     image.fx, image.fy, image.cx, image.cy = camera.fx, camera.fy, camera.cx, camera.cy
     image.depth_unit = depth_unit
     packed = kernels.Splats()
-    packed.starts, packed.members = as_flat_array(lists.starts), as_flat_array(lists.members)
-    packed.records, packed.features = map(as_flat_array, splats)
+    packed.starts, packed.members = as_array(lists.starts), as_array(lists.members)
+    packed.records, packed.features = map(as_array, splats)
     return [image, packed]
 
 

@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from .records_source import record_kernels
 
@@ -26,8 +26,8 @@ class _Records(torch.autograd.Function):
     def forward(ctx: Any, camera: Camera, *surfels: Tensor) -> Tensor:
         kernels, given = record_kernels(surfels[0].dtype), [value.detach().contiguous() for value in surfels]
         out = given[0].new_empty(len(given[0]), 12)
-        ctx.arguments = [as_flat_array(camera.camera_to_world.contiguous()), *map(as_flat_array, given)]
-        arguments = [*ctx.arguments, as_flat_array(out)]
+        ctx.arguments = [camera.camera_to_world.contiguous(), *given]
+        arguments = [*ctx.arguments, out]
         launch_in_parallel(kernels.forward, len(out), out.device, lambda _: arguments)
         ctx.save_for_backward(*given)
         return out
@@ -36,6 +36,6 @@ class _Records(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> tuple[None, Tensor, Tensor, Tensor, Tensor, Tensor]:
         to_centre, to_u, to_v, to_normal, to_opacity = map(torch.empty_like, ctx.saved_tensors)
         out = to_centre, to_u, to_v, to_normal, to_opacity
-        arguments = [*ctx.arguments, *map(as_flat_array, (pull.contiguous(), *out))]
+        arguments = [*ctx.arguments, *(pull.contiguous(), *out)]
         launch_in_parallel(record_kernels(pull.dtype).backward, len(pull), pull.device, lambda _: arguments)
         return None, *out

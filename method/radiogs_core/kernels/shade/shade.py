@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from ...instruments import count
+from ..arguments import MOST_ENTRIES
 from ..arrangement import as_on_cuda
-from ..runtime import MOST_ENTRIES, as_array, as_flat_array, launch_in_parallel, workers
+from ..runtime import as_array, launch_in_parallel, workers
 from .shade_source import TEXEL, shade_kernels
 
 SAMPLE_FIELDS = 8
@@ -57,8 +58,8 @@ class _Shade(torch.autograd.Function):
         kernels = shade_kernels(outgoing.dtype, as_on_cuda(outgoing.device))
         surfels, views = outgoing.shape[:2]
         out = outgoing.new_empty(surfels, views, 4, 3)
-        given, result = _inputs(kernels, inputs), as_flat_array(out)
-        launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, result])
+        given = _inputs(kernels, inputs)
+        launch_in_parallel(kernels.forward, surfels, out.device, lambda _: [given, out])
         samples = surfels * views * direction.shape[1]
         lobes = specular_at.sum() * views * direction.shape[1]
         count(shaded_samples=samples, lobes=lobes, bytes_read=samples * SAMPLE_FIELDS * out.element_size())
@@ -78,14 +79,13 @@ class _Shade(torch.autograd.Function):
         # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
         team = workers(normal.device) if wants_environment else 0
         light = environment.new_zeros(team, *environment.shape[:2], TEXEL)
-        lights = [as_flat_array(buffer) for buffer in light] or [as_flat_array(light)] * workers(normal.device)
-        given, pull = ctx.given, as_flat_array(grad_out.contiguous())
-        outputs = [as_flat_array(value) for value in (*own, *incident)]
+        lights = list(light) or [light] * workers(normal.device)
+        given, pull = ctx.given, grad_out.contiguous()
         launch_in_parallel(
             kernels.backward,
             len(normal),
             normal.device,
-            lambda worker: [given, pull, int(wants_incident), int(wants_environment), *outputs, lights[worker]],
+            lambda worker: [given, pull, int(wants_incident), int(wants_environment), *own, *incident, lights[worker]],
         )
         traced = incident if wants_incident else [None, None]
         return *own, None, None, None, *traced, light.sum(0)[..., :3] if wants_environment else None, None
@@ -95,8 +95,8 @@ def _inputs(kernels: Any, inputs: Any) -> Any:
     given = kernels.Inputs()
     names = ("normal", "albedo", "roughness", "outgoing", "direction", "weight", "visibility", "indirect")
     for name, value in zip(names, inputs[:8], strict=True):
-        setattr(given, name, as_flat_array(value))
-    given.environment = as_flat_array(torch.nn.functional.pad(inputs[8], (0, TEXEL - 3)))
+        setattr(given, name, as_array(value))
+    given.environment = as_array(torch.nn.functional.pad(inputs[8], (0, TEXEL - 3)))
     given.specular_at = as_array(inputs[9].int())
     given.views, given.samples = inputs[3].shape[1], inputs[4].shape[1]
     given.height, given.width = inputs[8].shape[:2]

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_flat_array, launch_in_parallel
+from ..runtime import WorkerSums, as_array, launch_in_parallel
 from .splitsum_source import splitsum_kernels
 
 
@@ -44,12 +44,11 @@ class _SplitSum(torch.autograd.Function):
         given.grid_height, given.table_size = len(diffuse), len(table)
         given.sharp_height, given.sharp_width = sharp.shape[:2]
         given.normal, given.albedo, given.roughness, given.outgoing = map(
-            as_flat_array, (normal, albedo, roughness, outgoing)
+            as_array, (normal, albedo, roughness, outgoing)
         )
-        given.diffuse, given.glossy, given.sharp, given.table = map(as_flat_array, (diffuse, glossy, sharp, table))
+        given.diffuse, given.glossy, given.sharp, given.table = map(as_array, (diffuse, glossy, sharp, table))
         out = normal.new_empty(len(normal), 2, 3)
-        arguments = [given, as_flat_array(out)]
-        launch_in_parallel(kernels.forward, len(normal), out.device, lambda _: arguments)
+        launch_in_parallel(kernels.forward, len(normal), out.device, lambda _: [given, out])
         ctx.kernels, ctx.given = kernels, given
         ctx.save_for_backward(*inputs)
         return out
@@ -59,11 +58,11 @@ class _SplitSum(torch.autograd.Function):
         *point, diffuse, glossy, sharp = ctx.saved_tensors
         own = [torch.empty_like(value) for value in point]
         maps = WorkerSums((diffuse, glossy, sharp), pull.device)
-        arguments = [ctx.given, as_flat_array(pull.contiguous()), *map(as_flat_array, own)]
+        arguments = [ctx.given, pull.contiguous(), *own]
         launch_in_parallel(
             ctx.kernels.backward,
             len(pull),
             pull.device,
-            lambda worker: [*arguments, *map(as_flat_array, maps.of(worker))],
+            lambda worker: [*arguments, *maps.of(worker)],
         )
         return None, None, *own, *maps.total()

@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from ...scene.camera import Camera
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .footprint_source import footprint_kernels
 from .geometry import SplatGeometry
 
@@ -40,10 +40,8 @@ class _Widened(torch.autograd.Function):
         given = [value.detach().contiguous() for value in (centre, frame, scale, opacity)]
         axis_u, axis_v, normal, widened_opacity = map(torch.empty_like, (centre, centre, centre, opacity))
         out = axis_u, axis_v, normal, widened_opacity
-        ctx.arguments = [
-            as_flat_array(camera.camera_to_world.contiguous()), 2 / (camera.fx + camera.fy), *map(as_flat_array, given)
-        ]  # fmt: skip
-        arguments = [*ctx.arguments, *map(as_flat_array, out)]
+        ctx.arguments = [camera.camera_to_world.contiguous(), 2 / (camera.fx + camera.fy), *given]
+        arguments = [*ctx.arguments, *out]
         launch_in_parallel(kernels.forward, len(centre), centre.device, lambda _: arguments)
         ctx.save_for_backward(*given)
         return out
@@ -53,7 +51,7 @@ class _Widened(torch.autograd.Function):
         _, frame, scale, opacity = ctx.saved_tensors
         to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
         given = (pull.contiguous() for pull in pulls)
-        arguments = [*ctx.arguments, *map(as_flat_array, (*given, to_frame, to_scale, to_opacity))]
+        arguments = [*ctx.arguments, *(*given, to_frame, to_scale, to_opacity)]
         launch_in_parallel(
             footprint_kernels(scale.dtype).backward, len(scale), scale.device, lambda _: arguments
         )  # fmt: skip

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .frame_source import frame_kernels
 
 
@@ -20,7 +20,7 @@ class _Frames(torch.autograd.Function):
     def forward(ctx: Any, rotation: Tensor) -> Tensor:
         rotation = rotation.detach().contiguous()
         kernels, out = frame_kernels(rotation.dtype), rotation.new_empty(len(rotation), 3, 3)
-        arguments = [as_flat_array(rotation), as_flat_array(out)]
+        arguments = [rotation, out]
         launch_in_parallel(kernels.forward, len(rotation), out.device, lambda _: arguments)
         ctx.save_for_backward(rotation)
         return out
@@ -29,6 +29,6 @@ class _Frames(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> Tensor:
         (rotation,) = ctx.saved_tensors
         out = torch.empty_like(rotation)
-        arguments = [as_flat_array(rotation), as_flat_array(pull.contiguous()), as_flat_array(out)]
+        arguments = [rotation, pull.contiguous(), out]
         launch_in_parallel(frame_kernels(out.dtype).backward, len(rotation), out.device, lambda _: arguments)
         return out

@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .harmonics_source import harmonics_kernels
 
 
@@ -32,7 +32,7 @@ class _HarmonicSums(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         sh, direction = (value.detach().contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, (sh, direction, out))]
+        arguments = [sh.shape[1], direction.shape[1], *(sh, direction, out)]
         launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
         ctx.save_for_backward(sh, direction)
         ctx.set_materialize_grads(False)
@@ -44,6 +44,6 @@ class _HarmonicSums(torch.autograd.Function):
         gradients = torch.empty_like(sh), torch.empty_like(direction)
         pulls = (each if each is not None else torch.zeros_like(direction) for each in (pull, pull_of_harmonics))
         given = [sh, direction, *(each.contiguous() for each in pulls), *gradients]
-        arguments = [sh.shape[1], direction.shape[1], *map(as_flat_array, given)]
+        arguments = [sh.shape[1], direction.shape[1], *given]
         launch_in_parallel(harmonics_kernels(sh.dtype).backward, len(sh), sh.device, lambda _: arguments)
         return gradients

@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
 from ...instruments import fire
-from ..runtime import as_flat_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .geometry import SplatGeometry
 from .support_source import DEGENERATE, FAINT, MET, SATURABLE, support_kernel
 
@@ -52,6 +52,6 @@ def support_of(geometry: SplatGeometry) -> Support:
     given = [getattr(geometry, field.name).detach().contiguous() for field in fields(geometry)]
     radius, extent = torch.empty_like(given[-1]), torch.empty_like(given[0])
     kind = torch.empty(len(radius), dtype=torch.uint8, device=radius.device)
-    arguments = list(map(as_flat_array, (*given, radius, extent, kind)))
+    arguments = [*given, radius, extent, kind]
     launch_in_parallel(supports, len(radius), radius.device, lambda _: arguments)
     return Support(radius, extent, kind)

@@ -10,15 +10,13 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ...instruments import count
+from ..arguments import require_countable
 from ..arrangement import as_on_cuda
 from ..runtime import (
     CHUNKS_PER_WORKER,
-    as_array,
-    as_flat_array,
     compile_for,
     in_parallel,
     launch,
-    require_countable,
     workers,
 )
 from .bvh import SurfelBVH
@@ -78,9 +76,9 @@ def find_hits(
     kernels = hit_kernels(origin.dtype, on_cuda)
     compile_for(origin.device, kernels.gather, kernels.pack)
     order = coherent_order(origin, direction)
-    rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
-    tree = list(map(as_flat_array, (bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order)))
-    start, backs = t_min.index_select(0, order), as_array(back_from.contiguous())
+    rays = [value.contiguous() for value in (origin, direction)]
+    tree = [bvh.boxes, bvh.topology.child, bvh.leaves, bvh.topology.order]
+    start, backs = t_min.index_select(0, order), back_from.contiguous()
     at_once = RAYS_AT_ONCE_ON_CUDA if on_cuda else RAYS_AT_ONCE
     if workers(origin.device) > 1:
         share = -(-len(order) // (CHUNKS_PER_WORKER * workers(origin.device)))
@@ -110,9 +108,9 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         hits_id = torch.empty(len(rays), BUFFER, dtype=torch.int32, device=device)
         found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
         left = torch.empty_like(rest)
-        buffers = list(map(as_flat_array, (hits_t, hits_id, hits_alpha)))
-        arguments = [as_array(rays), origin, direction, *map(as_array, (start_t, start_id, rest)), backs, stop, *tree]
-        launch(kernels.gather, len(rays), device, [*arguments, *buffers, *map(as_array, (found, left, nodes, leaves))])
+        buffers = [hits_t, hits_id, hits_alpha]
+        arguments = [rays, origin, direction, start_t, start_id, rest, backs, stop, *tree]
+        launch(kernels.gather, len(rays), device, [*arguments, *buffers, found, left, nodes, leaves])
         nodes_visited += nodes.sum()
         leaves_visited += leaves.sum()
         rounds.append((slots, counts[slots], found, buffers))
@@ -123,10 +121,9 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
     begin, entries = _begins(counts), _entries(counts)
     depth, alpha = (start_t.new_empty(entries) for _ in range(2))
     surfel = torch.empty(entries, dtype=torch.int32, device=device)
-    packed = [as_array(value) for value in (depth, surfel, alpha)]
     for slots, before, found, buffers in rounds:
         target = begin[slots] + before
-        launch(kernels.pack, len(slots), device, [as_array(found), as_array(target), *buffers, *packed])
+        launch(kernels.pack, len(slots), device, [found, target, *buffers, depth, surfel, alpha])
     return _Found(counts, surfel, depth, alpha, (nodes_visited, leaves_visited))
 
 

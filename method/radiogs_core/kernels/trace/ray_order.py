@@ -5,7 +5,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ..arrangement import as_on_cuda
-from ..runtime import as_array, launch_in_parallel
+from ..runtime import launch_in_parallel
 from .hits_source import hit_kernels
 
 CELLS = 512
@@ -24,7 +24,7 @@ def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "ra
     if count > 0:
         low, high = torch.stack([origin.amin(0), origin.amax(0)]).tolist()
         span = max(end - begin for begin, end in zip(low, high, strict=True))
-        rays = [as_array(value.contiguous(), dtype=kernels.vector) for value in (origin, direction)]
+        rays = [value.contiguous() for value in (origin, direction)]
         cells = (CELLS - 1) / span if span > 0 else 0.0
-        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, kernels.vector(*low), cells, as_array(code)])
+        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, kernels.vector(*low), cells, code])
     return code.argsort(stable=True).int()

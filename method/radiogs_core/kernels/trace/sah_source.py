@@ -6,7 +6,6 @@ leaves are counted whole because eight surfels are tested at the price of one).
 """
 
 from functools import cache
-from typing import Any
 
 import warp as wp
 
@@ -17,8 +16,8 @@ BINS = 16
 
 
 @cache
-def sah_kernel() -> tuple[wp.Kernel, Any]:
-    """The builder and its type of a box (low x, y, z, high x, y, z in float32: float64 geometry is fitted later)."""
+def sah_kernel() -> wp.Kernel:
+    """The builder. A box is low x, y, z, high x, y, z in float32: float64 geometry is fitted later."""
     start_warp()
     bins = wp.constant(BINS)
     huge = wp.constant(wp.float32(1e30))
@@ -203,4 +202,4 @@ def sah_kernel() -> tuple[wp.Kernel, Any]:
         made[1] = leaves
         made[2] = levels
 
-    return build, six
+    return build

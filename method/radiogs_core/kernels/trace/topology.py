@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from ...instruments import fire
-from ..runtime import as_array
+from ..arguments import packed
 from .hits_source import STACK
 from .sah_source import sah_kernel
 
@@ -46,8 +46,9 @@ def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3
     child.fill_(room)
     leaf = torch.full((room, WIDTH), -1, dtype=torch.int32)
     level_end, made = torch.zeros(DEEPEST, dtype=torch.int32), torch.zeros(3, dtype=torch.int32)
-    kernel, box = sah_kernel()
-    arrays = [as_array(boxes, dtype=box), *map(as_array, (order, segment, child, leaf, level_end, made))]
+    kernel = sah_kernel()
+    tables = map(wp.from_torch, (segment, child, leaf))
+    arrays = packed(kernel, [boxes, order, *tables, level_end, made])
     wp.launch(kernel, dim=1, inputs=arrays, device="cpu")
     nodes, leaves, levels = made.tolist()
     if nodes == 0:

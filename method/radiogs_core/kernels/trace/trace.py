@@ -10,7 +10,7 @@ from torch import Tensor
 from ...instruments import count, fire
 from ...instruments.finite import require_finite_blend
 from ..arrangement import as_on_cuda
-from ..runtime import WorkerSums, as_flat_array, launch_in_parallel
+from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry
 from .bvh import SurfelBVH
 from .hits import HitLists, find_hits
@@ -72,26 +72,26 @@ class _Blend(torch.autograd.Function):
         kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         rays = len(origin)
         outputs = (origin.new_empty(rays, 3), origin.new_empty(rays, 2), origin.new_empty(rays, features.shape[1]))
-        arguments = [_hits(kernels, lists, direction, inputs), *map(as_flat_array, outputs)]
+        arguments = [_hits(kernels, lists, direction, inputs), *outputs]
         launch_in_parallel(kernels.forward, rays, origin.device, lambda _: arguments)
         read_of_surfel = (inputs[2][:1].numel() + features[:1].numel()) * origin.element_size()
         count(bytes_read=len(lists.surfel) * read_of_surfel)
-        ctx.arguments = arguments
+        ctx.given = arguments[0]
         ctx.save_for_backward(*inputs, *outputs)
         return outputs
 
     @staticmethod
     def backward(ctx: Any, *pulls: Tensor) -> Any:
-        origin, surface, sh, features = ctx.saved_tensors[:4]
+        origin, surface, sh, features, *outputs = ctx.saved_tensors
         kernels = trace_kernels(origin.dtype, as_on_cuda(origin.device))
         grad_origin = torch.empty_like(origin)
         sums = WorkerSums((surface, sh, features), origin.device)
-        arguments = [*ctx.arguments, *(as_flat_array(pull.contiguous()) for pull in pulls), as_flat_array(grad_origin)]
+        arguments = [ctx.given, *outputs, *(pull.contiguous() for pull in pulls), grad_origin]
         launch_in_parallel(
             kernels.backward,
             len(origin),
             origin.device,
-            lambda worker: [*arguments, *map(as_flat_array, sums.of(worker))],
+            lambda worker: [*arguments, *sums.of(worker)],
         )
         return None, None, grad_origin, *sums.total()
 
@@ -104,6 +104,6 @@ def _hits(kernels: Any, lists: HitLists, direction: Tensor, inputs: Any) -> Any:
         (lists.ray, origin, direction, lists.begin, lists.surfel, lists.depth, lists.alpha, surface, sh, features),
         strict=True,
     ):
-        setattr(hits, name, as_flat_array(value))
+        setattr(hits, name, as_array(value))
     hits.coefficients, hits.channels = sh.shape[1], features.shape[1]
     return hits

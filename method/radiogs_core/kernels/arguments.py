@@ -1,0 +1,83 @@
+"""What kernels are started with: tensors as the arrays that a kernel declares, without a Warp array around each."""
+
+import inspect
+from collections.abc import Sequence
+from functools import cache
+from typing import Any, NamedTuple
+
+import torch
+import warp as wp
+
+from ..errors import UsageError
+from ..instruments import fire
+
+MOST_ENTRIES = 2**31 - 1
+"""Entries of one list: kernels count them in 32 bits."""
+
+
+def require_countable(entries: int, what: str, remedy: str) -> None:
+    """Raise UsageError if a list would have more entries than its kernels can count."""
+    if entries > MOST_ENTRIES:
+        fire(uncountable_lists=1)
+        raise UsageError(f"{entries} {what} at once", f"A list holds at most {MOST_ENTRIES} of them.", remedy)
+
+
+class _Array(NamedTuple):
+    """An array of one axis, as a kernel declares it: the type of its numbers, and how many of them an item has."""
+
+    dtype: torch.dtype
+    width: int
+
+
+def packed(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
+    """The last arguments of a kernel, the memory of contiguous tensors in the place of these; others as they are.
+
+    A kernel's array of vectors takes a tensor whose numbers are theirs. Tensors have to live until the kernel has run.
+    Raises UsageError for a tensor with more entries than a kernel can count, TypeError for one of another type than is
+    declared or with gaps.
+    """
+    declared = _declared(kernel)
+    names = declared[len(declared) - len(arguments) :]
+    return [
+        _described(argument, kernel, *wanted) if isinstance(argument, torch.Tensor) else argument
+        for argument, wanted in zip(arguments, names, strict=True)
+    ]
+
+
+def _described(tensor: torch.Tensor, kernel: wp.Kernel, name: str, array: _Array | None) -> Any:
+    if array is None or tensor.dtype != array.dtype or not tensor.is_contiguous():
+        gaps = "" if tensor.is_contiguous() else " with gaps"
+        raise TypeError(f"'{name}' of {kernel.key} takes {array or 'no tensor'}, not {tensor.dtype}{gaps}")
+    entries = tensor.numel()
+    require_countable(entries, "entries of an array", "Use fewer surfels, samples or pixels.")
+    descriptor = _descriptor(array.width * tensor.element_size())
+    descriptor.data = tensor.data_ptr()
+    descriptor.shape[0] = entries // array.width
+    return descriptor
+
+
+@cache
+def _declared(kernel: wp.Kernel) -> tuple[tuple[str, _Array | None], ...]:
+    """The parameters of a kernel: names, and what those that are arrays of one axis hold."""
+    parameters = inspect.signature(kernel.func).parameters.values()
+    return tuple((parameter.name, _array(parameter.annotation)) for parameter in parameters)
+
+
+def _array(declared: Any) -> _Array | None:
+    if not isinstance(declared, wp.array) or declared.ndim != 1:
+        return None
+    scalar = getattr(declared.dtype, "_wp_scalar_type_", declared.dtype)
+    return _Array(wp.dtype_to_torch(scalar), wp.types.type_size(declared.dtype))
+
+
+def _descriptor(stride: int) -> Any:
+    """A fresh descriptor of Warp's for an array of one axis, in bytes from item to item."""
+    kind, content = _empty(stride)
+    return kind.from_buffer_copy(content)
+
+
+@cache
+def _empty(stride: int) -> tuple[Any, bytes]:
+    """The type of Warp's descriptors, and the content of one without memory."""
+    descriptor = wp.array(shape=(0,), strides=(stride,), dtype=wp.uint8, device="cpu").__ctype__()
+    return type(descriptor), bytes(descriptor)
