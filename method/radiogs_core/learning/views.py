@@ -56,6 +56,10 @@ class TrainingView:
         mask = self.mask[..., None]
         return self.image * mask + background * (1 - mask)
 
+    def decoded(self) -> "TrainingView":
+        """The view with its pixels as numbers, for a step that looks at them several times."""
+        return replace(self, pixels=Whole(self.image), covered=Whole(self.mask))
+
     def reread(self) -> View:
         """The view with the maps that are held in the place of files, on the CPU."""
         sources = {"image": lambda: self.image.cpu()}
@@ -91,10 +95,10 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
 
 
 def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> TrainingView:
-    """The view of an iteration: each epoch is a fresh permutation, a function of seed and epoch alone."""
+    """The view of an iteration, decoded: each epoch is a fresh permutation, a function of seed and epoch alone."""
     epoch, place = divmod(iteration, len(views))
     generator = torch.Generator().manual_seed(seed * 1_000_003 + epoch)
-    return views[int(torch.randperm(len(views), generator=generator)[place])]
+    return views[int(torch.randperm(len(views), generator=generator)[place])].decoded()
 
 
 def mean_distance(views: tuple[TrainingView, ...], centre: Float[Tensor, "3"]) -> float:
