@@ -20,6 +20,7 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..angle import ANGLE, ATAN_TERMS
 from ..lanes import VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
@@ -28,8 +29,8 @@ from .brdf import FRESNEL_NORMAL
 LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
 
-SERIES_TERMS = {torch.float32: (9, 8), torch.float64: (20, 15)}
-"""Terms of the series of atan up to tan(pi/8) and of exp down to -0.55 that reach the last digit of each type."""
+SERIES_TERMS = {torch.float32: 8, torch.float64: 15}
+"""Terms of the series of exp down to -0.55 that reach the last digit of each type."""
 
 TEXEL = 4
 """Numbers of a texel of the light in memory: three channels, and one that makes it a vector."""
@@ -56,21 +57,9 @@ _SURFEL = (
     const SCALAR alpha_squared = roughness * roughness * roughness * roughness;
     const SCALAR k = (roughness + one) * (roughness + one) / SCALAR(8);
 
-    // atan2: beyond pi/8, atan(t) is pi/4 + atan((t - 1) / (t + 1)), and the series of atan converges at once.
-    auto angle = [](SCALAR y, SCALAR x) -> SCALAR {
-        const SCALAR across = x < 0 ? -x : x, along = y < 0 ? -y : y;
-        const bool steep = along > across;
-        const SCALAR longer = steep ? along : across, shorter = steep ? across : along;
-        const bool beyond = shorter > SCALAR(0.41421356237309505) * longer;
-        const SCALAR below = beyond ? shorter + longer : longer;
-        const SCALAR t = (beyond ? shorter - longer : shorter) / (below > 0 ? below : SCALAR(1));
-        SCALAR series = 0;
-        for (int term = ATAN_TERMS - 1; term >= 0; --term) series = SCALAR(1) / SCALAR(2 * term + 1) - t * t * series;
-        const SCALAR octant = t * series + (beyond ? SCALAR(3.14159265358979323846 / 4) : SCALAR(0));
-        const SCALAR quadrant = steep ? SCALAR(3.14159265358979323846 / 2) - octant : octant;
-        const SCALAR half_turn = x < 0 ? SCALAR(3.14159265358979323846) - quadrant : quadrant;
-        return y < 0 ? -half_turn : half_turn;
-    };
+"""
+    + ANGLE
+    + """
     // Schlick's F: 2^p = (e^(p log(2) / 16))^16, with -12.6 < p < 0.
     auto fresnel = [](SCALAR cosine) -> SCALAR {
         const SCALAR p = (SCALAR(-5.55473) * cosine - SCALAR(6.98316)) * cosine;
@@ -415,11 +404,10 @@ def shade_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
 
 def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
-    atan_terms, exp_terms = SERIES_TERMS[dtype]
     words = {
         "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
-        "ATAN_TERMS": str(atan_terms),
-        "EXP_TERMS": str(exp_terms),
+        "ATAN_TERMS": str(ATAN_TERMS[dtype]),
+        "EXP_TERMS": str(SERIES_TERMS[dtype]),
         "TEXEL": str(TEXEL),
         "F0": repr(FRESNEL_NORMAL),
     }

@@ -12,11 +12,13 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..angle import ANGLE, ATAN_TERMS
 from ..native_text import native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 from .brdf import FRESNEL_NORMAL
 
-_POINT = """
+_POINT = (
+    """
 #if ON_CUDA
     #define ADD(address, value) atomicAdd(address, value)
 #else
@@ -29,13 +31,16 @@ _POINT = """
     const SCALAR roughness = given.roughness.data[point];
     const SCALAR cosine = n[0] * o[0] + n[1] * o[1] + n[2] * o[2];
 
+"""
+    + ANGLE
+    + """
     // Where a direction falls on a map: turns eastwards and half-turns from the zenith, with their slopes.
     struct Place { SCALAR u, v, by_u[3], by_v[3]; };
     auto place_of = [&](const SCALAR* d) {
-        const SCALAR flat = d[0] * d[0] + d[1] * d[1], across = SCALAR(sqrt(flat)), whole = flat + d[2] * d[2];
+        const SCALAR flat = d[0] * d[0] + d[1] * d[1], across = wp::sqrt(flat), whole = flat + d[2] * d[2];
         Place place;
-        place.u = SCALAR(0.5) - SCALAR(atan2(d[1], d[0])) / (two * pi);
-        place.v = SCALAR(atan2(across, d[2])) / pi;
+        place.u = SCALAR(0.5) - angle(d[1], d[0]) / (two * pi);
+        place.v = angle(across, d[2]) / pi;
         const SCALAR around = flat > zero ? one / (two * pi * flat) : zero;
         const SCALAR upwards = across > zero ? d[2] / (across * whole * pi) : zero;
         place.by_u[0] = d[1] * around;
@@ -87,6 +92,7 @@ _POINT = """
         return SCALAR(F0) * entry[0] + entry[1];
     };
 """
+)
 
 _LIGHT = """
     const SCALAR m[3] = {two * cosine * n[0] - o[0], two * cosine * n[1] - o[1], two * cosine * n[2] - o[2]};
@@ -211,7 +217,12 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    words = {"FIRST_LEVEL": repr(first_level), "LEVELS": str(levels), "F0": repr(FRESNEL_NORMAL)}
+    words = {
+        "FIRST_LEVEL": repr(first_level),
+        "LEVELS": str(levels),
+        "F0": repr(FRESNEL_NORMAL),
+        "ATAN_TERMS": str(ATAN_TERMS[dtype]),
+    }
     forward_text, backward_text = (native_text(text, dtype, on_cuda, words) for text in (_FORWARD, _BACKWARD))
 
     @wp.struct
