@@ -30,6 +30,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.kernels.shade",
         "radiogs_core.transport.shading",
         "radiogs_core.transport.splitsum",
+        "radiogs_core.transport.light_filters",
         "radiogs_core.scene.light",
     ),
     "surfels' values": ("radiogs_core.kernels.surfel", "radiogs_core.surfels.surfels"),

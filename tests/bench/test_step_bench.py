@@ -4,6 +4,8 @@ import importlib.util
 import json
 import math
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,6 +19,7 @@ from scipy import stats
 
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
+from radiogs_bench.kernel_bench.clock import processor_seconds
 from radiogs_bench.kernel_bench.scenes import OVERLAP, SPREAD, sphere_and_plane
 from radiogs_bench.methods import method, substitutes
 from radiogs_bench.step_bench import yardsticks
@@ -143,6 +146,28 @@ def _busy(seconds: float) -> None:
     until = time.process_time() + seconds
     while time.process_time() < until:
         pass
+
+
+def test_processor_time_has_no_ticks_while_the_stack_is_looked_at() -> None:
+    """A scheduler's tick is 4 ms or more: a step of 20 ms would be a handful of them."""
+    seen, until = set(), time.thread_time() + 0.1
+    with Looking():
+        while time.thread_time() < until:
+            seen.add(processor_seconds())
+    assert len(seen) > 1000
+
+
+def test_the_worker_imports_nothing_of_the_kit_that_it_does_not_measure() -> None:
+    """Another checkout's kit may lack what evaluation and kernel benches of this one import."""
+    code = "import sys, radiogs_bench.step_bench.worker; print(*(name for name in sys.modules if 'bench' in name))"
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    assert "radiogs_bench.step_bench.measure" in found
+    assert not [
+        name
+        for name in found
+        if name.startswith(("radiogs_bench.evaluation", "radiogs_bench.kernel_bench.c"))
+        and name != "radiogs_bench.kernel_bench.clock"
+    ]
 
 
 def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
