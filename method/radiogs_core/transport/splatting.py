@@ -10,6 +10,7 @@ from torch import Tensor
 
 from ..kernels.image.display import displayed
 from ..kernels.image.normals import one_sided_normals
+from ..kernels.image.points import points_of
 from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
 from ..surfels.harmonics import radiance_of_harmonics, surfel_radiance
@@ -45,7 +46,7 @@ class Splat:
 
         By central differences, zero beside empty pixels too; or ``one_sided``, which keeps creases and silhouettes.
         """
-        points = camera.centre + camera.ray_directions() * self.depth[..., None]
+        points = points_of(camera, self.depth)
         if one_sided:
             return one_sided_normals(points, self.depth, self.alpha.detach() >= SOLID_ALPHA, camera.centre)
         empty = (self.alpha.detach() < SOLID_ALPHA).to(points.dtype)

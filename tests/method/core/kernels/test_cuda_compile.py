@@ -10,6 +10,7 @@ import warp as wp
 from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
 from radiogs_core.kernels.image.normals_source import normal_kernels
+from radiogs_core.kernels.image.points_source import point_kernels
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
@@ -40,6 +41,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         edge_kernels(dtype, on_cuda=True, channels=3),
     )
     footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype)
+    points = point_kernels(dtype)
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
@@ -48,7 +50,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
-        support_kernel(dtype),
+        support_kernel(dtype), points.forward, points.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

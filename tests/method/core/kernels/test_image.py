@@ -1,4 +1,4 @@
-"""K7 to K9 and K12 against dense float64 implementations and gradients, skimage's SSIM, and central differences."""
+"""Kernels of images (K7 to K9, K12, K15) against dense float64 ones, SSIM of skimage, and central differences."""
 
 from collections.abc import Callable
 
@@ -11,8 +11,10 @@ from radiogs_core.kernels.image.blocks import COLUMNS
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.image.normals import one_sided_normals
+from radiogs_core.kernels.image.points import points_of
 from radiogs_core.kernels.image.similarity import compared
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.camera import Camera
 from reference import images as dense
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")
@@ -198,3 +200,18 @@ def test_images_are_encoded_as_by_the_dense_curve(height: int, width: int, strai
 def test_no_image_has_no_display() -> None:
     assert displayed(torch.zeros(0, 4, 5, 3), torch.ones(4, 5)).shape == (0, 4, 5, 3)
     assert displayed(torch.zeros(2, 0, 5, 3), torch.ones(0, 5)).shape == (2, 0, 5, 3)
+
+
+@in_every_arrangement
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (4, 7), (9, 5)])
+def test_points_lie_at_their_depths_along_the_pixels_rays(height: int, width: int) -> None:
+    turn = torch.linalg.qr(torch.randn(3, 3, dtype=torch.float64)).Q
+    pose = torch.eye(4, dtype=torch.float64)
+    pose[:3, :3], pose[:3, 3] = turn * turn.det(), torch.tensor([1.0, -2.0, 0.5])
+    camera = Camera(pose, 11.0, 13.0, 0.4 * width, 0.7 * height, width, height)
+    depth = image(height, width, 1, highest=5.0)[..., 0]
+    assert_equal_with_gradients(
+        lambda depth: points_of(camera, depth),
+        lambda depth: camera.centre + camera.ray_directions() * depth[..., None],
+        depth,
+    )
