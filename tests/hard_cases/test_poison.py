@@ -24,7 +24,7 @@ from radiogs_core.kernels.surfel.geometry import (
     RASTER_TRANSMITTANCE_STOP,
     TRACE_TRANSMITTANCE_STOP,
 )
-from radiogs_core.kernels.trace.bvh import EMPTY
+from radiogs_core.kernels.trace.fit_source import EMPTY
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
 

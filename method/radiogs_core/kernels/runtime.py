@@ -57,6 +57,10 @@ ITEMWISE = {"cpu_compiler_flags": "-march=native -ffp-contract=on"}
 contracted must not depend on whether an item falls into such a group, or results would depend on the chunks' sizes."""
 
 
+UNFUSED = {"cpu_compiler_flags": "-march=native -ffp-contract=off", "fuse_fp": False}
+"""Module options of kernels in which nothing is contracted: they round as PyTorch's operations do, on CUDA as well."""
+
+
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
     """The memory of a contiguous tensor as a Warp array of one axis, without copy or gradient, for a field of a struct.
 

@@ -42,7 +42,8 @@ def point_kernels(dtype: torch.dtype) -> Any:
     """
     start_warp()
     scalar = scalar_type(dtype)
-    flat, pair = wp.array(dtype=scalar), wp.types.vector(2, scalar)
+    flat = wp.array(dtype=scalar)
+    pair = wp.types.vector(2, scalar)
     forward_text, backward_text = (native_text(text, dtype, False, {}) for text in (_FORWARD, _BACKWARD))
 
     @wp.func_native(forward_text)

@@ -21,6 +21,7 @@ from radiogs_core.kernels.surfel.footprint_source import footprint_kernels
 from radiogs_core.kernels.surfel.frame_source import frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
 from radiogs_core.kernels.surfel.support_source import support_kernel
+from radiogs_core.kernels.trace.fit_source import fit_kernels
 from radiogs_core.kernels.trace.hits_source import hit_kernels
 from radiogs_core.kernels.trace.trace_source import trace_kernels
 
@@ -41,7 +42,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         edge_kernels(dtype, on_cuda=True, channels=3),
     )
     footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype)
-    points = point_kernels(dtype)
+    points, fits = point_kernels(dtype), fit_kernels(dtype)
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
@@ -50,7 +51,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
-        support_kernel(dtype), points.forward, points.backward,
+        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)
