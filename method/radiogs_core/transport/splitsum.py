@@ -8,8 +8,9 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from ..kernels.shade.brdf import smith_visibility
+from ..kernels.shade.lookup import look_up
 from ..kernels.shade.splitsum import split_sum
-from ..scene.light import EnvironmentMap, texel_solid_angles
+from ..scene.light import texel_solid_angles
 from .light_filters import LEVELS, filtered, turned_spectrum
 
 LARGEST_HEIGHT = 32
@@ -47,7 +48,7 @@ class PrefilteredLight:
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
-        return EnvironmentMap(self.diffuse).lookup(normal)
+        return look_up(self.diffuse, normal)
 
 
 def split_sum_radiance(

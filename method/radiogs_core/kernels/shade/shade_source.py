@@ -20,16 +20,16 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..angle import ANGLE, ATAN_TERMS
 from ..lanes import VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
+from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
 
 LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
 
-SERIES_TERMS = {torch.float32: 8, torch.float64: 15}
+EXP_TERMS = {torch.float32: 8, torch.float64: 15}
 """Terms of the series of exp down to -0.55 that reach the last digit of each type."""
 
 TEXEL = 4
@@ -56,7 +56,6 @@ _SURFEL = (
     const SCALAR roughness = given.roughness.data[surfel];
     const SCALAR alpha_squared = roughness * roughness * roughness * roughness;
     const SCALAR k = (roughness + one) * (roughness + one) / SCALAR(8);
-
 """
     + ANGLE
     + """
@@ -407,7 +406,7 @@ def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
     words = {
         "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
         "ATAN_TERMS": str(ATAN_TERMS[dtype]),
-        "EXP_TERMS": str(SERIES_TERMS[dtype]),
+        "EXP_TERMS": str(EXP_TERMS[dtype]),
         "TEXEL": str(TEXEL),
         "F0": repr(FRESNEL_NORMAL),
     }

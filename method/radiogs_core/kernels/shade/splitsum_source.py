@@ -12,9 +12,9 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..angle import ANGLE, ATAN_TERMS
 from ..native_text import native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
+from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
 
 _POINT = (

@@ -15,6 +15,7 @@ from radiogs_core.kernels.image.similarity_source import similarity_kernels
 from radiogs_core.kernels.rasterize.binning_source import binning_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from radiogs_core.kernels.rasterize.records_source import record_kernels
+from radiogs_core.kernels.shade.lookup_source import lookup_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
 from radiogs_core.kernels.shade.splitsum_source import splitsum_kernels
 from radiogs_core.kernels.surfel.footprint_source import footprint_kernels
@@ -43,6 +44,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
     )
     footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
+    lookup = lookup_kernels(dtype, on_cuda=True)
     kernels = [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
@@ -51,7 +53,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
-        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
+        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes, lookup.forward, lookup.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)

@@ -1,4 +1,4 @@
-"""Angles in native snippets: the mathematical library has them in double precision alone, and one at a time."""
+"""atan2 in native snippets, as arithmetic that the CPU compiler turns into vector code."""
 
 import torch
 
@@ -10,7 +10,7 @@ ANGLE = """
         const SCALAR longer = steep ? along : across, shorter = steep ? across : along;
         const bool beyond = shorter > SCALAR(0.41421356237309505) * longer;
         const SCALAR below = beyond ? shorter + longer : longer;
-        const SCALAR t = (beyond ? shorter - longer : shorter) / (below > 0 ? below : SCALAR(1));
+        const SCALAR t = (beyond ? shorter - longer : shorter) / (below != 0 ? below : SCALAR(1));
         SCALAR series = 0;
         for (int term = ATAN_TERMS - 1; term >= 0; --term) series = SCALAR(1) / SCALAR(2 * term + 1) - t * t * series;
         const SCALAR octant = t * series + (beyond ? SCALAR(3.14159265358979323846 / 4) : SCALAR(0));
@@ -19,7 +19,7 @@ ANGLE = """
         return y < 0 ? -half_turn : half_turn;
     };
 """
-"""``angle``: atan2(y, x), for ATAN_TERMS; of zero and zero it is zero."""
+"""``angle``: atan2(y, x) of two numbers of the type SCALAR, in [-pi, pi]; ATAN_TERMS is the word for its terms."""
 
 ATAN_TERMS = {torch.float32: 9, torch.float64: 20}
 """Terms of the series of atan up to tan(pi/8) that reach the last digit of each type."""
