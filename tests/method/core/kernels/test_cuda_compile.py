@@ -53,7 +53,8 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         similarity.forward, similarity.backward, normals.forward, normals.pull, normals.gather,
         edges.allowance, edges.forward, edges.backward,
         footprints.forward, footprints.backward, records.forward, records.backward, display.forward, display.backward,
-        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes, lookup.forward, lookup.backward,
+        support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
+        lookup.forward, lookup.backward,
     ]  # fmt: skip
     for place, kernel in enumerate(kernels):
         folder = tmp_path / str(place)
