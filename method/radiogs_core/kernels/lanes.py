@@ -77,11 +77,15 @@ def bell_words(dtype: torch.dtype) -> dict[str, str]:
     Terms of the series of exp on [-log(2) / 2, log(2) / 2] that reach its last digit, how its numbers are laid out, and
     log(2) in two parts: a product of the first with n up to 8 is exact.
     """
-    double = dtype == torch.float64
     return {
-        "EXP_TERMS": "13" if double else "7",
-        "EXPONENT_OF_ONE": "1023" if double else "127",
-        "MANTISSA_BITS": "52" if double else "23",
+        **layout_words(dtype),
+        "EXP_TERMS": "13" if dtype == torch.float64 else "7",
         "LOG2_HIGH": "0.693359375",
         "LOG2_LOW": "-2.121944400546905827679e-4",
     }
+
+
+def layout_words(dtype: torch.dtype) -> dict[str, str]:
+    """How numbers of a scalar type are laid out: the exponent's bits of 1, and how many bits are below them."""
+    double = dtype == torch.float64
+    return {"EXPONENT_OF_ONE": "1023" if double else "127", "MANTISSA_BITS": "52" if double else "23"}

@@ -6,6 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from ..arrangement import as_on_cuda
 from ..runtime import launch_in_parallel
 from .display_source import display_kernels
 
@@ -30,17 +31,19 @@ class _Displayed(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, blended: Tensor, alpha: Tensor, straight: bool, background: float) -> Tensor:
         given = blended.detach().contiguous(), alpha.detach().contiguous()
-        kernels, encoded, out = display_kernels(given[0].dtype), *(torch.empty_like(given[0]) for _ in range(2))
+        encoded, out = (torch.empty_like(given[0]) for _ in range(2))
+        ctx.kernels = display_kernels(out.dtype, as_on_cuda(out.device))
+        ctx.blocks = -(-len(alpha) // ctx.kernels.lanes)
         ctx.values = [len(alpha), len(blended), int(straight), background]
-        arguments = [*ctx.values, *(*given, encoded, out)]
-        launch_in_parallel(kernels.forward, len(alpha), out.device, lambda _: arguments)
+        arguments = [*ctx.values, *given, encoded, out]
+        launch_in_parallel(ctx.kernels.forward, ctx.blocks, out.device, lambda _: arguments)
         ctx.save_for_backward(*given, encoded)
         return out
 
     @staticmethod
     def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, Tensor, None, None]:
         blended, alpha, encoded = ctx.saved_tensors
-        kernels, out = display_kernels(pull.dtype), (torch.empty_like(blended), torch.empty_like(alpha))
-        arguments = [*ctx.values, *(blended, alpha, encoded, pull.contiguous(), *out)]
-        launch_in_parallel(kernels.backward, len(alpha), pull.device, lambda _: arguments)
+        out = torch.empty_like(blended), torch.empty_like(alpha)
+        arguments = [*ctx.values, blended, alpha, encoded, pull.contiguous(), *out]
+        launch_in_parallel(ctx.kernels.backward, ctx.blocks, pull.device, lambda _: arguments)
         return *out, None, None

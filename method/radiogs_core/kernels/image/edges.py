@@ -61,6 +61,6 @@ class _Smoothness(torch.autograd.Function):
         (answers,) = ctx.saved_tensors
         _, height, width, _ = answers.shape
         each, out = pull.reshape(1) / (3 * height * width), answers.new_empty(answers.shape[1:])
-        arguments = [height, width, *(answers, each, out)]
+        arguments = [height, width, answers, each, out]
         launch_in_parallel(ctx.kernels.backward, ctx.items, out.device, lambda _: arguments)
         return out, None

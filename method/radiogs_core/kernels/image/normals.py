@@ -47,8 +47,8 @@ class _OneSided(torch.autograd.Function):
         height, width = sides.shape[:2]
         kernels, steps = normal_kernels(points.dtype), points.new_empty(height, width, 6)
         out = torch.empty_like(points)
-        of_steps = [width, *(points, normal, sides, pull.contiguous(), steps)]
+        of_steps = [width, points, normal, sides, pull.contiguous(), steps]
         launch_in_parallel(kernels.pull, height * width, out.device, lambda _: of_steps)
-        of_points = [height, width, *(sides, steps, out)]
+        of_points = [height, width, sides, steps, out]
         launch_in_parallel(kernels.gather, height * width, out.device, lambda _: of_points)
         return out, None, None, None

@@ -33,7 +33,7 @@ class _Compared(torch.autograd.Function):
         slopes = images.new_empty((3, *images.shape) if keep else 0)
         items = blocks_in(height, width, kernels.columns)
         sums = images.new_empty(count, items, 2)
-        arguments = [count, height, width, int(keep), *(images, target, slopes, sums)]
+        arguments = [count, height, width, int(keep), images, target, slopes, sums]
         launch_in_parallel(kernels.forward, count * items, images.device, lambda _: arguments)
         ctx.kernels, ctx.items = kernels, count * items
         ctx.save_for_backward(images, target, slopes)
@@ -43,6 +43,6 @@ class _Compared(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> tuple[Tensor, None]:
         images, target, slopes = ctx.saved_tensors
         out, each = torch.empty_like(images), (pull / target.numel()).contiguous()
-        arguments = [*images.shape[:3], *(images, target, slopes, each, out)]
+        arguments = [*images.shape[:3], images, target, slopes, each, out]
         launch_in_parallel(ctx.kernels.backward, ctx.items, out.device, lambda _: arguments)
         return out, None

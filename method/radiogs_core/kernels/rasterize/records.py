@@ -36,6 +36,6 @@ class _Records(torch.autograd.Function):
     def backward(ctx: Any, pull: Tensor) -> tuple[None, Tensor, Tensor, Tensor, Tensor, Tensor]:
         to_centre, to_u, to_v, to_normal, to_opacity = map(torch.empty_like, ctx.saved_tensors)
         out = to_centre, to_u, to_v, to_normal, to_opacity
-        arguments = [*ctx.arguments, *(pull.contiguous(), *out)]
+        arguments = [*ctx.arguments, pull.contiguous(), *out]
         launch_in_parallel(record_kernels(pull.dtype).backward, len(pull), pull.device, lambda _: arguments)
         return None, *out

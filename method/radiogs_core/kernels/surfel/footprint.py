@@ -51,7 +51,7 @@ class _Widened(torch.autograd.Function):
         _, frame, scale, opacity = ctx.saved_tensors
         to_frame, to_scale, to_opacity = map(torch.empty_like, (frame, scale, opacity))
         given = (pull.contiguous() for pull in pulls)
-        arguments = [*ctx.arguments, *(*given, to_frame, to_scale, to_opacity)]
+        arguments = [*ctx.arguments, *given, to_frame, to_scale, to_opacity]
         launch_in_parallel(
             footprint_kernels(scale.dtype).backward, len(scale), scale.device, lambda _: arguments
         )  # fmt: skip

@@ -32,7 +32,7 @@ class _HarmonicSums(torch.autograd.Function):
     def forward(ctx: Any, *inputs: Tensor) -> tuple[Tensor, Tensor]:
         sh, direction = (value.detach().contiguous() for value in inputs)
         kernels, out = harmonics_kernels(sh.dtype), torch.empty_like(direction)
-        arguments = [sh.shape[1], direction.shape[1], *(sh, direction, out)]
+        arguments = [sh.shape[1], direction.shape[1], sh, direction, out]
         launch_in_parallel(kernels.forward, len(sh), sh.device, lambda _: arguments)
         ctx.save_for_backward(sh, direction)
         ctx.set_materialize_grads(False)

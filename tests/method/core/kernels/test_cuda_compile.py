@@ -42,7 +42,7 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         normal_kernels(dtype),
         edge_kernels(dtype, on_cuda=True, channels=3),
     )
-    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype)
+    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype, on_cuda=True)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
     lookup = lookup_kernels(dtype, on_cuda=True)
     kernels = [

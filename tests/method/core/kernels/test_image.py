@@ -15,6 +15,7 @@ from radiogs_core.kernels.image.points import points_of
 from radiogs_core.kernels.image.similarity import compared
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import LINEAR_KNEE
 from reference import images as dense
 
 in_every_arrangement = pytest.mark.usefixtures("arrangement")
@@ -159,7 +160,8 @@ def test_results_do_not_depend_on_the_number_of_threads() -> None:
     for threads in (1, 2, 3):
         use_threads(threads)
         leaf = given.clone().requires_grad_()
-        (compared(leaf[None], target).sum() + edge_aware_smoothness(leaf, allowance)).backward()
+        shown = displayed(leaf[None], allowance[0, ..., 0])
+        (compared(shown, target).sum() + edge_aware_smoothness(leaf, allowance)).backward()
         assert leaf.grad is not None
         found.append(leaf.grad)
     assert all(torch.equal(each, found[0]) for each in found)
@@ -173,9 +175,10 @@ def test_gradients_equal_central_differences() -> None:
     )
 
 
+@in_every_arrangement
 @pytest.mark.parametrize("background", [0.0, 1.0])
 @pytest.mark.parametrize("straight", [True, False])
-@pytest.mark.parametrize(("height", "width"), [(1, 1), (13, 11)])
+@pytest.mark.parametrize(("height", "width"), [(1, 1), (4, 8), (13, 11)])
 def test_images_are_encoded_as_by_the_dense_curve(height: int, width: int, straight: bool, background: float) -> None:
     """Uncovered pixels, negative radiance, values below the curve's knee, and images brighter than white."""
     alpha = torch.rand(height, width, dtype=torch.float64)
@@ -215,3 +218,56 @@ def test_points_lie_at_their_depths_along_the_pixels_rays(height: int, width: in
         lambda depth: camera.centre + camera.ray_directions() * depth[..., None],
         depth,
     )
+
+
+def encoded(linear: np.ndarray) -> np.ndarray:
+    given = torch.from_numpy(linear).reshape(1, -1, 1, 3)
+    return displayed(given, torch.ones(given.shape[1:3], dtype=given.dtype), straight=False).numpy().reshape(-1)
+
+
+@pytest.mark.parametrize(("dtype", "highest", "tolerance"), [("f4", 1e38, 3e-7), ("f8", 1e300, 4e-15)])
+def test_the_curve_is_good_to_the_last_digits_of_its_type(dtype: str, highest: float, tolerance: float) -> None:
+    random, knee = np.random.default_rng(0), LINEAR_KNEE
+    powers = 2.0 ** np.arange(-8, 127)
+    linear = np.concatenate(
+        [
+            np.exp(random.uniform(np.log(knee), np.log(highest), 100_000)),
+            random.uniform(knee, 2, 100_000),
+            *(powers * (1 + step) for step in (-1e-7, 0, 1e-7)),
+            *(powers * (np.sqrt(0.5) + step) for step in (-1e-7, 1e-7)),
+        ]
+    ).astype(dtype)
+    linear = linear[linear > knee]
+    linear = linear[: len(linear) // 3 * 3]
+    # The exponent 1 / 2.4 = 5 / 12 as roots, for its own rounding is 1e-14 of the largest numbers.
+    expected = 1.055 * np.sqrt(np.sqrt(np.cbrt(linear.astype("f8")))) ** 5 - 0.055
+    assert np.abs(encoded(linear) / expected - 1).max() < tolerance
+
+
+@in_every_arrangement
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_the_curve_keeps_what_is_no_number_and_the_line_what_is_dark(dtype: torch.dtype) -> None:
+    tiny = torch.finfo(dtype).tiny
+    linear = torch.tensor([0.0, -0.0, -0.5, -1e30, tiny, -tiny, 0.003, torch.inf, -torch.inf], dtype=dtype)
+    found = displayed(linear.view(1, 3, 1, 3), linear.new_ones(3, 1), straight=False).flatten()
+    torch.testing.assert_close(found, 12.92 * linear, rtol=1e-7, atol=0)
+    whole = torch.full((1, 20, 2, 3), 0.25, dtype=dtype)
+    broken = whole.clone()
+    broken[0, 17, 1, 2] = torch.nan
+    coverage = linear.new_full((20, 2), 0.5)
+    others = broken == broken
+    shown = displayed(broken, coverage)
+    assert torch.equal(shown.isnan(), ~others)
+    assert torch.equal(shown[others], displayed(whole, coverage)[others])
+
+
+@in_every_arrangement
+def test_what_nothing_covers_is_the_background_and_gets_no_gradient() -> None:
+    blended = torch.full((1, 3, 7, 3), torch.nan, dtype=torch.float64).requires_grad_()
+    alpha = torch.zeros(3, 7, dtype=torch.float64).requires_grad_()
+    shown = displayed(blended, alpha, background=0.7)
+    assert bool((shown == 0.7).all())
+    shown.sum().backward()
+    assert blended.grad is not None
+    assert not bool(blended.grad.any())
+    torch.testing.assert_close(alpha.grad, torch.full_like(alpha, 3 * -0.7).detach())
