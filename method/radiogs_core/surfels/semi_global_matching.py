@@ -16,25 +16,28 @@ def aggregated(
     """
     total = torch.zeros_like(cost)
     for axis in (0, 1):
-        for backwards in (False, True):
-            along = (cost.movedim(axis + 1, 0), covered.movedim(axis, 0))
-            lines, inside = (each.flip(0) for each in along) if backwards else along
-            path = _along(lines, inside, step, jump)
-            total += (path.flip(0) if backwards else path).movedim(0, axis + 1)
+        lines, inside = cost.movedim(axis + 1, 0), covered.movedim(axis, 0)
+        both = (torch.cat([forwards, forwards.flip(0)], -1) for forwards in (lines, inside))
+        forwards, backwards = _along(*both, step, jump).chunk(2, -1)
+        total += forwards.movedim(0, axis + 1)
+        total += backwards.flip(0).movedim(0, axis + 1)
     return total
 
 
 def _along(
     cost: Float[Tensor, "length planes lines"], covered: Bool[Tensor, "length lines"], step: float, jump: float
 ) -> Float[Tensor, "length planes lines"]:
-    paths, wall = [cost[0]], torch.full_like(cost[0, :1], torch.inf)
-    for here, inside in zip(cost[1:], covered[:-1], strict=True):
-        before = paths[-1]
-        least = before.min(0, keepdim=True).values
-        beside = torch.minimum(torch.cat([before[1:], wall]), torch.cat([wall, before[:-1]])) + step
-        reached = torch.minimum(torch.minimum(before, beside), least + jump) - least
-        paths.append(here + torch.where(inside, reached, 0.0))
-    return torch.stack(paths)
+    length, planes, lines = cost.shape
+    walled = cost.new_full((length, planes + 2, lines), torch.inf)
+    paths = walled[:, 1:-1]
+    paths[0] = cost[0]
+    for place in range(1, length):
+        before, sides = paths[place - 1], walled[place - 1]
+        least = before.amin(0, keepdim=True)
+        beside = torch.minimum(sides[2:], sides[:-2]).add_(step)
+        reached = torch.minimum(beside, before).minimum(least + jump).sub_(least)
+        torch.add(cost[place], torch.where(covered[place - 1], reached, 0.0), out=paths[place])
+    return paths
 
 
 def lowest(
