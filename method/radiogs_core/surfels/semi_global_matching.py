@@ -2,7 +2,7 @@
 jumps, and the depth of the least cost."""
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Shaped
 from torch import Tensor
 
 
@@ -16,12 +16,15 @@ def aggregated(
     """
     total = torch.zeros_like(cost)
     for axis in (0, 1):
-        lines, inside = cost.movedim(axis + 1, 0), covered.movedim(axis, 0)
-        both = (torch.cat([forwards, forwards.flip(0)], -1) for forwards in (lines, inside))
-        forwards, backwards = _along(*both, step, jump).chunk(2, -1)
+        lines, inside = _both_ways(cost.movedim(axis + 1, 0)), _both_ways(covered.movedim(axis, 0))
+        forwards, backwards = _along(lines, inside, step, jump).chunk(2, -1)
         total += forwards.movedim(0, axis + 1)
         total += backwards.flip(0).movedim(0, axis + 1)
     return total
+
+
+def _both_ways(forwards: Shaped[Tensor, "length *planes lines"]) -> Shaped[Tensor, "length *planes both"]:
+    return torch.cat([forwards, forwards.flip(0)], -1)
 
 
 def _along(
