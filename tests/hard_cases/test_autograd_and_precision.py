@@ -18,7 +18,7 @@ from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.depth_normals import depth_normals
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import own_radiance, shade_surfels, splat, towards
+from radiogs_core.transport.splatting import own_radiance, own_radiance_twice, shade_surfels, splat, towards
 from radiogs_core.transport.tracer import SurfelTracer
 from reference.differences import slope
 
@@ -216,6 +216,19 @@ def test_moving_a_surfel_also_turns_its_view_of_the_harmonics(seed: int) -> None
     assert float((gradient(own) * shift).sum()) == pytest.approx(numeric, rel=1e-6)
     still = gradient(lambda of: surfel_radiance(of.sh, towards(CAMERA, of)))
     assert float((gradient(own) - still).norm()) > 0.05 * float(still.norm())
+
+
+@pytest.mark.case(42)
+def test_radiance_that_a_turn_of_the_view_does_not_count_for_is_the_same_and_moves_no_surfel() -> None:
+    surfels = raw_surfels(4)
+    surfels.centre, surfels.sh = surfels.centre.requires_grad_(), surfels.sh.requires_grad_()
+    camera = CAMERA.to(dtype=torch.float32)
+    moving, still = own_radiance_twice(camera, surfels)
+    assert torch.equal(moving, own_radiance(camera, surfels))
+    assert torch.equal(still, moving)
+    to_centre, to_sh = torch.autograd.grad(still.sum(), [surfels.centre, surfels.sh])
+    assert not bool(to_centre.any())
+    assert float(to_sh.abs().max()) > 0
 
 
 @pytest.mark.case(42)

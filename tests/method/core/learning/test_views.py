@@ -1,3 +1,6 @@
+from collections.abc import Callable
+from dataclasses import replace
+
 import pytest
 import torch
 
@@ -64,3 +67,20 @@ def test_views_beyond_the_budget_are_read_when_asked_for_and_look_the_same() -> 
         assert torch.equal(view.over(0.5), whole.over(0.5))
     uncovered = View("plain", few[0].camera, {"image": few[0].sources["image"]})
     assert float(load([uncovered], torch.device("cpu"), most=0)[0].mask.min()) == 1.0
+
+
+def test_a_step_reads_a_view_that_is_not_held_once() -> None:
+    reads: list[str] = []
+
+    def counted(view: View, name: str) -> Callable[[], torch.Tensor]:
+        return lambda: (reads.append(name), view.sources[name]())[1]
+
+    given = load_scene("corner").train[:2]
+    views = [replace(view, sources={name: counted(view, name) for name in ("image", "alpha")}) for view in given]
+    loaded = load(views, torch.device("cpu"), most=0)
+    reads.clear()
+    view = view_at(loaded, 0, seed=0)
+    for background in (0.0, 1.0):
+        view.over(background)
+    assert view.mask.shape == view.image.shape[:2]
+    assert sorted(reads) == ["alpha", "image"]
