@@ -18,6 +18,7 @@ from radiogs_core.errors import DataError
 from .growth import SCHEMA as GROWTH
 from .growth_table import within
 from .history import read_history, titles_of
+from .ratios import AGAINST
 from .record import SCHEMA as STEPS
 from .record import ends, headline, milliseconds, parts_said, yardstick_said
 from .sizes import SIZES
@@ -41,11 +42,15 @@ def with_tables(text: str, tables: Mapping[str, Sequence[str]]) -> str:
 
 
 def table_of(path: Path) -> list[str]:
-    """The table of a stored file. Raises DataError for a file of neither kind."""
+    """The table of a stored file. Raises DataError for a file of no kind that has one."""
     if path.suffix == ".jsonl":
         return list(history_lines(read_history(path)))
     record = json.loads(path.read_bytes())
-    kinds: dict[str, Callable[[Mapping[str, Any]], Iterator[str]]] = {STEPS: steps_lines, GROWTH: growth_lines}
+    kinds: dict[str, Callable[[Mapping[str, Any]], Iterator[str]]] = {
+        STEPS: steps_lines,
+        AGAINST: against_lines,
+        GROWTH: growth_lines,
+    }
     if record.get("schema") not in kinds:
         raise DataError(f"{path} has schema {record.get('schema')!r}", f"There are: {', '.join(kinds)}.")
     return list(kinds[record["schema"]](record))
@@ -69,6 +74,26 @@ def steps_lines(record: Mapping[str, Any]) -> Iterator[str]:
             yield (
                 f"| {row['title']} | {milliseconds(row['median'])} | {ends(row['low'], row['high'])}"
                 f" | {row['operations']:,} | {row['launches']:,} | {parts_said(row['parts'])} |"
+            )
+    yield ""
+
+
+def against_lines(record: Mapping[str, Any]) -> Iterator[str]:
+    """A table of two checkouts for each size."""
+    before = (record["commits"]["other"] or {"commit": "unknown"})["commit"][:7]
+    yield f"`{record['method']}` on `{record['scene']}`. {_where(record)} Before: commit {before}."
+    for name in sorted(record["ratios"], key=list(SIZES).index):
+        yield from ["", f"**{headline(name, record['this'][name])}**", ""]
+        yield "| | before | now | times as fast | 95 % interval | operations | work that changed |"
+        yield "|---|---:|---:|---:|---:|---:|---|"
+        for row in record["ratios"][name]:
+            ratio = "too short" if row["value"] is None else f"{row['value']:.2f}"
+            interval = "" if row["low"] is None else f"{row['low']:.2f} to {row['high']:.2f}"
+            operations = " to ".join(f"{count:,}" for count in row["operations"])
+            work = ", ".join(f"{what} x {factor:.2f}" for what, factor in row["other work"].items())
+            yield (
+                f"| {row['title']} | {milliseconds(row['before'])} | {milliseconds(row['now'])} | {ratio} | {interval}"
+                f" | {operations} | {work} |"
             )
     yield ""
 

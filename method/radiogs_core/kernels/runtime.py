@@ -178,15 +178,16 @@ def launch_in_parallel(
     if count == 0:
         return
     if team == 1:
-        wp.launch(kernel, dim=count, inputs=[0, *packed(kernel, arguments(0))], device=where)
+        launch(kernel, count, device, arguments(0))
         return
     pieces = min(count, team * CHUNKS_PER_WORKER)
     bounds = [count * piece // pieces for piece in range(pieces + 1)]
 
     def work(worker: int) -> None:
-        given = packed(kernel, arguments(worker))
+        given = arguments(worker)
+        memory = packed(kernel, given)
         for begin, end in list(pairwise(bounds))[worker::team]:
-            wp.launch(kernel, dim=end - begin, inputs=[begin, *given], device=where)
+            wp.launch(kernel, dim=end - begin, inputs=[begin, *memory], device=where)
 
     for done in [_pool(team).submit(work, worker) for worker in range(team)]:
         done.result()
