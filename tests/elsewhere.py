@@ -23,6 +23,8 @@ from torch.overrides import TorchFunctionMode
 from torch.utils._python_dispatch import TorchDispatchMode
 from torch.utils._pytree import tree_flatten, tree_map
 
+from radiogs_core.kernels import arguments
+
 NAME = "elsewhere"
 ROOT = Path(__file__).parents[1]
 ROOMS = tuple(str(ROOT / room) for room in ("method", "datasets", "baselines", "radiogs_bench"))
@@ -205,12 +207,14 @@ def _held(value: Any) -> Any:
     return value.held if isinstance(value, There) else value
 
 
-def _arrays(value: Any) -> Iterator[Any]:
-    if isinstance(value, wp.array):
-        yield value
+def _sides(value: Any) -> Iterator[bool]:
+    """Whether an argument of a kernel is of the device, for each array in it that is not empty."""
+    if isinstance(value, wp.array) or hasattr(value, "there"):
+        if value.size if isinstance(value, wp.array) else value.shape[0]:
+            yield value.there
     elif hasattr(value, "_cls"):  # a struct
         for name in value._cls.vars:
-            yield from _arrays(getattr(value, name))
+            yield from _sides(getattr(value, name))
 
 
 @contextmanager
@@ -219,14 +223,20 @@ def elsewhere() -> Iterator[Account]:
     registered()
     account = Account()
     from_torch, launch, device_from_torch = wp.from_torch, wp.launch, wp.device_from_torch
+    described = arguments._described
 
     def array_of(tensor: torch.Tensor, *args: Any, **kwargs: Any) -> Any:
         made = from_torch(_held(tensor), *args, **kwargs)
         made.there = isinstance(tensor, There)
         return made
 
+    def memory_of(tensor: torch.Tensor, *rest: Any) -> Any:
+        made = described(_held(tensor), *rest)
+        made.there = isinstance(tensor, There)
+        return made
+
     def launched(kernel: Any, dim: Any, inputs: Any, device: Any = None, **others: Any) -> None:
-        sides = {array.there for value in inputs for array in _arrays(value) if array.size}
+        sides = {side for value in inputs for side in _sides(value)}
         assert len(sides) <= 1, f"{_place()}: {kernel.key} is given arrays of the device and of the host"
         account.launches += sides == {True}
         launch(kernel, dim=dim, inputs=inputs, device=device, **others)
@@ -236,6 +246,7 @@ def elsewhere() -> Iterator[Account]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(wp, "from_torch", array_of)
+        patch.setattr(arguments, "_described", memory_of)
         patch.setattr(wp, "launch", launched)
         patch.setattr(wp, "device_from_torch", runs_on)
         patch.setattr(torch, "Generator", _Generator)
