@@ -15,6 +15,7 @@ from typing import Any
 
 from radiogs_core.errors import DataError
 
+from ..kernel_bench.record import SCHEMA as KERNELS
 from .growth import SCHEMA as GROWTH
 from .growth_table import within
 from .history import read_history, titles_of
@@ -50,6 +51,7 @@ def table_of(path: Path) -> list[str]:
         STEPS: steps_lines,
         AGAINST: against_lines,
         GROWTH: growth_lines,
+        KERNELS: kernels_lines,
     }
     if record.get("schema") not in kinds:
         raise DataError(f"{path} has schema {record.get('schema')!r}", f"There are: {', '.join(kinds)}.")
@@ -113,6 +115,30 @@ def growth_lines(record: Mapping[str, Any]) -> Iterator[str]:
             f" | {_mebibytes(row['bytes'][0])} | {_mebibytes(row['bytes'][-1])} | {_exponent(row['bytes exponent'])} |"
         )
     yield ""
+
+
+def kernels_lines(record: Mapping[str, Any]) -> Iterator[str]:
+    """A line for each kernel on each scene: forward, backward and both."""
+    yield from [_where(record), ""]
+    yield "| kernel | on | items | float32: million items a second | yardstick's time over ours | float64 |"
+    yield "|---|---|---|---|---|---|"
+    for kernel, scene in dict.fromkeys((row["kernel"], row["scene"]) for row in record["rows"]):
+        single, double = (
+            [row for row in record["rows"] if (row["kernel"], row["scene"], row["dtype"]) == (kernel, scene, dtype)]
+            for dtype in ("float32", "float64")
+        )
+        speed = ", ".join(f"{row['millions_per_second']:.3g}" for row in single)
+        items = f"{single[0]['items']:,} {single[0]['item']}s"
+        yield f"| {kernel} | {scene} | {items} | {speed} | {_over(single)} | {_over(double)} |"
+    if (scaling := record["scaling"]) is not None:
+        ways = " and ".join(f"{way} {scaling[way]:.2f} times as fast" for way in ("forward", "backward"))
+        yield from ["", f"Two threads trace M {ways} (wall time)."]
+    yield ""
+
+
+def _over(rows: Sequence[Mapping[str, Any]]) -> str:
+    ratios = [row["ratio"] for row in rows]
+    return ", ".join("n/a" if ratio is None else f"{ratio:.2f}" for ratio in ratios)
 
 
 def history_lines(lines: Sequence[Mapping[str, Any]]) -> Iterator[str]:
