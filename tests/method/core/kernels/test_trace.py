@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
 from radiogs_core.kernels.trace.bvh import LOOSENED, SurfelBVH
 from radiogs_core.kernels.trace.hits import find_hits
 from radiogs_core.kernels.trace.topology import DEEPEST, kd_topology
@@ -71,6 +71,21 @@ def test_float64_equals_the_dense_result_and_its_gradients(channels: int, coeffi
         if given[name].numel() == 0:
             continue
         assert theirs[name].abs().max() > 0, f"no gradient to {name}"
+        assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
+
+
+@in_every_arrangement
+def test_an_opacity_that_is_cut_off_at_its_largest_value_has_no_gradient() -> None:
+    given = random_inputs(60, 100, 3)
+    given |= {name: 0.02 * given[name] for name in ("axis_u", "axis_v")}
+    given["opacity"] = torch.ones_like(given["opacity"])
+    tree, nowhere = SurfelBVH.build(splats(given)), torch.full_like(given["t_min"], torch.inf)
+    met = find_hits(tree, given["origin"], given["direction"], given["t_min"], nowhere, 0.0001).alpha
+    assert 0.2 < float((met == MAX_ALPHA).double().mean()) < 1, "some are cut off, and some are not"
+    found = fast(given, 0.0001)
+    pulls = [torch.randn_like(value) for value in found]
+    ours, theirs = (gradients(lambda of, trace=trace: trace(of, 0.0001), given, pulls) for trace in (fast, dense))
+    for name in FIELDS:
         assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
 
 
