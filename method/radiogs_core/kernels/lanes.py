@@ -43,6 +43,23 @@ BELL = """
 """
 """``bell``: exp(-square / 2) of ``Lanes``, for ``bell_words``."""
 
+SUM_OF_LANES = """
+#if ON_CUDA
+    auto sum_of = [](const SCALAR* lanes) -> SCALAR { return lanes[0]; };
+#else
+    auto sum_of = [](const SCALAR* lanes) -> SCALAR {
+        Lanes all;
+        for (int c = 0; c < LANES; ++c) all[c] = lanes[c];
+        const auto half = __builtin_shufflevector(all, all, 0, 1, 2, 3, 4, 5, 6, 7)
+            + __builtin_shufflevector(all, all, 8, 9, 10, 11, 12, 13, 14, 15);
+        const auto quarter = __builtin_shufflevector(half, half, 0, 1, 2, 3)
+            + __builtin_shufflevector(half, half, 4, 5, 6, 7);
+        return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
+    };
+#endif
+"""
+"""``sum_of``: the sum of the LANES numbers (16, or the one of CUDA's arrangement) of a plain array."""
+
 SUMS_OF_LANES = """
     // sums[i] becomes the sum of the lanes of rows[i], for 16 rows of LANES = 16 numbers: each step folds pairs of rows
     // into one that holds half as many partial sums of each, and the last row holds all sums in their order.

@@ -20,7 +20,7 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..lanes import VECTORS
+from ..lanes import SUM_OF_LANES, VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from .angle import ANGLE, ATAN_TERMS
@@ -40,6 +40,7 @@ _SURFEL = (
     constexpr int LANES = SAMPLES_IN_A_BLOCK;
 """
     + VECTORS
+    + SUM_OF_LANES
     + """
     const int views = given.views, samples = given.samples, height = given.height, width = given.width;
     // A surfel without a specular part has no view that a lobe is evaluated for.
@@ -73,19 +74,8 @@ _SURFEL = (
         const SCALAR taken = sum - a;
         return (a - (sum - taken)) + (b - taken);
     };
-#if ON_CUDA
-    auto sum_of = [](const SCALAR* lanes) -> SCALAR { return lanes[0]; };
-#else
+#if !ON_CUDA
     typedef SCALAR Texel __attribute__((vector_size(4 * sizeof(SCALAR)), aligned(sizeof(SCALAR))));
-    auto sum_of = [](const SCALAR* lanes) -> SCALAR {
-        Lanes all;
-        for (int c = 0; c < LANES; ++c) all[c] = lanes[c];
-        const auto half = __builtin_shufflevector(all, all, 0, 1, 2, 3, 4, 5, 6, 7)
-            + __builtin_shufflevector(all, all, 8, 9, 10, 11, 12, 13, 14, 15);
-        const auto quarter = __builtin_shufflevector(half, half, 0, 1, 2, 3)
-            + __builtin_shufflevector(half, half, 4, 5, 6, 7);
-        return (quarter[0] + quarter[2]) + (quarter[1] + quarter[3]);
-    };
 #endif
     auto faces = [&](const SCALAR* wo) -> bool { return nx * wo[0] + ny * wo[1] + nz * wo[2] > zero; };
     bool seen_from_any = false;
