@@ -43,6 +43,56 @@ BELL = """
 """
 """``bell``: exp(-square / 2) of ``Lanes``, for ``bell_words``."""
 
+BITS = """
+#if ON_CUDA
+    auto read = [](const SCALAR* from) -> SCALAR { return *from; };
+    auto write = [](SCALAR* to, SCALAR value) { *to = value; };
+    auto bits_of = [](bool mask) -> int { return mask; };
+    #define LOWEST(bits) (__ffs(bits) - 1)
+#else
+    auto read = [](const SCALAR* from) -> Lanes {
+        Lanes all;
+        memcpy(&all, from, sizeof(all));
+        return all;
+    };
+    auto write = [](SCALAR* to, Lanes all) { memcpy(to, &all, sizeof(all)); };
+    auto bits_of = [](auto mask) -> int {
+        typedef bool Flags __attribute__((ext_vector_type(8)));
+        const Flags flags = __builtin_convertvector(mask, Flags);
+        unsigned char bits;
+        memcpy(&bits, &flags, sizeof(bits));
+        return bits;
+    };
+    #define LOWEST(bits) __builtin_ctz(bits)
+#endif
+"""
+"""``read`` and ``write`` LANES numbers, one after the other in memory; ``bits_of`` a mask of 8 lanes, lane 0 the lowest
+bit; ``LOWEST``: the number of the lowest bit that is set."""
+
+SQUEEZE = """
+    typedef int Eight __attribute__((vector_size(32)));
+    auto squeezed = [](Eight values, int bits) -> Eight {
+    #if defined(__AVX512VL__)
+        return (Eight)__builtin_ia32_compresssi256_mask(values, Eight{}, bits);
+    #elif defined(__AVX2__) && defined(__BMI2__)
+        // A byte per lane: the numbers of the lanes that are kept, moved together, then what they say is fetched.
+        typedef unsigned char Bytes __attribute__((vector_size(8)));
+        const unsigned long long kept = __builtin_ia32_pdep_di(bits, 0x0101010101010101ull) * 255;
+        const unsigned long long numbers = __builtin_ia32_pext_di(0x0706050403020100ull, kept);
+        Bytes lanes;
+        memcpy(&lanes, &numbers, sizeof(lanes));
+        return (Eight)__builtin_ia32_permvarsi256(values, __builtin_convertvector(lanes, Eight));
+    #else
+        Eight together = Eight{};
+        for (int lane = 0, at = 0; lane < 8; ++lane)
+            if (bits >> lane & 1) together[at++] = values[lane];
+        return together;
+    #endif
+    };
+"""
+"""``squeezed``: those of ``Eight`` integers whose bit is set, moved together to the front; what follows them means
+nothing. For the CPU's arrangement alone."""
+
 SUM_OF_LANES = """
 #if ON_CUDA
     auto sum_of = [](const SCALAR* lanes) -> SCALAR { return lanes[0]; };

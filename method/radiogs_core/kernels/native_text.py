@@ -8,7 +8,7 @@ from .runtime import scalar_type
 
 _STAND_INS = """
 #if ON_CUDA && !defined(__CUDA_ARCH__)
-    #define __ffsll(bits) __builtin_ffsll(bits)
+    #define __ffs(bits) __builtin_ffs(bits)
     #define atomicAdd(address, value) *(address) += (value)
 #endif
 """

@@ -20,7 +20,7 @@ from ..runtime import (
     workers,
 )
 from .bvh import SurfelBVH
-from .hits_source import BUFFER, hit_kernels
+from .hits_source import BUFFER, NO_SURFEL, hit_kernels
 from .ray_order import coherent_order
 
 RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
@@ -98,7 +98,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
     """Rounds of BUFFER hits; a ray takes part in the next as long as its buffer was filled and something is left."""
     device, (origin, direction, backs, stop, *tree) = order.device, fixed
     slots, rays = torch.arange(len(order), device=device), order
-    start_id = torch.full_like(rays, torch.iinfo(torch.int32).max)
+    start_id = torch.full_like(rays, NO_SURFEL)
     rest = torch.ones_like(start_t)
     counts = torch.zeros_like(rays)
     rounds = []

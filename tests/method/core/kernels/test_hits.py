@@ -1,0 +1,130 @@
+"""Both ways of gathering a ray's hits, breadth first and nearest first, find the same ones."""
+
+from pathlib import Path
+
+import pytest
+import torch
+import warp as wp
+
+from radiogs_core.instruments.recording import recording
+from radiogs_core.kernels.arrangement import cpu_as_cuda
+from radiogs_core.kernels.lanes import SQUEEZE
+from radiogs_core.kernels.surfel.geometry import SplatGeometry
+from radiogs_core.kernels.trace.breadth_first_source import AT_ONCE, CANDIDATES
+from radiogs_core.kernels.trace.bvh import SurfelBVH
+from radiogs_core.kernels.trace.hits import HitLists, find_hits
+from radiogs_core.kernels.trace.hits_source import BUFFER
+
+RAYS = 40
+
+
+def facing(distance: torch.Tensor, opacity: float, turned: torch.Tensor | None = None) -> SplatGeometry:
+    """Surfels across the X axis at ``distance``, wide enough for all ``rays``, which see them from behind if turned."""
+    count = len(distance)
+    axes = torch.eye(3).expand(count, 3, 3)
+    side = torch.full((count,), -1.0) if turned is None else torch.where(turned, 1.0, -1.0)
+    centre = distance[:, None] * axes[:, 0]
+    return SplatGeometry(
+        centre,
+        axes[:, 1].contiguous(),
+        axes[:, 2].contiguous(),
+        side[:, None] * axes[:, 0],
+        torch.full((count,), opacity),
+    )
+
+
+def rays() -> tuple[torch.Tensor, torch.Tensor]:
+    """Origins near zero and directions of travel along X."""
+    origin = torch.cat([torch.zeros(RAYS, 1), 0.3 * torch.rand(RAYS, 2)], 1)
+    return origin, torch.eye(3)[:1].expand(RAYS, 3).contiguous()
+
+
+def hits_of(geometry: SplatGeometry, t_min: float, stop: float) -> tuple[HitLists, int, HitLists, int]:
+    """Hits and visited nodes: breadth first, then nearest first, which is how work is arranged for CUDA."""
+    tree, (origin, direction) = SurfelBVH.build(geometry), rays()
+    start, nowhere = torch.full((RAYS,), t_min), torch.full((RAYS,), torch.inf)
+    with recording() as ours:
+        breadth_first = find_hits(tree, origin, direction, start, nowhere, stop)
+    with recording() as theirs, cpu_as_cuda():
+        nearest_first = find_hits(tree, origin, direction, start, nowhere, stop)
+    return breadth_first, ours.work["node_visits"], nearest_first, theirs.work["node_visits"]
+
+
+def assert_equal(one: HitLists, other: HitLists) -> None:
+    assert torch.equal(one.ray, other.ray)
+    assert torch.equal(one.begin, other.begin)
+    assert torch.equal(one.surfel, other.surfel)
+    torch.testing.assert_close(one.depth, other.depth, rtol=1e-6, atol=0)
+    torch.testing.assert_close(one.alpha, other.alpha, rtol=1e-5, atol=0)
+
+
+@pytest.mark.parametrize("met", [0, 1, 7, 8, 9, BUFFER, BUFFER + 1, CANDIDATES - 8, CANDIDATES - 7, 3 * CANDIDATES])
+def test_any_number_of_hits_is_found_in_order(met: int) -> None:
+    distance = 1 + torch.rand(met)
+    distance[::3] = 1.5  # ties, which surfels' numbers decide
+    ours, _, theirs, _ = hits_of(facing(distance, 0.02), 0.0, 1e-6)
+    assert_equal(ours, theirs)
+    begin = ours.begin.tolist()
+    by_distance = sorted(range(met), key=lambda surfel: (float(distance[surfel]), surfel))
+    assert all(ours.surfel[begin[k] : begin[k + 1]].tolist() == by_distance for k in range(RAYS))
+
+
+@pytest.mark.parametrize("layers", [CANDIDATES - 8, 4000])
+def test_what_lies_behind_an_opaque_surface_is_no_hit(layers: int) -> None:
+    ours, _, theirs, _ = hits_of(facing(torch.linspace(1, 50, layers), 0.9), 0.0, 0.03)
+    assert_equal(ours, theirs)
+    assert 1 < int(ours.begin.diff().min()) <= int(ours.begin.diff().max()) < 8
+
+
+def test_a_hit_where_a_ray_begins_is_passed() -> None:
+    ours, _, theirs, _ = hits_of(facing(torch.tensor([0.5, 1.0, 1.0, 1.25]), 0.2), 1.0, 0.03)
+    assert_equal(ours, theirs)
+    assert ours.surfel.unique().tolist() == [3]
+
+
+def test_a_ray_that_enters_more_nodes_than_fit_is_followed_nearest_first() -> None:
+    """Surfels that it passes from behind, and three that it meets."""
+    distance = torch.linspace(1, 100, 40 * AT_ONCE)
+    turned = torch.ones(len(distance), dtype=torch.bool)
+    turned[[5, len(distance) // 2, len(distance) - 1]] = False
+    ours, nodes, theirs, same = hits_of(facing(distance, 0.2, turned), 0.0, 0.03)
+    assert same > AT_ONCE * RAYS
+    assert nodes == same
+    assert_equal(ours, theirs)
+    assert ours.begin.diff().tolist() == [3] * RAYS
+
+
+PROCESSORS = {"this": "-march=native", "AVX2": "-target-cpu haswell", "neither": "-target-cpu nehalem"}
+
+
+def processor_flags() -> str:
+    """What the processor says that it can do, on Linux."""
+    about = Path("/proc/cpuinfo")
+    return about.read_text(encoding="utf-8") if about.exists() else ""
+
+
+@pytest.mark.parametrize("processor", PROCESSORS)
+def test_lanes_are_squeezed_alike_with_every_instruction_set(processor: str) -> None:
+    if processor != "this" and " avx2 " not in processor_flags():
+        pytest.skip("this processor does not run the instructions of the other")
+    text = (
+        SQUEEZE
+        + """
+        const Eight together = squeezed(Eight{3, 1, 4, 1, 5, 9, 2, 6}, bits);
+        for (int lane = 0; lane < 8; ++lane) out.data[8 * bits + lane] = together[lane];
+    """
+    )
+
+    @wp.func_native(text)
+    def squeeze(bits: wp.int32, out: wp.array(dtype=wp.int32)): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options={"cpu_compiler_flags": PROCESSORS[processor]})
+    def squeeze_all(out: wp.array(dtype=wp.int32)):
+        squeeze(wp.tid(), out)
+
+    found = torch.zeros(256, 8, dtype=torch.int32)
+    wp.launch(squeeze_all, dim=256, inputs=[wp.from_torch(found.view(-1))], device="cpu")
+    values = [3, 1, 4, 1, 5, 9, 2, 6]
+    for bits, row in enumerate(found.tolist()):
+        kept = [value for lane, value in enumerate(values) if bits >> lane & 1]
+        assert row[: len(kept)] == kept
