@@ -7,11 +7,11 @@ of them at a time. Nearest first takes twice as long on M, although it leaves ou
 
 from ..lanes import SQUEEZE
 
-AT_ONCE = 256
+AT_ONCE = 512
 """Nodes, and leaves, that a ray may enter; one that enters more is followed nearest first."""
 
-CANDIDATES = 64
-"""Hits that may wait to be ordered, those of the last leaf included; a ray with more is followed nearest first."""
+MOST = 248
+"""Hits that are put in order together; a ray with more is followed nearest first."""
 
 BREADTH_FIRST = (
     """
@@ -38,9 +38,9 @@ BREADTH_FIRST = (
         }
 
         SCALAR depth[8 * AT_ONCE + 64], square[8 * AT_ONCE + 64];
-        int place[CANDIDATES];
+        int place[MOST + 8];
         const bool all_nodes = nodes == entered_nodes;
-        for (; all_nodes && leaf_count < entered_leaves && met <= CANDIDATES - 8; ++leaf_count) {
+        for (; all_nodes && leaf_count < entered_leaves && met <= MOST; ++leaf_count) {
             if (leaf_count + 3 < entered_leaves) fetch_leaf(leaf_of[leaf_count + 3]);
             const int first = 8 * leaf_count;
             const int hit = met_on(leaf_of[leaf_count], huge, depth + first, square + first)
@@ -50,9 +50,9 @@ BREADTH_FIRST = (
             met += __builtin_popcount(hit);
         }
 
-        if (all_nodes && leaf_count == entered_leaves && met <= CANDIDATES - 8) {
-            SCALAR t_of[CANDIDATES], bell_of[CANDIDATES], alpha_of[CANDIDATES];
-            int id_of[CANDIDATES], rank_of[CANDIDATES];
+        if (all_nodes && leaf_count == entered_leaves && met <= MOST) {
+            SCALAR t_of[MOST + 8], bell_of[MOST + 8], alpha_of[MOST + 8];
+            int id_of[MOST + 8], rank_of[MOST + 8];
             const int padded = (met + 7) / 8 * 8;
             for (int i = 0; i < padded; ++i) {
                 const int at = i < met ? place[i] : 0, lane = at & 7, leaf = leaf_of[at >> 3];
@@ -73,17 +73,16 @@ BREADTH_FIRST = (
                 write(alpha_of + i, alpha < SCALAR(MAX_ALPHA) ? alpha : Lanes{} + SCALAR(MAX_ALPHA));
             }
             for (int i = 0; i < met; ++i) {
-                const int rank = rank_of[i];
-                if (rank >= BUFFER) continue;
-                hit_t[rank] = t_of[i];
-                hit_id[rank] = id_of[i];
-                hit_alpha[rank] = alpha_of[i];
+                hit_t[rank_of[i]] = t_of[i];
+                hit_id[rank_of[i]] = id_of[i];
+                hit_alpha[rank_of[i]] = alpha_of[i];
             }
             SCALAR rest = start_rest;
             int found = 0;
-            for (; found < met && found < BUFFER && rest >= stop; ++found) rest *= SCALAR(1) - hit_alpha[found];
+            for (; found < met && rest >= stop; ++found) rest *= SCALAR(1) - hit_alpha[found];
+            used.data[0] += found;
             found_out.data[slot] = found;
-            rest_out.data[slot] = rest;
+            rest_out.data[slot] = SCALAR(FINISHED);
             nodes_out.data[slot] = nodes;
             leaves_out.data[slot] = leaf_count;
             return;

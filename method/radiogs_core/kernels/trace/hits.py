@@ -1,5 +1,6 @@
 """Finding what rays meet: for each ray its hits in order, as one packed list."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import SimpleNamespace
@@ -19,12 +20,13 @@ from ..runtime import (
     launch,
     workers,
 )
+from .breadth_first_source import MOST
 from .bvh import SurfelBVH
-from .hits_source import BUFFER, NO_SURFEL, hit_kernels
+from .hits_source import BUFFER, FINISHED, NO_SURFEL, hit_kernels
 from .ray_order import coherent_order
 
-RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
-"""Rays gathered together at most: bounds the buffers (BUFFER times 12 bytes a ray in float32)."""
+RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 15, 1 << 20
+"""Rays gathered together at most: bounds the buffers, of which the CPU touches what it fills (12 bytes a hit)."""
 
 FEWEST_RAYS = 2048
 """Rays below which a chunk is not cut further on the CPU: its launches cost as much as a few hundred rays."""
@@ -43,6 +45,35 @@ class HitLists:
     surfel: Int[Tensor, " hits"]
     depth: Float[Tensor, " hits"]
     alpha: Float[Tensor, " hits"]
+
+
+@dataclass(frozen=True)
+class _Round:
+    """What was gathered of some rays: ``found`` hits of each, from entry ``source`` of the others on.
+
+    slot: numbers of the rays among those that are gathered together. rest: transmittance behind the last hit of a ray
+    that needs a further round, else FINISHED. visits: nodes and leaves. start: what ``onwards`` said of the last round.
+    """
+
+    slot: Int[Tensor, " rays"]
+    found: Int[Tensor, " rays"]
+    source: Int[Tensor, " rays"]
+    rest: Float[Tensor, " rays"]
+    surfel: Int[Tensor, " entries"]
+    depth: Float[Tensor, " entries"]
+    alpha: Float[Tensor, " entries"]
+    visits: tuple[Tensor, Tensor]
+    start: list[Tensor]
+
+    def onwards(self, more: Int[Tensor, " some"]) -> list[Tensor]:
+        """After which depth and which surfel some of the rays go on, and what is left of them there."""
+        found = self.found[more]
+        end = (self.source[more] + found - 1).clamp(min=0)
+        depth, surfel = (
+            torch.where(found > 0, hits[end], before[more])
+            for hits, before in zip((self.depth, self.surfel), self.start[:2], strict=True)
+        )
+        return [depth, surfel, self.rest[more]]
 
 
 @dataclass(frozen=True)
@@ -95,36 +126,62 @@ def find_hits(
 
 
 def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Tensor) -> _Found:
-    """Rounds of BUFFER hits; a ray takes part in the next as long as its buffer was filled and something is left."""
-    device, (origin, direction, backs, stop, *tree) = order.device, fixed
-    slots, rays = torch.arange(len(order), device=device), order
-    start_id = torch.full_like(rays, NO_SURFEL)
-    rest = torch.ones_like(start_t)
-    counts = torch.zeros_like(rays)
-    rounds = []
-    nodes_visited, leaves_visited = (counts.new_zeros((), dtype=torch.int64) for _ in range(2))
-    while len(rays):
-        hits_t, hits_alpha = (start_t.new_empty(len(rays), BUFFER) for _ in range(2))
-        hits_id = torch.empty(len(rays), BUFFER, dtype=torch.int32, device=device)
-        found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
-        left = torch.empty_like(rest)
-        buffers = [hits_t, hits_id, hits_alpha]
-        arguments = [rays, origin, direction, start_t, start_id, rest, backs, stop, *tree]
-        launch(kernels.gather, len(rays), device, [*arguments, *buffers, found, left, nodes, leaves])
-        nodes_visited += nodes.sum()
-        leaves_visited += leaves.sum()
-        rounds.append((slots, counts[slots], found, buffers))
-        counts[slots] += found
-        more = torch.nonzero((found == BUFFER) & (left >= stop))[:, 0]
-        start_t, start_id = hits_t[more, -1].contiguous(), hits_id[more, -1].contiguous()
-        slots, rays, rest = slots[more], rays[more].contiguous(), left[more].contiguous()
-    begin, entries = _begins(counts), _entries(counts)
-    depth, alpha = (start_t.new_empty(entries) for _ in range(2))
-    surfel = torch.empty(entries, dtype=torch.int32, device=device)
-    for slots, before, found, buffers in rounds:
-        target = begin[slots] + before
-        launch(kernels.pack, len(slots), device, [found, target, *buffers, depth, surfel, alpha])
-    return _Found(counts, surfel, depth, alpha, (nodes_visited, leaves_visited))
+    """A first round, and further ones of the rays that have more hits than a round holds."""
+    slot = torch.arange(len(order), device=order.device)
+    start = [start_t, torch.full_like(order, NO_SURFEL), torch.ones_like(start_t)]
+    rounds = [_gather(kernels, fixed, slot, order, start)]
+    while len(more := torch.nonzero(rounds[-1].rest != FINISHED)[:, 0]):
+        last = rounds[-1]
+        slot, start = last.slot[more], last.onwards(more)
+        rounds.append(_gather(kernels, fixed, slot, order[slot], start))
+    visits = [torch.stack(kind).sum() for kind in zip(*(each.visits for each in rounds), strict=True)]
+    counts = rounds[0].found.clone()
+    for later in rounds[1:]:
+        counts[later.slot] += later.found
+    entries = _entries(counts)
+    if len(rounds) == 1 and not as_on_cuda(order.device):
+        surfel, depth, alpha = (hits[:entries] for hits in (rounds[0].surfel, rounds[0].depth, rounds[0].alpha))
+    else:
+        surfel, depth, alpha = _joined(kernels, rounds, counts, entries)
+    return _Found(counts, surfel, depth, alpha, (visits[0], visits[1]))
+
+
+def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tensor, start: list[Tensor]) -> _Round:
+    """One round. ``start``: of each ray the depth and the surfel after which it goes on, and what is left of it there.
+
+    On CUDA each ray has room for BUFFER hits. On the CPU, where rays follow each other, their hits do, too; the room is
+    for as many, but a ray may take more of it, and one for which not enough is left waits for the next round.
+    """
+    device, (origin, direction, backs, stop, *tree) = rays.device, fixed
+    room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST)
+    hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
+    hits_id = torch.empty(room, dtype=torch.int32, device=device)
+    found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))
+    rest = torch.empty_like(start[2])
+    used = torch.zeros(1, dtype=torch.int32, device=device)
+    arguments = [rays, origin, direction, *start, backs, stop, *tree]
+    hits = [hits_t, hits_id, hits_alpha, used, found, rest]
+    launch(kernels.gather, len(rays), device, [*arguments, *hits, nodes, leaves])
+    if as_on_cuda(device):
+        source = BUFFER * torch.arange(len(rays), dtype=torch.int32, device=device)
+    else:
+        source = _begins(found)[:-1]
+    return _Round(slot, found, source, rest, hits_id, hits_t, hits_alpha, (nodes.sum(), leaves.sum()), start)
+
+
+def _joined(
+    kernels: SimpleNamespace, rounds: Sequence[_Round], counts: Tensor, entries: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Surfels, depths and alphas of all rounds, ray after ray."""
+    depth, alpha = (rounds[0].depth.new_empty(entries) for _ in range(2))
+    surfel = torch.empty(entries, dtype=torch.int32, device=counts.device)
+    target = _begins(counts)[:-1].clone()
+    for each in rounds:
+        where = [each.found, each.source, target[each.slot]]
+        buffers = [each.depth, each.surfel, each.alpha]
+        launch(kernels.pack, len(each.slot), counts.device, [*where, *buffers, depth, surfel, alpha])
+        target[each.slot] += each.found
+    return surfel, depth, alpha
 
 
 def _begins(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:

@@ -13,18 +13,21 @@ from ..lanes import bell_words
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
-from .breadth_first_source import AT_ONCE, BREADTH_FIRST, CANDIDATES
+from .breadth_first_source import AT_ONCE, BREADTH_FIRST, MOST
 from .nearest_first_source import NEAREST_FIRST, STACK
 from .ray_source import RAY
 
 BUFFER = 32
-"""Hits gathered in one round; longer buffers measured faster than restarting more often."""
+"""Hits that a ray is followed for nearest first in one round; more measured faster than to begin again more often."""
+
+FINISHED = -1.0
+"""In the place of what is left of a ray: it needs no further round."""
 
 NO_SURFEL = 2**31 - 1
 """The surfel after which a ray's first round begins: every hit at its start counts as passed."""
 
 RAYS_AHEAD = 4
-"""A ray's numbers, and the lines that its hits go to, are fetched while this many rays before it are followed."""
+"""A ray's numbers are fetched while this many rays before it are followed."""
 
 _GATHER = (
     """
@@ -37,17 +40,22 @@ _GATHER = (
     + """
     if (slot + RAYS_AHEAD < rays.shape[0]) {
         const int later = rays.data[slot + RAYS_AHEAD];
-        const long long row = (slot + (long long)RAYS_AHEAD) * BUFFER;
         FETCH(origins.data + later);
         FETCH(directions.data + later);
         FETCH(backs_t.data + later);
-        FETCH(hits_t.data + row);
-        FETCH(hits_id.data + row);
-        FETCH(hits_alpha.data + row);
     }
-    SCALAR* hit_t = hits_t.data + (long long)slot * BUFFER;
-    int* hit_id = hits_id.data + (long long)slot * BUFFER;
-    SCALAR* hit_alpha = hits_alpha.data + (long long)slot * BUFFER;
+#if ON_CUDA
+    const long long place = (long long)slot * BUFFER;
+#else
+    const int place = used.data[0];
+    if (place + MOST > hits_t.shape[0]) {
+        found_out.data[slot] = nodes_out.data[slot] = leaves_out.data[slot] = 0;
+        rest_out.data[slot] = start_rest;
+        return;
+    }
+#endif
+    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
+    int* hit_id = hits_id.data + place;
 """
     + BREADTH_FIRST
     + NEAREST_FIRST
@@ -60,8 +68,8 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"BUFFER": BUFFER, "STACK": STACK, "AT_ONCE": AT_ONCE, "CANDIDATES": CANDIDATES}
-    sizes |= {"NO_SURFEL": NO_SURFEL, "RAYS_AHEAD": RAYS_AHEAD}
+    sizes = {"BUFFER": BUFFER, "STACK": STACK, "AT_ONCE": AT_ONCE, "MOST": MOST}
+    sizes |= {"NO_SURFEL": NO_SURFEL, "RAYS_AHEAD": RAYS_AHEAD, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 
     @wp.func
@@ -110,6 +118,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         hits_t: wp.array(dtype=scalar),
         hits_id: wp.array(dtype=wp.int32),
         hits_alpha: wp.array(dtype=scalar),
+        used: wp.array(dtype=wp.int32),
         found_out: wp.array(dtype=wp.int32),
         rest_out: wp.array(dtype=scalar),
         nodes_out: wp.array(dtype=wp.int32),
@@ -134,6 +143,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         hits_t: wp.array(dtype=scalar),
         hits_id: wp.array(dtype=wp.int32),
         hits_alpha: wp.array(dtype=scalar),
+        used: wp.array(dtype=wp.int32),
         found_out: wp.array(dtype=wp.int32),
         rest_out: wp.array(dtype=scalar),
         nodes_out: wp.array(dtype=wp.int32),
@@ -141,7 +151,8 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     ):
         gather_hits(
             first + wp.tid(), rays, origins, directions, starts_t, starts_id, starts_rest, backs_t, stop,
-            boxes, children, leaves, order, hits_t, hits_id, hits_alpha, found_out, rest_out, nodes_out, leaves_out,
+            boxes, children, leaves, order, hits_t, hits_id, hits_alpha, used, found_out, rest_out, nodes_out,
+            leaves_out,
         )  # fmt: skip
 
     @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
@@ -149,6 +160,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         first: wp.int32,
         found: wp.array(dtype=wp.int32),
         begin: wp.array(dtype=wp.int32),
+        target: wp.array(dtype=wp.int32),
         hits_t: wp.array(dtype=scalar),
         hits_id: wp.array(dtype=wp.int32),
         hits_alpha: wp.array(dtype=scalar),
@@ -157,11 +169,9 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
         alpha: wp.array(dtype=scalar),
     ):
         slot = first + wp.tid()
-        source = slot * wp.static(BUFFER)
-        target = begin[slot]
         for step in range(found[slot]):
-            depth[target + step] = hits_t[source + step]
-            surfel[target + step] = hits_id[source + step]
-            alpha[target + step] = hits_alpha[source + step]
+            depth[target[slot] + step] = hits_t[begin[slot] + step]
+            surfel[target[slot] + step] = hits_id[begin[slot] + step]
+            alpha[target[slot] + step] = hits_alpha[begin[slot] + step]
 
     return SimpleNamespace(code=code, gather=gather, pack=pack, vector=vector)

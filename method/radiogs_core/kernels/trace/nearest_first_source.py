@@ -101,8 +101,9 @@ NEAREST_FIRST = """
         node = stack_node[top];
     }
 done:
+    used.data[0] += found;
     found_out.data[slot] = found;
-    rest_out.data[slot] = left[found];
+    rest_out.data[slot] = found == BUFFER && left[found] >= stop ? left[found] : SCALAR(FINISHED);
     nodes_out.data[slot] = nodes;
     leaves_out.data[slot] = leaf_count;
 """
