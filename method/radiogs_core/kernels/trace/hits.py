@@ -25,7 +25,7 @@ from .bvh import SurfelBVH
 from .hits_source import BUFFER, FINISHED, NO_SURFEL, hit_kernels
 from .ray_order import coherent_order
 
-RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 15, 1 << 20
+RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
 """Rays gathered together at most: bounds the buffers, of which the CPU touches what it fills (12 bytes a hit)."""
 
 FEWEST_RAYS = 2048
@@ -117,7 +117,7 @@ def find_hits(
     chunks = zip(order.split(at_once), start.split(at_once), strict=True)
     tasks = [partial(_find, kernels, [*rays, backs, stop, *tree], chunk, nearest) for chunk, nearest in chunks]
     found = in_parallel(tasks, origin.device)
-    counts, surfel, depth, alpha = (torch.cat([getattr(part, name) for part in found]) for name in JOINED)
+    counts, surfel, depth, alpha = (_together([getattr(part, name) for part in found]) for name in JOINED)
     nodes, leaves = (torch.stack(kind).sum() for kind in zip(*(part.visits for part in found), strict=True))
     read = (nodes * bvh.boxes[:1].numel() + leaves * bvh.leaves[:1].numel()) * origin.element_size()
     count(rays=len(order), hits=len(surfel), node_visits=nodes, leaf_visits=leaves, bytes_read=read)
@@ -140,7 +140,7 @@ def _find(kernels: SimpleNamespace, fixed: list[Any], order: Tensor, start_t: Te
         counts[later.slot] += later.found
     entries = _entries(counts)
     if len(rounds) == 1 and not as_on_cuda(order.device):
-        surfel, depth, alpha = (hits[:entries] for hits in (rounds[0].surfel, rounds[0].depth, rounds[0].alpha))
+        surfel, depth, alpha = (hits[:entries].clone() for hits in (rounds[0].surfel, rounds[0].depth, rounds[0].alpha))
     else:
         surfel, depth, alpha = _joined(kernels, rounds, counts, entries)
     return _Found(counts, surfel, depth, alpha, (visits[0], visits[1]))
@@ -182,6 +182,10 @@ def _joined(
         launch(kernels.pack, len(each.slot), counts.device, [*where, *buffers, depth, surfel, alpha])
         target[each.slot] += each.found
     return surfel, depth, alpha
+
+
+def _together(parts: list[Tensor]) -> Tensor:
+    return torch.cat(parts) if len(parts) > 1 else parts[0]
 
 
 def _begins(counts: Int[Tensor, " rays"]) -> Int[Tensor, " rays_and_one"]:
