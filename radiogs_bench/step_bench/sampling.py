@@ -42,7 +42,9 @@ PARTS: dict[str, tuple[str, ...]] = {
     "optimiser": ("radiogs_core.surfels.optimiser",),
     "density": ("radiogs_core.surfels.density", "radiogs_core.learning.contribution"),
     "starting points": (
+        "radiogs_core.kernels.sweep",
         "radiogs_core.surfels.starting_points",
+        "radiogs_core.surfels.semi_global_matching",
         "radiogs_core.surfels.swept_depth",
         "radiogs_core.surfels.swept_points",
         "radiogs_core.surfels.surroundings",

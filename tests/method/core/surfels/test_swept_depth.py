@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from radiogs_core.surfels.semi_global_matching import aggregated, lowest
-from radiogs_core.surfels.swept_depth import DepthSweep, SmallView, mean_of_least, swept_depths, window_sums
+from radiogs_core.surfels.swept_depth import DepthSweep, SmallView, swept_depths
 from scenes import sphere_scene
 
 STEP, JUMP = 0.3, 0.7
@@ -39,21 +39,6 @@ def test_aggregated_costs_are_those_of_the_cheapest_of_all_paths_from_four_sides
         here = found[:, row, column]
         # Costs are known up to a constant of the pixel, which no choice among its planes depends on.
         torch.testing.assert_close(here - here.min(), expected - expected.min())
-
-
-@pytest.mark.parametrize("count", [1, 3, 5, 9])
-def test_of_the_least_values_the_mean_counts_in_any_order(count: int) -> None:
-    maps = torch.rand(7, 4, 5, generator=torch.Generator().manual_seed(count), dtype=torch.float64)
-    torch.testing.assert_close(mean_of_least(iter(maps), count), maps.sort(0).values[:count].mean(0))
-
-
-@pytest.mark.parametrize("window", [1, 3, 7])
-def test_sums_over_squares_end_at_the_border(window: int) -> None:
-    values = torch.rand(2, 5, 4, generator=torch.Generator().manual_seed(window), dtype=torch.float64)
-    expected = torch.nn.functional.conv2d(
-        values[:, None], values.new_ones(1, 1, window, window), padding=window // 2
-    )[:, 0]  # fmt: skip
-    torch.testing.assert_close(window_sums(values, window), expected)
 
 
 def test_the_lowest_cost_is_found_between_planes() -> None:

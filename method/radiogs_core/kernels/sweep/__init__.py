@@ -1,0 +1,1 @@
+"""K16: the plane sweep that starting points come from."""
