@@ -33,13 +33,14 @@ _SWEEP = """
         const SCALAR* begin = begins.data + 3 * other;
         const SCALAR* slope = slopes.data + 3LL * pixels * other;
         for (int first = 0; first < pixels; first += LANES) {
-            SCALAR near_x[LANES], near_y[LANES], depth[LANES];
+            SCALAR near_x[LANES], near_y[LANES];
             int corner[LANES];
             for (int c = 0; c < LANES; ++c) {
                 const int pixel = first + c;
                 const SCALAR z = begin[2] + slope[2 * pixels + pixel] * distance;
                 const SCALAR along = SCALAR(1) / (z > SCALAR(1e-6) ? z : SCALAR(1e-6));
-                // One pixel of nothing lies around the image; what falls beyond it falls on it. NaN does, too.
+                // One pixel of nothing lies around the image; what falls beyond it, as all behind the camera does, falls
+                // on it. NaN does, too.
                 SCALAR x = (begin[0] + slope[pixel] * distance) * along + SCALAR(1);
                 SCALAR y = (begin[1] + slope[pixels + pixel] * distance) * along + SCALAR(1);
                 x = x > SCALAR(0) ? x : SCALAR(0);
@@ -50,7 +51,6 @@ _SWEEP = """
                 near_x[c] = x - SCALAR(column);
                 near_y[c] = y - SCALAR(row);
                 corner[c] = TEXEL * (row * (width + 2) + column);
-                depth[c] = z;
             }
             SCALAR seen[TEXEL * LANES], colour[TEXEL * LANES], mean[LANES];
             for (int c = 0; c < LANES; ++c) {
@@ -67,7 +67,7 @@ _SWEEP = """
                     const SCALAR apart = seen[TEXEL * c + i] - colour[TEXEL * c + i];
                     sum += apart < SCALAR(0) ? -apart : apart;
                 }
-                const bool object = (seen[TEXEL * c + 3] > SCALAR(COVERED)) & (depth[c] > SCALAR(0));
+                const bool object = seen[TEXEL * c + 3] > SCALAR(COVERED);
                 mean[c] = object ? sum / SCALAR(3) : SCALAR(1);
             }
             for (int c = 0; c < LANES; ++c) difference[place.data[first + c]] = mean[c];

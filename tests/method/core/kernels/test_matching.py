@@ -8,7 +8,7 @@ from radiogs_core.kernels.sweep.matching import Matched, Textures, matching_cost
 from radiogs_core.scene.camera import Camera
 from reference import matching as reference
 
-PLANES = torch.linspace(0.5, 6.0, 9, dtype=torch.float64)
+PLANES = torch.linspace(0.5, 9.0, 12, dtype=torch.float64)
 
 
 def camera_at(angle: float, width: int, height: int) -> Camera:
