@@ -44,8 +44,7 @@ def test_costs_are_those_of_sampling_windows_and_sorting(window: int, agreeing: 
     found = matching_costs(matched, textures, [2, 1, 4, 3], PLANES, window, agreeing)
     expected = reference.matching_costs(matched, [views[k] for k in (2, 1, 4, 3)], PLANES, window, agreeing)
     torch.testing.assert_close(found, expected, rtol=0, atol=1e-12)
-    assert float((found > 0.95).double().mean()) > 0.01, "some are hardly seen by others"
-    assert float((found < 0.9).double().mean()) > 0.05, "and some are seen"
+    assert float(found.min()) < 0.7 < 0.85 < float(found.max()), "others see some pixels, and hardly see some"
 
 
 def test_float32_agrees_with_float64_but_where_a_pixel_crosses_a_threshold() -> None:
