@@ -167,7 +167,7 @@ class RelitByRays:
         plan: EffectPlan = EVERYTHING,
         straight: bool = True,
     ) -> None:
-        self.surfels, self.albedo, self.light, self.incident = surfels, albedo, light, incident
+        self.surfels, self.albedo, self.light, self.incident = surfels.framed(), albedo, light, incident
         self.straight = straight
         self.specular = plan.specular_among(albedo)
         self.evidence: tuple[Evidence, ...] = ()
@@ -183,7 +183,7 @@ class RelitBySurfels:
     """The radiance that fine-tuning has left in the surfels, rendered_views: no ray, no shading."""
 
     def __init__(self, surfels: Surfels, straight: bool = True) -> None:
-        self.surfels, self.straight = surfels, straight
+        self.surfels, self.straight = surfels.framed(), straight
         self.evidence: tuple[Evidence, ...] = ()
 
     @torch.no_grad()

@@ -39,8 +39,7 @@ _SWEEP = """
                 const int pixel = first + c;
                 const SCALAR z = begin[2] + slope[2 * pixels + pixel] * distance;
                 const SCALAR along = SCALAR(1) / (z > SCALAR(1e-6) ? z : SCALAR(1e-6));
-                // One pixel of nothing lies around the image; what falls beyond it, as all behind the camera does, falls
-                // on it. NaN does, too.
+                // Around the image lies a pixel of nothing. What falls beyond it falls on it: all behind the camera, and NaN.
                 SCALAR x = (begin[0] + slope[pixel] * distance) * along + SCALAR(1);
                 SCALAR y = (begin[1] + slope[pixels + pixel] * distance) * along + SCALAR(1);
                 x = x > SCALAR(0) ? x : SCALAR(0);

@@ -228,3 +228,22 @@ def test_gradients_repeat_bit_for_bit(team: int) -> None:
     pulls = [torch.randn_like(value) for value in fast(given, view)]
     first, second = gradients(fast, given, view, pulls), gradients(fast, given, view, pulls)
     assert all(torch.equal(first[name], second[name]) for name in FIELDS)
+
+
+def test_surfels_whose_centres_lie_behind_the_camera_come_first_and_in_the_order_of_their_depths() -> None:
+    """Discs of a floor below the camera, which reach from behind it to before it."""
+    view, depths = camera(), torch.tensor([0.5, -0.3, 0.2, -0.9, -0.1, 0.2], dtype=torch.float64)
+    right, down, forward = view.axes.T.expand(len(depths), 3, 3).unbind(1)
+    geometry = SplatGeometry(
+        view.centre + depths[:, None] * forward + down,
+        right / 3,
+        forward / 3,
+        -down,
+        torch.full_like(depths, 0.9),
+    )
+    lists = tile_lists(view, geometry)
+    assert lists.touched.all()
+    tiles = [lists.members[begin:end].tolist() for begin, end in pairwise(lists.starts.tolist())]
+    in_order = depths.argsort(stable=True).tolist()
+    assert max(tiles, key=len) == in_order
+    assert all(tile == [surfel for surfel in in_order if surfel in tile] for tile in tiles)
