@@ -39,7 +39,7 @@ _SWEEP = """
                 const int pixel = first + c;
                 const SCALAR z = begin[2] + slope[2 * pixels + pixel] * distance;
                 const SCALAR along = SCALAR(1) / (z > SCALAR(1e-6) ? z : SCALAR(1e-6));
-                // Around the image lies a pixel of nothing, on which all beyond it falls, all behind the camera and NaN.
+                // A pixel of nothing lies around the image: on it falls all beyond, what is behind the camera and NaN.
                 SCALAR x = (begin[0] + slope[pixel] * distance) * along + SCALAR(1);
                 SCALAR y = (begin[1] + slope[pixels + pixel] * distance) * along + SCALAR(1);
                 x = x > SCALAR(0) ? x : SCALAR(0);
