@@ -41,7 +41,7 @@ class SplitSumLight:
 
     def ready(self) -> "SplitSumLight":
         """The same light with its maps made: the first frame, which is timed, must not wait for them."""
-        _ = self.filtered.diffuse, self.filtered.glossy
+        _ = self.filtered.both
         return self
 
     def along(self, direction: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:

@@ -204,8 +204,8 @@ class FitGeometry:
             self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
         self._move()
         self.iteration += 1
-        changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
-        if changed is not None:
+        if self.density.due(self.iteration, self.iterations):
+            changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
             require_some(changed[0], self.iteration)
             self.optimiser.replace(*changed)
         return values

@@ -34,6 +34,16 @@ class DensityControl(Protocol):
     ) -> None:
         """Learn from one step: the loss's gradient with respect to the world centres, and which surfels were seen."""
 
+    def due(self, iteration: int, iterations: int) -> bool:
+        """Whether ``act`` has something to do after this step."""
+        return self._grows(iteration, iterations) or self._hides(iteration, iterations)
+
+    def _grows(self, iteration: int, iterations: int) -> bool:
+        return iteration % self.interval == 0 and self.rules.start <= iteration / iterations < self.rules.end
+
+    def _hides(self, iteration: int, iterations: int) -> bool:
+        return iteration in {round(share * iterations) for share in self.rules.hidden_at}
+
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
@@ -145,19 +155,25 @@ class AdaptiveDensityControl:
         """Add the step's view to the positional gradient."""
         self.gradient.add(camera, centre, gradient, in_view)
 
+    def due(self, iteration: int, iterations: int) -> bool:
+        """Whether ``act`` has something to do after this step."""
+        return self._grows(iteration, iterations) or self._hides(iteration, iterations)
+
+    def _grows(self, iteration: int, iterations: int) -> bool:
+        return iteration % self.interval == 0 and self.rules.start <= iteration / iterations < self.rules.end
+
+    def _hides(self, iteration: int, iterations: int) -> bool:
+        return iteration in {round(share * iterations) for share in self.rules.hidden_at}
+
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
-    ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
-        """A round of cloning, splitting and pruning where one is due; statistics begin anew after it. Surfels that
-        hardly show are pruned where that is due, in a round or apart from one."""
-        rules = self.rules
-        grows = iteration % self.interval == 0 and rules.start <= iteration / iterations < rules.end
-        hides = iteration in {round(share * iterations) for share in rules.hidden_at}
-        if not (grows or hides):
-            return None
+    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
+        """What is ``due`` after this step: a round of cloning, splitting and pruning, after which statistics begin anew,
+        or pruning surfels that hardly show, or both."""
+        grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
         shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
         if hides:
-            shows = self.contribution(surfels) >= rules.least_contribution
+            shows = self.contribution(surfels) >= self.rules.least_contribution
         if not grows:
             stayers = torch.nonzero(shows)[:, 0]
             self.gradient = self.gradient.take(stayers)

@@ -3,7 +3,7 @@
 from functools import cache, cached_property
 
 import torch
-from jaxtyping import Complex, Float
+from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
@@ -34,17 +34,22 @@ class PrefilteredLight:
     @cached_property
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
         """Irradiance over pi by normal."""
-        return filtered(self._spectrum, len(self.sharp), 0, 1)[0].to(self.sharp)
+        # Apart from the glossy levels: shading by rays needs it alone.
+        return self._filtered(1)[0]
 
-    @cached_property
+    @property
     def glossy(self) -> Float[Tensor, "levels rows columns 3"]:
         """Light averaged over the GGX lobe of each of LEVELS, by mirrored direction."""
-        # Apart from the diffuse one: shading by rays needs that one alone.
-        return filtered(self._spectrum, len(self.sharp), 1, len(LEVELS)).to(self.sharp)
+        return self.both[1]
 
     @cached_property
-    def _spectrum(self) -> Complex[Tensor, "frequencies texels 3"]:
-        return turned_spectrum(self.sharp)
+    def both(self) -> tuple[Float[Tensor, "rows columns 3"], Float[Tensor, "levels rows columns 3"]]:
+        """``diffuse`` and ``glossy``, found together."""
+        every = self._filtered(1 + len(LEVELS))
+        return every[0], every[1:]
+
+    def _filtered(self, count: int) -> Float[Tensor, "{count} rows columns 3"]:
+        return filtered(turned_spectrum(self.sharp), len(self.sharp), 0, count).to(self.sharp)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
@@ -60,7 +65,8 @@ def split_sum_radiance(
 ) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch 3"]]:
     """Diffuse and specular radiance towards unit ``outgoing``, without occlusion; zero seen from behind."""
     table = brdf_table().to(normal)
-    both = split_sum(normal, albedo, roughness, outgoing, light.diffuse, light.glossy, light.sharp, table, LEVELS[0])
+    diffuse, glossy = light.both
+    both = split_sum(normal, albedo, roughness, outgoing, diffuse, glossy, light.sharp, table, LEVELS[0])
     return both[:, 0], both[:, 1]
 
 

@@ -27,6 +27,11 @@ class ApproximatelyFilteredLight(PrefilteredLight):
         filtered = _approximate_filter(height, width).to(self.sharp) @ self.sharp.reshape(-1, 3)
         return filtered.view(GRID_HEIGHT, GRID_WIDTH, 3)
 
+    @cached_property
+    def both(self) -> tuple[Float[Tensor, "rows columns 3"], Float[Tensor, "levels rows columns 3"]]:
+        """The approximate ``diffuse``, and the exact ``glossy``."""
+        return self.diffuse, super().both[1]
+
 
 def filtered_light(radiance: Float[Tensor, "height width 3"], areas: TexelAreas) -> PrefilteredLight:
     """A light, filtered with exact or approximate areas of texels; differentiable in its texels."""

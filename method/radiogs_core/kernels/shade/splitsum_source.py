@@ -145,11 +145,13 @@ _BACKWARD = (
     + """
     SCALAR to_normal[3] = {zero, zero, zero}, to_view[3] = {zero, zero, zero};
     SCALAR to_albedo[3] = {zero, zero, zero}, to_roughness = zero;
-    if (cosine > zero) {
+    const SCALAR* pull = pulls.data + 6LL * point;
+    bool pulled = false;
+    for (int c = 0; c < 6; ++c) pulled |= pull[c] != zero;
+    if (cosine > zero && pulled) {
 """
     + _LIGHT
     + """
-        const SCALAR* pull = pulls.data + 6LL * point;
         SCALAR to_irradiance[3], to_light[3], to_reflectance = zero;
         for (int c = 0; c < 3; ++c) {
             to_albedo[c] = pull[c] * irradiance[c];
