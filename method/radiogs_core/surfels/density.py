@@ -168,8 +168,11 @@ class AdaptiveDensityControl:
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        """What is ``due`` after this step: a round of cloning, splitting and pruning, after which statistics begin anew,
-        or pruning surfels that hardly show, or both."""
+        """What is ``due`` after this step.
+
+        That is a round of cloning, splitting and pruning, after which statistics begin anew; to prune surfels that
+        hardly show; or both.
+        """
         grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
         shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
         if hides:

@@ -105,6 +105,11 @@ def test_rounds_are_due_at_the_interval_between_start_and_end(iteration: int, du
     assert control([1, 1, 1, 1]).due(iteration, 100) == due
 
 
+def test_hardly_shown_surfels_are_looked_for_between_rounds_too() -> None:
+    by = control([1, 1, 1, 1], rules=replace(RULES, hidden_at=(0.25,)))
+    assert [iteration for iteration in range(21, 30) if by.due(iteration, 100)] == [25]
+
+
 def test_statistics_reset_after_a_round_and_resume_before_it() -> None:
     first = control([1, 1, 1, 1e-9])
     resumed = AdaptiveDensityControl(RULES, 10, 100, 1.0, four_surfels(), all_show)

@@ -135,6 +135,7 @@ def test_float64_equals_the_dense_expression_and_its_gradients(height: int) -> N
     surface = [unit(300), torch.rand(300, 3, dtype=F64), torch.rand(300, dtype=F64), unit(300)]
     surface[2][:3] = torch.tensor([0.0, LEVELS[0], 1.0])
     pulls = torch.randn(2, 300, 3, dtype=F64)
+    pulls[0, 50:150] = pulls[1, 100:200] = 0.0  # one part alone, and nothing
     found = []
     for function in (split_sum_radiance, dense.split_sum_radiance):
         leaves = [value.clone().requires_grad_() for value in (radiance, *surface)]
