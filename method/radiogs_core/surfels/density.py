@@ -35,20 +35,13 @@ class DensityControl(Protocol):
         """Learn from one step: the loss's gradient with respect to the world centres, and which surfels were seen."""
 
     def due(self, iteration: int, iterations: int) -> bool:
-        """Whether ``act`` has something to do after this step."""
-        return self._grows(iteration, iterations) or self._hides(iteration, iterations)
-
-    def _grows(self, iteration: int, iterations: int) -> bool:
-        return iteration % self.interval == 0 and self.rules.start <= iteration / iterations < self.rules.end
-
-    def _hides(self, iteration: int, iterations: int) -> bool:
-        return iteration in {round(share * iterations) for share in self.rules.hidden_at}
+        """Whether to ``act`` after ``iteration`` of ``iterations`` steps."""
 
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
-    ) -> tuple[Surfels, Int[Tensor, " surfels"]] | None:
-        """Where it is due after ``iteration`` of ``iterations`` steps: the new surfels, and for each the index of the
-        old one whose optimiser moments it inherits (-1 for fresh ones). None where nothing is due."""
+    ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
+        """Where it is ``due``: the new surfels, and for each the index of the old one whose optimiser moments it
+        inherits (-1 for fresh ones)."""
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which to continue bit for bit."""
@@ -156,7 +149,7 @@ class AdaptiveDensityControl:
         self.gradient.add(camera, centre, gradient, in_view)
 
     def due(self, iteration: int, iterations: int) -> bool:
-        """Whether ``act`` has something to do after this step."""
+        """Whether to ``act`` after this step."""
         return self._grows(iteration, iterations) or self._hides(iteration, iterations)
 
     def _grows(self, iteration: int, iterations: int) -> bool:
