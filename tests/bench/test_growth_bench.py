@@ -18,7 +18,7 @@ from radiogs_bench.step_bench.growth_table import within
 def test_the_command_fits_what_it_measured(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tracing = Axis("tracing, forward", "rays", "2,000 surfels", (1 << 14, 1 << 16, 1 << 18), 1.05)
+    tracing = Axis("tracing, forward", "rays", "2,000 surfels", (1 << 13, 1 << 15, 1 << 17), 1.05)
     monkeypatch.setattr(growth, "SURFELS", 2000)
     monkeypatch.setattr(growth, "KERNELS", (tracing,))
     monkeypatch.setattr(growth, "STEPS", (Axis("", "views", "200 surfels", (2, 4)),))
@@ -34,7 +34,7 @@ def test_the_command_fits_what_it_measured(
     assert {"stage 1, initialisation: beginning", "stage 2, inverse rendering: step"} <= {row["title"] for row in steps}
     assert all(row["seconds exponent"]["low"] is None for row in steps), "two sizes tell no interval"
     assert f"{rays['seconds exponent']['value']:.2f}" in capsys.readouterr().out
-    assert any("rays, 16,384 to 262,144" in each for each in table_of(file))
+    assert any("rays, 8,192 to 131,072" in each for each in table_of(file))
 
 
 @pytest.mark.parametrize(("low", "expected"), [(1.0, True), (1.2, False)])
