@@ -24,13 +24,10 @@ from ..lanes import SUM_OF_LANES, VECTORS
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from .angle import ANGLE, ATAN_TERMS
-from .brdf import FRESNEL_NORMAL
+from .lobe_source import LOBE, LOBE_FUNCTIONS, lobe_words
 
 LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
-
-EXP_TERMS = {torch.float32: 8, torch.float64: 15}
-"""Terms of the series of exp down to -0.55 that reach the last digit of each type."""
 
 TEXEL = 4
 """Numbers of a texel of the light in memory: three channels, and one that makes it a vector."""
@@ -59,21 +56,8 @@ _SURFEL = (
     const SCALAR k = (roughness + one) * (roughness + one) / SCALAR(8);
 """
     + ANGLE
+    + LOBE_FUNCTIONS
     + """
-    // Schlick's F: 2^p = (e^(p log(2) / 16))^16, with -12.6 < p < 0.
-    auto fresnel = [](SCALAR cosine) -> SCALAR {
-        const SCALAR p = (SCALAR(-5.55473) * cosine - SCALAR(6.98316)) * cosine;
-        const SCALAR z = p * SCALAR(0.69314718055994530942 / 16);
-        SCALAR power = 1;
-        for (int term = EXP_TERMS; term > 0; --term) power = SCALAR(1) + z * power * (SCALAR(1) / SCALAR(term));
-        for (int doubling = 0; doubling < 4; ++doubling) power *= power;
-        return SCALAR(F0) + SCALAR(1 - F0) * power;
-    };
-    // What rounding took from the sum a + b.
-    auto rest_of = [](SCALAR a, SCALAR b, SCALAR sum) -> SCALAR {
-        const SCALAR taken = sum - a;
-        return (a - (sum - taken)) + (b - taken);
-    };
 #if !ON_CUDA
     typedef SCALAR Texel __attribute__((vector_size(4 * sizeof(SCALAR)), aligned(sizeof(SCALAR))));
 #endif
@@ -167,24 +151,6 @@ _BLOCK = """
             for (int c = 0; c < LANES; ++c) diffuse[i][c] += flow[c] * incident[i][c];
 """
 
-# t = n x s decides how far a sharp lobe is off its peak. Of s itself the products would cancel; so its part along n is
-# taken out first and what its rounding lost is put back (at roughness 0.02 the lobe is good to 1e-6 instead of 2e-4).
-_LOBE = """
-                const SCALAR sx = wx[c] + ox, sy = wy[c] + oy, sz = wz[c] + oz;
-                const SCALAR length_squared = sx * sx + sy * sy + sz * sz;
-                const SCALAR along = view_cosine + light_cosine[c];
-                const SCALAR px = (sx - along * nx) + rest_of(wx[c], ox, sx);
-                const SCALAR py = (sy - along * ny) + rest_of(wy[c], oy, sy);
-                const SCALAR pz = (sz - along * nz) + rest_of(wz[c], oz, sz);
-                const SCALAR tx = ny * pz - nz * py, ty = nz * px - nx * pz, tz = nx * py - ny * px;
-                const SCALAR spread = alpha_squared * along * along + tx * tx + ty * ty + tz * tz;
-                const SCALAR peak = length_squared / spread;
-                const SCALAR cosine = (ox * sx + oy * sy + oz * sz) / wp::sqrt(length_squared);
-                const SCALAR light_term = light_cosine[c] * (one - k) + k;
-                const SCALAR shape = alpha_squared * peak * peak / (SCALAR(4) * pi * view_term * light_term);
-                const SCALAR lobe = shape * fresnel(cosine);
-"""
-
 _FORWARD = (
     _SURFEL
     + """
@@ -203,7 +169,7 @@ _FORWARD = (
             SCALAR specular[6][LANES];
             for (int c = 0; c < LANES; ++c) {
 """
-    + _LOBE
+    + LOBE
     + """
                 for (int i = 0; i < 6; ++i) specular[i][c] = lobe * flow[c] * incident[i][c];
             }
@@ -255,7 +221,7 @@ _BACKWARD = (
             for (int i = 0; i < 6; ++i) specular_pull[i] = pull_of_view[12 * view + 6 + i];
             for (int c = 0; c < LANES; ++c) {
 """
-    + _LOBE
+    + LOBE
     + """
                 SCALAR arriving = zero;
                 for (int i = 0; i < 6; ++i) {
@@ -396,8 +362,7 @@ def _written_for(snippet: str, dtype: torch.dtype, on_cuda: bool) -> str:
     words = {
         "SAMPLES_IN_A_BLOCK": str(1 if on_cuda else LANES_ON_CPU),
         "ATAN_TERMS": str(ATAN_TERMS[dtype]),
-        "EXP_TERMS": str(EXP_TERMS[dtype]),
         "TEXEL": str(TEXEL),
-        "F0": repr(FRESNEL_NORMAL),
+        **lobe_words(dtype),
     }
     return native_text(snippet, dtype, on_cuda, words)

@@ -13,9 +13,6 @@ from ...scene.camera import Camera
 from ..runtime import launch_in_parallel
 from .matching_source import PIXELS_AT_ONCE, TEXEL, scratch_of, sweep_kernel
 
-COVERED = 0.5
-"""Coverage from which a pixel shows an object."""
-
 
 @dataclass(frozen=True)
 class Matched:
@@ -73,7 +70,7 @@ def matching_costs(
     given = [planes, place, colours, pixels_inside(matched.covered, window).to(dtype), begins, pad(slopes, (0, spare))]
     arguments = [rows, columns, len(place), len(others), window, agreeing, *given]
     arguments += [torch.tensor(sizes, dtype=torch.int32), textures.memory, room, out]
-    launch_in_parallel(sweep_kernel(dtype, COVERED), len(planes), planes.device, lambda _: arguments)
+    launch_in_parallel(sweep_kernel(dtype), len(planes), planes.device, lambda _: arguments)
     return out
 
 

@@ -12,6 +12,9 @@ from ..runtime import NATIVE, scalar_type, start_warp
 PIXELS_AT_ONCE = 16
 """Pixels are handled in groups of so many; those beyond the last have the place behind all others."""
 
+COVERED = 0.5
+"""Coverage from which a pixel shows an object."""
+
 TEXEL = 4
 """Numbers of a texel in memory: three colours and coverage."""
 
@@ -113,11 +116,11 @@ def scratch_of(rows: int, columns: int, window: int, agreeing: int) -> int:
 
 
 @cache
-def sweep_kernel(dtype: torch.dtype, covered: float) -> Any:
-    """The kernel for a scalar type; all arrays are flat. ``covered``: coverage from which a pixel shows an object."""
+def sweep_kernel(dtype: torch.dtype) -> Any:
+    """The kernel for a scalar type; all arrays are flat."""
     start_warp()
     flat, numbers = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.int32)
-    words = {"TEXEL": str(TEXEL), "COVERED": repr(covered), "PIXELS_AT_ONCE": str(PIXELS_AT_ONCE)}
+    words = {"TEXEL": str(TEXEL), "COVERED": repr(COVERED), "PIXELS_AT_ONCE": str(PIXELS_AT_ONCE)}
 
     @wp.func_native(native_text(_SWEEP, dtype, False, words))
     def sweep_plane(

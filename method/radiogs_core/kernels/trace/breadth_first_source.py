@@ -7,10 +7,10 @@ of them at a time. Nearest first takes twice as long on M, although it leaves ou
 
 from ..lanes import SQUEEZE
 
-AT_ONCE = 512
+MOST_NODES = 512
 """Nodes, and leaves, that a ray may enter; one that enters more is followed nearest first."""
 
-MOST = 248
+MOST_HITS = 248
 """Hits that are put in order together; a ray with more is followed nearest first."""
 
 BREADTH_FIRST = (
@@ -21,10 +21,10 @@ BREADTH_FIRST = (
     + """
     // A later round begins amid hits, which its first one has to leave out.
     if (start_id == NO_SURFEL) {
-        int within[AT_ONCE + 8], leaf_of[AT_ONCE + 8];
+        int within[MOST_NODES + 8], leaf_of[MOST_NODES + 8];
         int entered_nodes = 1, entered_leaves = 0, nodes = 0, leaf_count = 0, met = 0;
         within[0] = 0;
-        for (; nodes < entered_nodes && entered_nodes <= AT_ONCE && entered_leaves <= AT_ONCE; ++nodes) {
+        for (; nodes < entered_nodes && entered_nodes <= MOST_NODES && entered_leaves <= MOST_NODES; ++nodes) {
             SCALAR enter[8];
             const int hit = entered(within[nodes], huge, enter);
             Eight child;
@@ -37,10 +37,10 @@ BREADTH_FIRST = (
             entered_leaves += __builtin_popcount(of_leaves);
         }
 
-        SCALAR depth[8 * AT_ONCE + 64], square[8 * AT_ONCE + 64];
-        int place[MOST + 8];
+        SCALAR depth[8 * MOST_NODES + 64], square[8 * MOST_NODES + 64];
+        int place[MOST_HITS + 8];
         const bool all_nodes = nodes == entered_nodes;
-        for (; all_nodes && leaf_count < entered_leaves && met <= MOST; ++leaf_count) {
+        for (; all_nodes && leaf_count < entered_leaves && met <= MOST_HITS; ++leaf_count) {
             if (leaf_count + 3 < entered_leaves) fetch_leaf(leaf_of[leaf_count + 3]);
             const int first = 8 * leaf_count;
             const int hit = met_on(leaf_of[leaf_count], huge, depth + first, square + first)
@@ -50,9 +50,9 @@ BREADTH_FIRST = (
             met += __builtin_popcount(hit);
         }
 
-        if (all_nodes && leaf_count == entered_leaves && met <= MOST) {
-            SCALAR t_of[MOST + 8], bell_of[MOST + 8], alpha_of[MOST + 8];
-            int id_of[MOST + 8], rank_of[MOST + 8];
+        if (all_nodes && leaf_count == entered_leaves && met <= MOST_HITS) {
+            SCALAR t_of[MOST_HITS + 8], bell_of[MOST_HITS + 8], alpha_of[MOST_HITS + 8];
+            int id_of[MOST_HITS + 8], rank_of[MOST_HITS + 8];
             const int padded = (met + 7) / 8 * 8;
             for (int i = 0; i < padded; ++i) {
                 const int at = i < met ? place[i] : 0, lane = at & 7, leaf = leaf_of[at >> 3];

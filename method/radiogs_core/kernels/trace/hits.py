@@ -20,7 +20,7 @@ from ..runtime import (
     launch,
     workers,
 )
-from .breadth_first_source import MOST
+from .breadth_first_source import MOST_HITS
 from .bvh import SurfelBVH
 from .hits_source import BUFFER, FINISHED, NO_SURFEL, hit_kernels
 from .ray_order import coherent_order
@@ -153,7 +153,7 @@ def _gather(kernels: SimpleNamespace, fixed: list[Any], slot: Tensor, rays: Tens
     for as many, but a ray may take more of it, and one for which not enough is left waits for the next round.
     """
     device, (origin, direction, backs, stop, *tree) = rays.device, fixed
-    room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST)
+    room = len(rays) * BUFFER + (0 if as_on_cuda(device) else MOST_HITS)
     hits_t, hits_alpha = (start[0].new_empty(room) for _ in range(2))
     hits_id = torch.empty(room, dtype=torch.int32, device=device)
     found, nodes, leaves = (torch.empty_like(rays) for _ in range(3))

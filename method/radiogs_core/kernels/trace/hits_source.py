@@ -13,7 +13,7 @@ from ..lanes import bell_words
 from ..native_text import native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
-from .breadth_first_source import AT_ONCE, BREADTH_FIRST, MOST
+from .breadth_first_source import BREADTH_FIRST, MOST_HITS, MOST_NODES
 from .nearest_first_source import NEAREST_FIRST, STACK
 from .ray_source import RAY
 
@@ -48,7 +48,7 @@ _GATHER = (
     const long long place = (long long)slot * BUFFER;
 #else
     const int place = used.data[0];
-    if (place + MOST > hits_t.shape[0]) {
+    if (place + MOST_HITS > hits_t.shape[0]) {
         found_out.data[slot] = nodes_out.data[slot] = leaves_out.data[slot] = 0;
         rest_out.data[slot] = start_rest;
         return;
@@ -68,7 +68,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     start_warp()
     scalar = scalar_type(dtype)
     vector = wp.types.vector(3, scalar)
-    sizes = {"BUFFER": BUFFER, "STACK": STACK, "AT_ONCE": AT_ONCE, "MOST": MOST}
+    sizes = {"BUFFER": BUFFER, "STACK": STACK, "MOST_NODES": MOST_NODES, "MOST_HITS": MOST_HITS}
     sizes |= {"NO_SURFEL": NO_SURFEL, "RAYS_AHEAD": RAYS_AHEAD, "FINISHED": FINISHED}
     words = {**{name: str(size) for name, size in sizes.items()}, "MAX_ALPHA": str(MAX_ALPHA), **bell_words(dtype)}
 

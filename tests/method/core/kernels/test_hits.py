@@ -10,7 +10,7 @@ from radiogs_core.instruments.recording import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.kernels.lanes import SQUEEZE
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
-from radiogs_core.kernels.trace.breadth_first_source import AT_ONCE, MOST
+from radiogs_core.kernels.trace.breadth_first_source import MOST_HITS, MOST_NODES
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import HitLists, find_hits
 from radiogs_core.kernels.trace.hits_source import BUFFER
@@ -58,7 +58,7 @@ def assert_equal(one: HitLists, other: HitLists) -> None:
     torch.testing.assert_close(one.alpha, other.alpha, rtol=1e-5, atol=0)
 
 
-@pytest.mark.parametrize("met", [0, 1, 7, 8, 9, BUFFER, BUFFER + 1, MOST, MOST + 1, 3 * MOST])
+@pytest.mark.parametrize("met", [0, 1, 7, 8, 9, BUFFER, BUFFER + 1, MOST_HITS, MOST_HITS + 1, 3 * MOST_HITS])
 def test_any_number_of_hits_is_found_in_order(met: int) -> None:
     distance = 1 + torch.rand(met)
     distance[::3] = 1.5  # ties, which surfels' numbers decide
@@ -69,7 +69,7 @@ def test_any_number_of_hits_is_found_in_order(met: int) -> None:
     assert all(ours.surfel[begin[k] : begin[k + 1]].tolist() == by_distance for k in range(RAYS))
 
 
-@pytest.mark.parametrize("layers", [MOST, 4000])
+@pytest.mark.parametrize("layers", [MOST_HITS, 4000])
 def test_what_lies_behind_an_opaque_surface_is_no_hit(layers: int) -> None:
     ours, _, theirs, _ = hits_of(facing(torch.linspace(1, 50, layers), 0.9), 0.0, 0.03)
     assert_equal(ours, theirs)
@@ -84,11 +84,11 @@ def test_a_hit_where_a_ray_begins_is_passed() -> None:
 
 def test_a_ray_that_enters_more_nodes_than_fit_is_followed_nearest_first() -> None:
     """Surfels that it passes from behind, and three that it meets."""
-    distance = torch.linspace(1, 100, 40 * AT_ONCE)
+    distance = torch.linspace(1, 100, 40 * MOST_NODES)
     turned = torch.ones(len(distance), dtype=torch.bool)
     turned[[5, len(distance) // 2, len(distance) - 1]] = False
     ours, nodes, theirs, same = hits_of(facing(distance, 0.2, turned), 0.0, 0.03)
-    assert same > AT_ONCE * RAYS
+    assert same > MOST_NODES * RAYS
     assert nodes == same
     assert_equal(ours, theirs)
     assert ours.begin.diff().tolist() == [3] * RAYS
