@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 ROOMS: Mapping[str, Sequence[str]] = {
     "method/radiogs_core": ("tests/method/core",),
     "method/radiogs": ("tests/method/radiogs",),
-    "radiogs_bench/metrics": ("tests/metrics",),
+    "radiogs_bench/scoring/metrics": ("tests/metrics",),
     "radiogs_bench/store": (
         "tests/bench/test_store.py", "tests/bench/test_seals.py", "tests/bench/test_engine.py",
         "tests/bench/test_verify.py", "tests/bench/test_ends.py", "tests/bench/test_export.py",

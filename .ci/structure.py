@@ -14,7 +14,7 @@ from radiogs_bench.sources import OURS, SourceTree, installed
 
 LONGEST_FUNCTION = 60
 MOST_PARAMETERS = 7
-KERNELS = ("radiogs_core.kernels", "radiogs_bench.kernel_bench.plain", "radiogs_datasets.generate.disney_bsdf")
+KERNELS = ("radiogs_core.kernels", "radiogs_bench.lab.kernels.plain", "radiogs_datasets.generate.disney_bsdf")
 """Kernels, their plain counterparts, and the class that Mitsuba wants made after a variant is chosen: one parameter for
 each array, and a factory that holds every function of its kind."""
 

@@ -30,23 +30,23 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.lights import read_light as read_light_file
 
-from .engines.scene_digest import checksum_now
-from .evaluation.evaluate import SCORES_ALONE, evaluate
-from .evaluation.maps import on_black
+from .export.records import rows
 from .methods import budget_of, method_names, variant_of
 from .methods import method as installed_method
-from .metrics import PROTOCOLS
-from .metrics import protocol as protocol_of
+from .runs.cell import Work, cell_of
+from .runs.interruption import Interruption
+from .runs.preflight import read_everything
+from .runs.progress import progress_for_stderr
+from .runs.scene_digest import checksum_now
+from .runs.stages import Bench, trained
+from .runs.sweep import read_sweep
+from .runs.trained_folder import read_trained, write_trained
+from .scoring.evaluate import SCORES_ALONE, evaluate
+from .scoring.maps import on_black
+from .scoring.metrics import PROTOCOLS
+from .scoring.metrics import protocol as protocol_of
 from .store.claim import saying_who_holds
-from .store.export import rows
 from .store.folder import Store
-from .suites.cell import Work, cell_of
-from .suites.sweep import read_sweep
-from .training.interruption import Interruption
-from .training.preflight import read_everything
-from .training.progress import progress_for_stderr
-from .training.stages import Bench, trained
-from .training.trained_folder import read_trained, write_trained
 
 __all__ = [
     "Model",

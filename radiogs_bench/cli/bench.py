@@ -47,8 +47,8 @@ def bench_kernels(options: argparse.Namespace) -> int:
 
     from radiogs_core.errors import UsageError
 
-    from ..kernel_bench import bench, record
-    from ..kernel_bench.embree import missing_embree
+    from ..lab.kernels import bench, record
+    from ..lab.kernels.embree import missing_embree
     from ..store.atomic import write_atomically
     from ..store.provenance import session
     from ..store.seal import sealed, strict_json
@@ -94,7 +94,7 @@ def bench_frames(options: argparse.Namespace) -> int:
 
     from radiogs_datasets import load_scene
 
-    from ..kernel_bench import frames
+    from ..lab.kernels import frames
     from ..store.atomic import write_atomically
     from ..store.provenance import session
     from ..store.seal import sealed, strict_json

@@ -12,7 +12,7 @@ from .device import chosen_device
 from .options import add_verbose, names, positive
 
 if TYPE_CHECKING:
-    from ..step_bench.sizes import Size
+    from ..lab.steps.sizes import Size
     from .options import Commands
 
 SIZES = ("tiny", "20k")
@@ -44,8 +44,8 @@ def add_to(subjects: "Commands") -> None:
 
 def bench_steps(options: argparse.Namespace) -> int:
     """Measure, print, and write the record."""
+    from ..lab.steps.sizes import size_of
     from ..methods import method
-    from ..step_bench.sizes import size_of
 
     method(options.method)  # an unknown name is told before anything is measured
     sizes = [size_of(name) for name in options.sizes]
@@ -56,9 +56,9 @@ def bench_growth(options: argparse.Namespace) -> int:
     """Measure along every axis, print the exponents, and write the record."""
     from radiogs_datasets import load_scene
 
+    from ..lab.steps.growth import SCHEMA, bench_growth
+    from ..lab.steps.growth_table import growth_table
     from ..methods import method
-    from ..step_bench.growth import SCHEMA, bench_growth
-    from ..step_bench.growth_table import growth_table
     from ..store.provenance import session
     from .reporter import complain, show
 
@@ -72,12 +72,12 @@ def bench_growth(options: argparse.Namespace) -> int:
 
 def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     """This checkout, in this process, beside yardsticks; ratios to an earlier record where one was named."""
-    from ..step_bench.history import append, line_of
-    from ..step_bench.measure import Here, measured
-    from ..step_bench.ratios import read_record, require_comparable
-    from ..step_bench.record import as_table, record_of, yardstick_said
-    from ..step_bench.worker import named_subject
-    from ..step_bench.yardsticks import Yardsticks
+    from ..lab.steps.history import append, line_of
+    from ..lab.steps.measure import Here, measured
+    from ..lab.steps.ratios import read_record, require_comparable
+    from ..lab.steps.record import as_table, record_of, yardstick_said
+    from ..lab.steps.worker import named_subject
+    from ..lab.steps.yardsticks import Yardsticks
     from ..store.provenance import session
     from .reporter import complain, say, show
 
@@ -105,9 +105,9 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
 
 def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     """This checkout and another one, each in a process of its own, pass by pass in turn."""
-    from ..step_bench.against import worker
-    from ..step_bench.measure import measured
-    from ..step_bench.ratios import AGAINST
+    from ..lab.steps.against import worker
+    from ..lab.steps.measure import measured
+    from ..lab.steps.ratios import AGAINST
     from ..store.provenance import session
     from .reporter import complain
 
@@ -128,7 +128,7 @@ def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
 
 def _ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any], paired: bool) -> dict[str, list[dict[str, Any]]]:
     """Print the ratios of the sizes that both have, and return them."""
-    from ..step_bench.ratios import as_table, compared
+    from ..lab.steps.ratios import as_table, compared
     from .reporter import show
 
     found = {name: list(compared(each, theirs[name], paired)) for name, each in ours.items() if name in theirs}

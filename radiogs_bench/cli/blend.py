@@ -56,7 +56,7 @@ def blend(options: argparse.Namespace) -> int:
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write
 
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
     from .device import usable_cores
     from .reporter import say
 

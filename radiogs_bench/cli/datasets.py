@@ -76,7 +76,7 @@ def check(options: argparse.Namespace) -> int:
 
     from radiogs_datasets.check import check_scene
 
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
     from .reporter import say, say_whole
 
     with progress_for_stderr() as progress:
@@ -104,7 +104,7 @@ def convert(options: argparse.Namespace) -> int:
     from radiogs_datasets.reduction import every
     from radiogs_datasets.writing import convert as write
 
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
     from .reporter import say
 
     scene = every(load_scene(options.scene, options=scene_options(options)), options.every)
@@ -123,7 +123,7 @@ def generate(options: argparse.Namespace) -> int:
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write
 
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
     from .reporter import say
 
     if options.layout not in LAYOUTS:
@@ -143,10 +143,10 @@ def generate(options: argparse.Namespace) -> int:
 
 def weights(options: argparse.Namespace) -> int:
     """Download missing LPIPS backbones and heads, and check them."""
-    from ..metrics.download import fetch as fetch_weights
-    from ..metrics.download import sources
-    from ..metrics.weights import WEIGHTS_VARIABLE, weights_folder
-    from ..training.progress import progress_for_stderr
+    from ..fetching.lpips_weights import fetch as fetch_weights
+    from ..fetching.lpips_weights import sources
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.metrics.weights import WEIGHTS_VARIABLE, weights_folder
     from .reporter import say
 
     folder = options.to or weights_folder()

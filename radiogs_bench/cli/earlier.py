@@ -7,10 +7,10 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.record import RECORD, recorded
 from radiogs_reports.summary import PLAIN
 
+from ..runs.cell import Cell
+from ..runs.sweep import Sweep, read_sweep
+from ..runs.trained_folder import About, read_about
 from ..store.folder import Store
-from ..suites.cell import Cell
-from ..suites.sweep import Sweep, read_sweep
-from ..training.trained_folder import About, read_about
 
 EARLIER = "earlier"
 """Folder of reports, below that of the results, by ``name_of`` their run."""

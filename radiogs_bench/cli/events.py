@@ -10,8 +10,8 @@ from typing import Any
 from radiogs_core.errors import ExplainedError
 
 from ..errors import exit_code
+from ..runs.sweep import Place, label
 from ..store.folder import Store
-from ..suites.sweep import Place, label
 
 EVERY_SECONDS = 1.0
 """Shortest interval between two reports of a task; its first and last steps are always reported."""

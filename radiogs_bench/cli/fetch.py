@@ -34,7 +34,7 @@ def fetch(options: argparse.Namespace) -> int:
     from ..errors import NotFetched
     from ..fetching.catalogue import DATA_SETS, data_set
     from ..fetching.fetch import fetch_data_set
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
     from .reporter import complain, say
 
     if not options.names:

@@ -26,10 +26,10 @@ def gate(options: argparse.Namespace) -> int:
     """Print every change from the baseline; the exit code is 1 if any is a regression."""
     from ..results.baseline import baseline_of, read_baseline
     from ..results.gate import compare
+    from ..runs.sweep import read_sweep
     from ..store.atomic import write_atomically
     from ..store.folder import Store
     from ..store.seal import sealed, strict_json
-    from ..suites.sweep import read_sweep
     from .aside import say_aside
     from .reporter import say
 

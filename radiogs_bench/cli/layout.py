@@ -27,11 +27,11 @@ def export_layout(options: argparse.Namespace) -> int:
     """Write the files into OUT/CODE, or into the folder of --file, and say how they are scored."""
     from radiogs_baselines.outputs import LayoutWriter
 
-    from ..evaluation.published_layout import checked, write_as_published
-    from ..metrics import protocol
+    from ..export.published_layout import checked, write_as_published
+    from ..runs.progress import progress_for_stderr
+    from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.metrics import protocol
     from ..store.folder import Store
-    from ..training.progress import progress_for_stderr
-    from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     folder: Path = options.file or options.out / options.layout_of

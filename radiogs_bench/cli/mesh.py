@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from radiogs_core.scene.scene import Scene
 
-    from ..meshing.fusion import Lattice
-    from ..meshing.mesh import Mesh
+    from ..export.fusion import Lattice
+    from ..export.mesh import Mesh
 
 
 SCHEMA = "radiogs-bench/mesh/1"
@@ -54,13 +54,13 @@ def above_zero(text: str) -> float:
 
 def export_mesh(options: argparse.Namespace) -> int:
     """Write the mesh and, beside it, mesh.json: its settings, and its distances from the true shape if known."""
-    from ..meshing.mesh import write_mesh
-    from ..meshing.rendered import lattice_of, mesh_of
+    from ..export.mesh import write_mesh
+    from ..export.rendered import lattice_of, mesh_of
+    from ..runs.progress import progress_for_stderr
+    from ..runs.trained_folder import read_about, read_trained
     from ..store.atomic import write_atomically
     from ..store.folder import Store
     from ..store.seal import sealed, strict_json
-    from ..training.progress import progress_for_stderr
-    from ..training.trained_folder import read_about, read_trained
     from .model import prepared
     from .reporter import say
 
@@ -104,9 +104,9 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
     from radiogs_core.errors import DataError, UsageError
 
-    from ..evaluation.true_shape import true_shape
-    from ..metrics.chamfer import chamfer
-    from ..metrics.surface_distance import surface_distance
+    from ..scoring.metrics.chamfer import chamfer
+    from ..scoring.metrics.surface_distance import surface_distance
+    from ..scoring.true_shape import true_shape
 
     try:
         truth = true_shape(scene)

@@ -79,17 +79,17 @@ def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
     from radiogs_datasets import load_scene
 
-    from ..engines.scene_digest import checksum_now
     from ..methods import budget_of, method
+    from ..runs.cell import Work, cell_of
+    from ..runs.interruption import Interruption
+    from ..runs.kept_pace import KeptPace
+    from ..runs.preflight import read_everything
+    from ..runs.progress import progress_for_stderr
+    from ..runs.scene_digest import checksum_now
+    from ..runs.stages import Bench, facts_of, trained
+    from ..runs.trained_folder import write_trained
     from ..store.claim import saying_who_holds
     from ..store.folder import Store
-    from ..suites.cell import Work, cell_of
-    from ..training.interruption import Interruption
-    from ..training.kept_pace import KeptPace
-    from ..training.preflight import read_everything
-    from ..training.progress import progress_for_stderr
-    from ..training.stages import Bench, facts_of, trained
-    from ..training.trained_folder import write_trained
     from .earlier import keep_model
     from .reporter import say
 
@@ -126,11 +126,11 @@ def _score(
     options: argparse.Namespace, name: str, model: "Trained", scene: "Scene", device: "torch.device", path: Path
 ) -> None:
     """Print the new model's metrics, and write their record."""
-    from ..engines.scene_digest import checksum_now
-    from ..evaluation.record import record_of_model
-    from ..metrics import protocol
-    from ..training.progress import progress_for_stderr
-    from ..training.scene_files import require_unchanged
+    from ..runs.progress import progress_for_stderr
+    from ..runs.scene_digest import checksum_now
+    from ..runs.scene_files import require_unchanged
+    from ..scoring.metrics import protocol
+    from ..scoring.record import record_of_model
     from .score import say_without_weights, show_record, write_record
 
     rules = [protocol("default")]
@@ -171,8 +171,8 @@ def render(options: argparse.Namespace) -> int:
     """Write the maps of every view, images as PNG, the others as EXR; and the recovered light."""
     from radiogs_datasets.image_files import write_exr
 
+    from ..runs.trained_folder import read_about, read_trained
     from ..store.folder import Store
-    from ..training.trained_folder import read_about, read_trained
 
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, chosen_device(options))
@@ -203,10 +203,10 @@ def relight(options: argparse.Namespace) -> int:
     from radiogs_core.capabilities import Remarking
     from radiogs_datasets.lights import read_light
 
-    from ..evaluation.near_light import NOT_DISTANT
+    from ..runs.progress import working
+    from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.near_light import NOT_DISTANT
     from ..store.folder import Store
-    from ..training.progress import working
-    from ..training.trained_folder import read_about, read_trained
     from .reporter import say
 
     device = chosen_device(options)
@@ -255,10 +255,10 @@ def write_views(
 
     from radiogs_datasets.image_files import write_exr, write_png
 
-    from ..evaluation.frame_cost import frame_milliseconds
-    from ..evaluation.maps import on_black
     from ..method_calls import calling
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.frame_cost import frame_milliseconds
+    from ..scoring.maps import on_black
     from .reporter import say
 
     views = run.scene.test if split == "test" else run.scene.train

@@ -6,10 +6,10 @@ from dataclasses import asdict
 from rich.table import Table
 
 from ..durations import duration
-from ..engines.forecast import Expected, forecast, total
+from ..runs.forecast import Expected, forecast, total
+from ..runs.sweep import Request, label, state_of
 from ..store.folder import Store
 from ..suites.suite import Suite
-from ..suites.sweep import Request, label, state_of
 from .events import emit
 from .reporter import say, show
 

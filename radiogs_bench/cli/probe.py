@@ -47,7 +47,7 @@ def probe(options: argparse.Namespace) -> int:
     from radiogs_core.errors import UsageError
     from radiogs_datasets.lights import read_light
 
-    from ..training.progress import working
+    from ..runs.progress import working
     from .device import chosen_device
     from .reporter import say, say_whole
 
@@ -90,7 +90,7 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
     if folder.is_dir() and (folder / "trained.json").exists():
         if scene_options(options) != AS_STORED:
             raise UsageError("a trained model has its scene", "It is opened as it was for training.", "Name the scene.")
-        from ..training.trained_folder import read_about, read_trained
+        from ..runs.trained_folder import read_about, read_trained
 
         run, model = read_trained(folder, device)
         run = run if options.seed is None else replace(run, seed=options.seed)

@@ -14,7 +14,7 @@ from .options import add_scene_options, add_verbose, names, positive, scene_opti
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
 
-    from ..rehearsal.row import Row
+    from ..lab.rehearsal.row import Row
     from .options import Commands
 
 GIB = 2**30
@@ -68,14 +68,14 @@ def rehearse(options: argparse.Namespace) -> int:
     """Rehearse, store and print; 1 if something will not fit."""
     from radiogs_datasets import load_scene
 
-    from ..engines.run import COMPILED_ON
-    from ..rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
-    from ..rehearsal.limits import KNOWN_DEVICES, memory_there
-    from ..rehearsal.record import Asked, fits, record_of
+    from ..lab.rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
+    from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
+    from ..lab.rehearsal.record import Asked, fits, record_of
+    from ..runs.engines.run import COMPILED_ON
+    from ..runs.progress import LogProgress
+    from ..runs.warm_up import compile_kernels
     from ..store.atomic import write_atomically
     from ..store.seal import sealed, strict_json
-    from ..training.progress import LogProgress
-    from ..training.warm_up import compile_kernels
     from .device import chosen_device
     from .reporter import say_whole
 
@@ -121,8 +121,8 @@ def rehearse(options: argparse.Namespace) -> int:
 
 def _by_formula(options: argparse.Namespace) -> int:
     """Print the plan; 1 if something will not fit."""
-    from ..rehearsal.by_formula import by_formula, fit, lines_of
-    from ..rehearsal.limits import KNOWN_DEVICES, memory_there
+    from ..lab.rehearsal.by_formula import by_formula, fit, lines_of
+    from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from .device import chosen_device
     from .reporter import say
 
@@ -145,12 +145,12 @@ def _by_formula(options: argparse.Namespace) -> int:
 
 def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
     """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
-    from ..metrics import protocol
-    from ..rehearsal.row import Row
+    from ..lab.rehearsal.row import Row
+    from ..runs.sweep import Request
+    from ..scoring.metrics import protocol
     from ..suites.registry import SUITES
     from ..suites.scenes import load_scenes, own_scenes
     from ..suites.suite import Metric, Suite, of_methods
-    from ..suites.sweep import Request
     from .run import suite_of
 
     if options.subject in SUITES or options.subject.endswith(".toml"):
@@ -205,7 +205,7 @@ def _size(text: str) -> tuple[int, int, int]:
 
 def _show(record: dict[str, Any], path: Path) -> None:
     """The lines of the document, on the terminal."""
-    from ..rehearsal.document import lines_of
+    from ..lab.rehearsal.document import lines_of
     from .reporter import say
 
     for line in lines_of(record):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import ExplainedError, UsageError
 
-from ..engines.choice import ENGINES, choose
+from ..runs.engines.choice import ENGINES, choose
 from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive, seeds, views_kept
 
 if TYPE_CHECKING:

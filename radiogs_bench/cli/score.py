@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from ..metrics import Protocol
+    from ..scoring.metrics import Protocol
     from ..store.schema import MetricValue
     from .options import Commands
 
@@ -73,7 +73,7 @@ def _record(options: argparse.Namespace) -> dict[str, Any]:
 
 def say_without_weights(protocols: "Sequence[Protocol]") -> None:
     """Complain of each network whose weights are not here: its metrics are n/a."""
-    from ..metrics.weights import complaint
+    from ..scoring.metrics.weights import complaint
     from .reporter import complain
 
     for net in dict.fromkeys(each.net for rules in protocols for each in rules.lpips):
@@ -96,7 +96,7 @@ def write_record(record: dict[str, Any], path: Path) -> None:
 
 def show_record(record: dict[str, Any]) -> None:
     """Print a record's table and its notes."""
-    from ..evaluation.record import NOTES
+    from ..scoring.record import NOTES
     from .reporter import say, show
 
     show(_table(record))
@@ -111,9 +111,9 @@ def _is_trained(options: argparse.Namespace) -> bool:
 
 
 def _model(options: argparse.Namespace) -> dict[str, Any]:
-    from ..evaluation.record import record_of_model
-    from ..training.progress import progress_for_stderr
-    from ..training.trained_folder import read_about, read_trained
+    from ..runs.progress import progress_for_stderr
+    from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.record import record_of_model
 
     protocols, place = _protocols(options.protocol), options.predictions
     method = read_about(place)["method"]
@@ -136,7 +136,7 @@ def _are_pairs(options: argparse.Namespace) -> bool:
 
 
 def _protocols(name: str) -> list[Any]:
-    from ..metrics import PROTOCOLS, protocol
+    from ..scoring.metrics import PROTOCOLS, protocol
 
     return list(PROTOCOLS.values()) if name == "all" else [protocol(name)]
 
@@ -145,9 +145,9 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs import read_predictions
     from radiogs_datasets import load_scene
 
-    from ..evaluation.record import record_of, scored
-    from ..evaluation.score import score_predictions
-    from ..training.progress import progress_for_stderr
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.record import record_of, scored
+    from ..scoring.score import score_predictions
 
     if options.scene is None:
         raise UsageError(
@@ -176,8 +176,8 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
 def _pairs(options: argparse.Namespace) -> dict[str, Any]:
     from radiogs_baselines.outputs.stanford_orb import read_pairs, unread
 
-    from ..evaluation.record import record_of, scored
-    from ..evaluation.score_orb import files_of, score_pairs
+    from ..scoring.record import record_of, scored
+    from ..scoring.score_orb import files_of, score_pairs
 
     if options.scene is not None:
         raise UsageError(

@@ -57,12 +57,12 @@ def score_into(options: argparse.Namespace) -> int:
     from radiogs_baselines.outputs import read_predictions
     from radiogs_datasets import load_scene
 
-    from ..engines.scene_digest import checksum_now
-    from ..results.scored_row import NewRow, add_row, require_room, scene_in_run
+    from ..runs.progress import progress_for_stderr
+    from ..runs.rows_from_files import row_key
+    from ..runs.scene_digest import checksum_now
+    from ..runs.scored_row import NewRow, add_row, require_room, scene_in_run
+    from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from ..suites.rows_from_files import row_key
-    from ..suites.sweep import read_sweep
-    from ..training.progress import progress_for_stderr
     from .reporter import say
     from .showing import write_and_show
 

@@ -11,11 +11,11 @@ from radiogs_reports.wording import count_of
 from radiogs_reports.write.caption import published_note
 
 from ..results.summary import summarise
+from ..runs.progress import progress_for_stderr
+from ..runs.sweep import Sweep
 from ..store.atomic import explained, write_atomically
 from ..store.folder import Store
 from ..store.seal import sealed, strict_json
-from ..suites.sweep import Sweep
-from ..training.progress import progress_for_stderr
 from .aside import say_aside
 from .fitting import tables_of
 from .reporter import console, say, show

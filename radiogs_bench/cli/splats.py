@@ -14,7 +14,7 @@ def export_splats(options: argparse.Namespace) -> int:
     from radiogs_core.errors import DataError
     from radiogs_core.surfels.viewer_files import write_for_viewer
 
-    from ..results.trained_surfels import standpoint_in, surfels_in
+    from ..export.trained_surfels import standpoint_in, surfels_in
     from ..store.atomic import explained
     from .reporter import say
 

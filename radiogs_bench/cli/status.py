@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from ..results.standing import CellStanding, Standing
+    from ..runs.sweep import Sweep
     from ..store.folder import Store
-    from ..suites.sweep import Sweep
     from .options import Commands
 
 EVERY_SECONDS = 2
@@ -41,8 +41,8 @@ def add_to(commands: "Commands") -> None:
 def status(options: argparse.Namespace) -> int:
     """Print the state of every cell of the folder's last run, or how far a training is."""
     from ..results.standing import standing_of
+    from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
-    from ..suites.sweep import has_sweep, read_sweep
     from .aside import say_aside
     from .training_status import is_training, show_training
 
@@ -95,7 +95,7 @@ def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
 
 def _ended(standing: "Standing") -> bool:
     """Whether every cell has finished or failed."""
-    from ..suites.sweep import FINISHED
+    from ..runs.sweep import FINISHED
 
     return all(cell.state == FINISHED or cell.state.startswith("failed") for cell in standing.cells)
 
@@ -113,7 +113,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
     from rich.table import Table
     from rich.text import Text
 
-    from ..suites.sweep import FINISHED, label
+    from ..runs.sweep import FINISHED, label
 
     table = Table(title=f"{sweep['title']}, preset {sweep['preset']}")
     keys = width >= WIDE

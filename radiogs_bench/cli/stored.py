@@ -63,8 +63,8 @@ def _declare(
 def verify(options: argparse.Namespace) -> int:
     """Print every file that is not as it was stored, and what a rerun would take; 3 if there is any."""
     from ..results.verify import verify as look
+    from ..runs.progress import working
     from ..store.folder import Store
-    from ..training.progress import working
     from .aside import say_aside
     from .reporter import say
 
@@ -89,8 +89,8 @@ def verify(options: argparse.Namespace) -> int:
 
 def report(options: argparse.Namespace) -> int:
     """Rebuild tables and figures from the stored results."""
+    from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from ..suites.sweep import read_sweep
     from .showing import write_and_show
 
     write_and_show(Store(options.out), read_sweep(options.out), options.self_contained)
@@ -105,22 +105,22 @@ def export(options: argparse.Namespace) -> int:
         return layout.export_layout(options)
     if options.to in splats.FORMS:
         return splats.export_splats(options)
-    from ..store.export import export as write
+    from ..export.records import export as write
+    from ..runs.sweep import read_sweep
     from ..store.folder import Store
-    from ..suites.sweep import read_sweep
     from .aside import say_aside
     from .reporter import say
 
     sweep = read_sweep(options.out)  # says what to do where there is no run
     store = Store(options.out)
     if options.to == "tensorboard":
-        from ..results.event_files import write_event_files
+        from ..export.event_files import write_event_files
 
         folder = options.file or options.out / options.to
         say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
         return 0
     if options.to == "wandb":
-        from ..results.wandb_runs import write_wandb_runs
+        from ..export.wandb_runs import write_wandb_runs
 
         folder = options.file or options.out
         count = write_wandb_runs(store, sweep, folder)

@@ -10,21 +10,21 @@ from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.kernels.runtime import workers
 from radiogs_core.scene.scene import Scene
 
-from ..engines.choice import Engine
-from ..engines.run import CPU, bring_to_end, work_along
-from ..engines.scene_digest import checksum_now
 from ..errors import explain, worst_exit_code
 from ..methods import method
-from ..metrics import protocol
+from ..runs.engines.choice import Engine
+from ..runs.engines.run import CPU, bring_to_end, work_along
+from ..runs.interruption import Interruption
+from ..runs.progress import SweepProgress, progress_for_stderr
+from ..runs.rows_from_files import with_rows_from_files
+from ..runs.scene_digest import checksum_now
+from ..runs.stages import Bench
+from ..runs.sweep import Request, Sweep, changing_sweep, read_sweep, steps_to_take
+from ..scoring.metrics import protocol
 from ..store.folder import Store
 from ..store.seal import sealed
-from ..suites.rows_from_files import with_rows_from_files
 from ..suites.scenes import load_scenes, own_scenes, place_of
 from ..suites.suite import Suite
-from ..suites.sweep import Request, Sweep, changing_sweep, read_sweep, steps_to_take
-from ..training.interruption import Interruption
-from ..training.progress import SweepProgress, progress_for_stderr
-from ..training.stages import Bench
 from .device import chosen_device
 from .earlier import keep_reports
 from .events import EventProgress, emit

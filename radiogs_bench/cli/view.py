@@ -42,11 +42,11 @@ def view(options: argparse.Namespace) -> int:
     """
     from radiogs_reports.page.viewer import write_viewer
 
-    from ..evaluation.shown_surfels import arrays_of
-    from ..metrics.mesh_library import pyvista
-    from ..results.trained_surfels import standpoint_in, surfels_in
-    from ..training.progress import progress_for_stderr
-    from ..viewing.turntable import cameras_around, from_outside, pictures
+    from ..export.trained_surfels import standpoint_in, surfels_in
+    from ..export.turntable import cameras_around, from_outside, pictures
+    from ..runs.progress import progress_for_stderr
+    from ..scoring.metrics.mesh_library import pyvista
+    from ..scoring.shown_surfels import arrays_of
     from .reporter import say
 
     if options.window:

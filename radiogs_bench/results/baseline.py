@@ -14,12 +14,12 @@ from typing import Any
 from radiogs_core.errors import DataError
 from radiogs_reports.analysis.settling import band_of, curve, settled_after
 
+from ..runs.rows_from_files import measured
+from ..runs.sweep import Sweep, label
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
 from ..store.seal import Broken, OtherSchema, read_sealed
-from ..suites.rows_from_files import measured
 from ..suites.suite import MEASURES
-from ..suites.sweep import Sweep, label
 
 BASELINE_SCHEMA = "radiogs-bench/baseline/2"
 

@@ -11,9 +11,9 @@ from typing import Any
 from radiogs_reports.statistics import Estimate, estimate
 from radiogs_reports.summary import Doubt
 
-from ..evaluation.determined import STEPS
+from ..runs.sweep import Place, Sweep
+from ..scoring.determined import STEPS
 from ..store.schema import Determined, Result
-from ..suites.sweep import Place, Sweep
 
 Finished = Sequence[tuple[Place, Result]]
 """Finished cells with their results."""

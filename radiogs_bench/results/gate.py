@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 from radiogs_core.errors import DataError
 
+from ..runs.rows_from_files import measured
+from ..runs.sweep import Sweep, label
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds
-from ..suites.rows_from_files import measured
-from ..suites.sweep import Sweep, label
 from .baseline import SETTINGS, group_of, machine_of, settled
 
 SLOWER = 1.3

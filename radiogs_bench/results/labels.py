@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 from radiogs_reports.summary import Doubt
 
+from ..runs.sweep import Place, Sweep
 from ..store.schema import Result
-from ..suites.sweep import Place, Sweep
 
 Scenes = dict[str, None]
 """Names of scenes in the order of the cells."""

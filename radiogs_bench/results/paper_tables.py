@@ -16,15 +16,15 @@ from radiogs_reports.statistics import Estimate, Sample, estimate, paired_differ
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
 from ..methods import budget_of, method, variant_of
-from ..metrics import protocol
-from ..metrics.comparable import alike
+from ..runs.rows_from_files import measured
+from ..runs.sweep import Sweep
+from ..scoring.metrics import protocol
+from ..scoring.metrics.comparable import alike
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING
 from ..suites.registry import SUITES
-from ..suites.rows_from_files import measured
 from ..suites.suite import MEASURES, TASKS, Row, Suite
-from ..suites.sweep import Sweep
 from .conditions import all_as_published, ran
 
 OURS = Row("ours", "Ours", "Ours")

@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from ..runs.sweep import FINISHED, Place, Sweep, label, state_of
 from ..store.folder import Store, product_name
 from ..store.pace import Pace, pace_of
-from ..suites.sweep import FINISHED, Place, Sweep, label, state_of
 from .work_left import work_left
 
 RUNNING = "running"

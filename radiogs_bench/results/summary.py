@@ -19,13 +19,13 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
-from ..metrics import protocol
-from ..metrics.comparable import alike
+from ..runs.rows_from_files import is_from_files
+from ..runs.sweep import Line, Place, Sweep, state_of
+from ..scoring.metrics import protocol
+from ..scoring.metrics.comparable import alike
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
-from ..suites.rows_from_files import is_from_files
 from ..suites.suite import MEASURES, Metric
-from ..suites.sweep import Line, Place, Sweep, state_of
 from .doubts import doubts
 from .labels import labels
 from .paper_tables import interval, paper_tables

@@ -12,12 +12,12 @@ from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 from radiogs_reports.summary import read_summary
 
 from ..errors import StoreError
+from ..runs.sweep import read_sweep
+from ..runs.trained_folder import read_about
 from ..store.folder import Store, product_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, complaint_of, parsed
 from ..store.tensor_file import read_tensors
-from ..suites.sweep import read_sweep
-from ..training.trained_folder import read_about
 from .work_left import WorkLeft, work_left
 
 CPU = torch.device("cpu")

@@ -4,8 +4,8 @@ import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
+from ..runs.sweep import Place
 from ..store.schema import Result
-from ..suites.sweep import Place
 
 AFTERWARDS = -1
 """In the place of a stage's position: all that is done after training."""

@@ -1,30 +1,41 @@
-"""Experiments as data: whether a cell is trained, and which sources decide what is measured."""
+"""Experiments as data: what is done for a cell, and which sources decide what is measured."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pkgutil import resolve_name
 
 from radiogs_core.contract import Method
 
-from ..metrics.weights import FILES, missing_weights
+from ..scoring.metrics.weights import FILES, missing_weights
 from ..sources import code_digest
 
-EVALUATION = ("radiogs_bench.evaluation.evaluate", "radiogs_bench.evaluation.determined")
+EVALUATION = ("radiogs_bench.scoring.evaluate", "radiogs_bench.scoring.determined")
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A kind of work on a cell; ``experiments.registry`` has the function that does it.
-
-    trains: whether the method is trained. scores_on_the_way: whether the model is also scored during the last stage.
-    on_surfaces: whether the scene's true surfaces are used; the sources that compute them then count as loaders.
-    sources: modules that measure; they and their imports decide the metrics.
-    """
+    """A kind of work on a cell."""
 
     name: str
+    function: str | None = None
+    """``module:name`` of the function that runs a cell and stores its result, given a bench, the cell and its scene.
+
+    A name, because suites are data: they import nothing that runs. None for work that no suite asks for.
+    """
     trains: bool = True
+    """Whether the method is trained."""
     scores_on_the_way: bool = False
+    """Whether the model is also scored during the last stage."""
     on_surfaces: bool = False
+    """Whether the scene's true surfaces are used; the sources that compute them then count as loaders."""
     sources: tuple[str, ...] = EVALUATION
+    """Modules that measure; they and their imports decide the metrics."""
+
+    def run(self) -> Callable[..., None]:
+        """The function, imported now."""
+        assert self.function is not None, self.name
+        found: Callable[..., None] = resolve_name(self.function)
+        return found
 
     def evaluation_code(self, method: Method | None = None) -> str:
         """Digest of what turns a trained model, or somebody's files, into metrics.
@@ -52,20 +63,20 @@ FORWARD_PARITY = "forward-parity"
 STABILITY = "stability"
 """Hard cases in float32 against float64."""
 
+_TRAIN, _PARITY, _HARD_CASES = (f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability"))
+
 EXPERIMENTS: Mapping[str, Experiment] = {
     each.name: each
     for each in (
-        Experiment(TRAINING),
-        Experiment(COST, scores_on_the_way=True, sources=(*EVALUATION, "radiogs_bench.experiments.cost")),
-        Experiment(AUDIT, sources=(*EVALUATION, "radiogs_bench.experiments.audit")),
-        Experiment(
-            FORWARD_PARITY, trains=False, on_surfaces=True, sources=("radiogs_bench.experiments.forward_parity",)
-        ),
-        Experiment(STABILITY, trains=False, sources=("radiogs_bench.experiments.stability",)),
+        Experiment(TRAINING, f"{_TRAIN}:train_and_score"),
+        Experiment(COST, f"{_TRAIN}:train_and_score_on_the_way", scores_on_the_way=True, sources=(*EVALUATION, _TRAIN)),
+        Experiment(AUDIT, f"{_TRAIN}:train_score_and_account", sources=(*EVALUATION, _TRAIN)),
+        Experiment(FORWARD_PARITY, f"{_PARITY}:run_forward_parity", trains=False, on_surfaces=True, sources=(_PARITY,)),
+        Experiment(STABILITY, f"{_HARD_CASES}:run_stability", trains=False, sources=(_HARD_CASES,)),
     )
 }
 
 FROM_FILES = Experiment(
-    "from-files", trains=False, sources=("radiogs_bench.evaluation.score", "radiogs_baselines.outputs")
+    "from-files", trains=False, sources=("radiogs_bench.scoring.score", "radiogs_baselines.outputs")
 )
 """Score images and maps that another program wrote (``score --into``); no suite runs it."""

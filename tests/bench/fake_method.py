@@ -18,20 +18,20 @@ from radiogs.budget import PRESETS, Budget
 from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.variant import Variant
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.scene_digest import checksum_now
-from radiogs_bench.evaluation.evaluate import Evaluation
-from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.engines.in_process import Task, run_cells
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.sweep import Place, Request
+from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
-from radiogs_bench.suites.cell import Cell, Work, cell_of
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.suite import Suite
-from radiogs_bench.suites.sweep import Place, Request
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.contract import MapKind, Maps, Run, StageSpec
 from radiogs_core.errors import ExplainedError
 from radiogs_core.instruments import count, current, fire

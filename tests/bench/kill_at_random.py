@@ -17,7 +17,7 @@ import numpy as np
 
 from bench.fake_method import CPU, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs_bench.engines import in_process as engine
+from radiogs_bench.runs.engines import in_process as engine
 from radiogs_bench.store.provenance import session
 
 CELLS = [cell for _, cell in asked(2).cells()]

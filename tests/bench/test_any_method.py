@@ -12,22 +12,21 @@ import pytest
 from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.cli import main
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted, MethodFailed
-from radiogs_bench.experiments.registry import EXPERIMENTS
-from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
+from radiogs_bench.runs import train
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.engines.in_process import Task, run_cells
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.sweep import read_sweep, state_of
+from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.schema import Result
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_bench.suites import scenes
-from radiogs_bench.suites.cell import Cell, Work, cell_of
-from radiogs_bench.suites.experiment import TRAINING
-from radiogs_bench.suites.sweep import read_sweep, state_of
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_datasets.image_files import write_hdr
 from scenes import sphere_scene
 
@@ -146,7 +145,7 @@ def run_chain(
 ) -> Callable[..., int]:
     """``radiogs-bench run SUITE --method chain``, two seeds."""
     monkeypatch.setitem(substitutes, "chain", Chain(request.param))
-    monkeypatch.setitem(EXPERIMENTS, TRAINING, train_and_score)
+    monkeypatch.setattr(train, "train_and_score", train_and_score)
     monkeypatch.setattr(scenes, "load_scene", lambda name, **how: SCENE)
     return lambda *further: fake_run(*further, "--scenes", "sphere", "--method", "chain")
 

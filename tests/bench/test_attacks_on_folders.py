@@ -13,7 +13,7 @@ import torch
 from bench.test_suite_file import WHOLE
 from radiogs_bench.cli import main
 from radiogs_bench.errors import StoreError
-from radiogs_bench.meshing.mesh import Mesh, write_mesh
+from radiogs_bench.export.mesh import Mesh, write_mesh
 from radiogs_bench.store.atomic import write_atomically
 from radiogs_bench.store.claim import claim
 from radiogs_bench.store.folder import Store

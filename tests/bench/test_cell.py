@@ -15,8 +15,8 @@ from radiogs.budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
 from radiogs.method import RADIOGS
 from radiogs.profile import PROFILES
 from radiogs.variant import Variant
+from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.store.keys import content_key
-from radiogs_bench.suites.cell import Cell, Work, cell_of
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
 from radiogs_core.contract import StageSpec, values_of
 

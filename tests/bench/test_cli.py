@@ -16,9 +16,9 @@ import pytest
 import radiogs_datasets
 from bench import fake_method
 from radiogs_bench.cli import main
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.registry import SUITES
-from radiogs_bench.suites.sweep import read_sweep
 from radiogs_core.errors import NumericalFailure
 from radiogs_datasets import generate, load_scene
 from radiogs_datasets.options import SceneOptions

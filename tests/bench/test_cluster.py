@@ -16,15 +16,15 @@ from bench.fake_method import FakeSweep, asked
 from bench.kill_everywhere import table
 from bench.test_cluster_here import SHARING, cluster_of, run_all, seconds_of_initialisation
 from radiogs_bench.cli import main
-from radiogs_bench.engines.choice import Engine, choose
-from radiogs_bench.engines.cluster import connected, run_on_cluster
-from radiogs_bench.engines.in_process import Task
 from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.cell import Cell
+from radiogs_bench.runs.engines.choice import Engine, choose
+from radiogs_bench.runs.engines.cluster import connected, run_on_cluster
+from radiogs_bench.runs.engines.in_process import Task
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.stages import Bench
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.cell import Cell
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import NumericalFailure, UsageError
 from radiogs_core.scene.scene import Scene
 

@@ -14,19 +14,19 @@ from bench import fake_method
 from bench.chain_method import Chain, Steps, Turned
 from bench.fake_method import SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs_bench.engines.cluster import Cluster, run_on_cluster, unsent
-from radiogs_bench.engines.delegate import Recipe
-from radiogs_bench.engines.in_process import Task
-from radiogs_bench.evaluation.evaluate import Evaluation
-from radiogs_bench.experiments.train import train_and_score
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.engines.cluster import Cluster, run_on_cluster, unsent
+from radiogs_bench.runs.engines.delegate import Recipe
+from radiogs_bench.runs.engines.in_process import Task
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
-from radiogs_bench.suites.cell import Cell, Work, cell_of
 from radiogs_bench.suites.cost import COST_OF_ACCURACY
 from radiogs_bench.suites.effects import EFFECTS_SUITE
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene

@@ -8,10 +8,10 @@ import torch
 
 from bench.fake_method import CPU
 from bench.test_evaluate import EVERYTHING, Perfect, scene_of, view_with
-from radiogs_bench.evaluation.evaluate import evaluate
-from radiogs_bench.evaluation.scoring import coverage, truth
-from radiogs_bench.metrics import protocol
-from radiogs_bench.metrics.conventions import Environment
+from radiogs_bench.scoring.evaluate import evaluate
+from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.conventions import Environment
+from radiogs_bench.scoring.score_maps import coverage, truth
 from radiogs_core.scene.light import EnvironmentMap
 
 

@@ -10,7 +10,9 @@ import pytest
 from bench import fake_method
 from bench.fake_method import CPU, SCENE, FakeSweep, asked
 from bench.kill_everywhere import table
-from radiogs_bench.engines.delegate import (
+from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.cell import Cell
+from radiogs_bench.runs.engines.delegate import (
     Delivery,
     Order,
     Recipe,
@@ -19,11 +21,9 @@ from radiogs_bench.engines.delegate import (
     names_of,
     scene_for,
 )
-from radiogs_bench.errors import Interrupted
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.stages import all_but_last
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.cell import Cell
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.stages import all_but_last
 from radiogs_core.errors import DataError, NumericalFailure, UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.options import AS_STORED, SceneOptions

@@ -13,15 +13,8 @@ from scipy import stats
 from bench.fake_method import CPU, FakeSweep, fake_cell
 from bench.test_evaluate import Perfect, scene_of, view_with
 from radiogs_bench.errors import MethodFailed
-from radiogs_bench.evaluation.determined import (
-    HALF_A_LEVEL,
-    STEPS,
-    VIEWS,
-    determined,
-    from_errors,
-    spread_over,
-)
-from radiogs_bench.evaluation.scoring import truth
+from radiogs_bench.scoring.determined import HALF_A_LEVEL, STEPS, VIEWS, determined, from_errors, spread_over
+from radiogs_bench.scoring.score_maps import truth
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES
 from radiogs_core.errors import NumericalFailure
@@ -162,7 +155,7 @@ def test_a_result_keeps_what_was_measured_of_its_cell(tmp_path: Path, monkeypatc
         asked.append((scene.name, *further[:2]))
         return {"roughness": record}
 
-    monkeypatch.setattr("radiogs_bench.experiments.train.determined", measured)
+    monkeypatch.setattr("radiogs_bench.runs.train.determined", measured)
     sweep, cell = FakeSweep(tmp_path), fake_cell()
     sweep.run([cell])
     result = sweep.store.result(cell.key)

@@ -7,8 +7,6 @@ from typing import Any
 import pytest
 
 from bench.fake_method import FakeSweep, asked
-from radiogs_bench.evaluation.determined import STEPS
-from radiogs_bench.metrics import PROTOCOLS, protocol
 from radiogs_bench.results.doubts import (
     BRIGHTNESS,
     depends_on,
@@ -19,6 +17,8 @@ from radiogs_bench.results.doubts import (
     undetermined,
 )
 from radiogs_bench.results.summary import summarise
+from radiogs_bench.scoring.determined import STEPS
+from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
 from radiogs_bench.store.schema import Determined, MetricValue
 
 COLUMNS = ("nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "environment/error_scaled")

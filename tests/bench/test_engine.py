@@ -13,16 +13,16 @@ import torch
 
 from bench import fake_method
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
-from radiogs_bench.engines import in_process as engine
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted, StoreError
+from radiogs_bench.runs.cell import Cell
+from radiogs_bench.runs.engines import in_process as engine
+from radiogs_bench.runs.engines.in_process import Task, run_cells
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
 from radiogs_bench.store.claim import Claimed
 from radiogs_bench.store.folder import product_name
-from radiogs_bench.suites.cell import Cell
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError, ExplainedError, NumericalFailure
 
 ROWS = [cell for _, cell in asked().cells()]

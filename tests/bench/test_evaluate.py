@@ -14,11 +14,11 @@ import torch
 
 from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
-from radiogs_bench.evaluation import frame_cost
-from radiogs_bench.evaluation.evaluate import Evaluation, evaluate
-from radiogs_bench.evaluation.metrics_by_view import MetricsByView
-from radiogs_bench.evaluation.scoring import displayed, score_view, truth
-from radiogs_bench.metrics import PROTOCOLS, PSNR_CAP, protocol
+from radiogs_bench.scoring import frame_cost
+from radiogs_bench.scoring.evaluate import Evaluation, evaluate
+from radiogs_bench.scoring.metrics import PROTOCOLS, PSNR_CAP, protocol
+from radiogs_bench.scoring.metrics_by_view import MetricsByView
+from radiogs_bench.scoring.score_maps import displayed, score_view, truth
 from radiogs_core.contract import MapKind, NotOffered, Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap

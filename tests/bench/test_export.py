@@ -8,7 +8,7 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
-from radiogs_bench.suites.sweep import write_sweep
+from radiogs_bench.runs.sweep import write_sweep
 
 REQUEST = asked(2)
 

@@ -15,9 +15,9 @@ from plyfile import PlyData
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main, splats
-from radiogs_bench.results.trained_surfels import surfels_in
+from radiogs_bench.export.trained_surfels import surfels_in
+from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.sweep import write_sweep
 from radiogs_core.surfels import viewer_files
 
 ROOT = Path(__file__).parents[2]

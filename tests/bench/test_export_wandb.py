@@ -11,9 +11,9 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
-from radiogs_bench.results.scalars import course, end
+from radiogs_bench.export.scalars import course, end
+from radiogs_bench.runs.sweep import label, write_sweep
 from radiogs_bench.store.schema import Result
-from radiogs_bench.suites.sweep import label, write_sweep
 
 REQUEST = asked(1)
 BLOCK = 32_768

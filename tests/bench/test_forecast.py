@@ -10,7 +10,7 @@ from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs.budget import PRESETS
 from radiogs.variant import Variant
 from radiogs_bench.cli.planning import show_plan, whole_memory, whole_time
-from radiogs_bench.engines.forecast import Expected, forecast, total
+from radiogs_bench.runs.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.kernels.runtime import workers

@@ -10,14 +10,14 @@ import torch
 from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
-from radiogs_bench.engines.scene_digest import checksum_now
-from radiogs_bench.experiments.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity
 from radiogs_bench.methods import method
+from radiogs_bench.runs.cell import Work, cell_of
+from radiogs_bench.runs.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.cell import Work, cell_of
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.errors import DataError
 from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.transport.splatting import SOLID_ALPHA

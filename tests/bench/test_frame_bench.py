@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from radiogs_bench.cli import main
-from radiogs_bench.kernel_bench.frames import FRAMES, HEMISPHERE_SAMPLES, LIGHT_SAMPLES, by_rays
+from radiogs_bench.lab.kernels.frames import FRAMES, HEMISPHERE_SAMPLES, LIGHT_SAMPLES, by_rays
 from radiogs_core.instruments import recording
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_datasets import load_scene

@@ -11,9 +11,9 @@ from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.results.gate import compare
+from radiogs_bench.runs.sweep import read_sweep, write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
-from radiogs_bench.suites.sweep import read_sweep, write_sweep
 from radiogs_core.errors import DataError
 
 OURS = "fake ours seed 0"

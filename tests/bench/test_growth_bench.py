@@ -9,10 +9,10 @@ import torch
 from scipy import stats
 
 from radiogs_bench.cli import main
-from radiogs_bench.step_bench import growth
-from radiogs_bench.step_bench.document import table_of
-from radiogs_bench.step_bench.growth import Axis
-from radiogs_bench.step_bench.growth_table import within
+from radiogs_bench.lab.steps import growth
+from radiogs_bench.lab.steps.document import table_of
+from radiogs_bench.lab.steps.growth import Axis
+from radiogs_bench.lab.steps.growth_table import within
 
 
 def test_the_command_fits_what_it_measured(

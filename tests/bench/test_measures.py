@@ -10,10 +10,10 @@ from bench.test_evaluate import EVERYTHING, scene_of, view_with
 from radiogs.budget import PRESETS
 from radiogs.trained import TrainedRadioGS
 from radiogs.variant import Variant
-from radiogs_bench.evaluation.evaluate import evaluate
-from radiogs_bench.metrics import PROTOCOLS, protocol
-from radiogs_bench.metrics.weights import FILES
 from radiogs_bench.results.summary import column_summary
+from radiogs_bench.scoring.evaluate import evaluate
+from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.weights import FILES
 from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap

@@ -13,12 +13,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from bench.chain_method import ChainPrepared
-from radiogs_bench.meshing import marching
-from radiogs_bench.meshing.blocks import VoxelBlocks, key_of, place_of
-from radiogs_bench.meshing.fusion import Fusion, Lattice
-from radiogs_bench.meshing.marching import zero_level
-from radiogs_bench.meshing.mesh import Mesh, write_mesh
-from radiogs_bench.meshing.rendered import lattice_of, mesh_of
+from radiogs_bench.export import marching
+from radiogs_bench.export.blocks import VoxelBlocks, key_of, place_of
+from radiogs_bench.export.fusion import Fusion, Lattice
+from radiogs_bench.export.marching import zero_level
+from radiogs_bench.export.mesh import Mesh, write_mesh
+from radiogs_bench.export.rendered import lattice_of, mesh_of
 from radiogs_core.contract import MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera

@@ -13,9 +13,9 @@ import pytest
 import torch
 
 from radiogs_bench.cli.main import main
+from radiogs_bench.runs.trained_folder import product_of, read_about
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
-from radiogs_bench.training.trained_folder import product_of, read_about
 from radiogs_core.errors import DataError
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.restoring import restored_surfels

@@ -11,21 +11,20 @@ import torch
 
 from bench.chain_method import Chain, Turned
 from radiogs_bench.cli import main
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.scene_digest import checksum_now
-from radiogs_bench.experiments.registry import EXPERIMENTS
-from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import substitutes
+from radiogs_bench.runs import train
+from radiogs_bench.runs.engines.in_process import Task, run_cells
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.sweep import Request, read_sweep
+from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites import scenes
-from radiogs_bench.suites.experiment import TRAINING
 from radiogs_bench.suites.oracles import ORACLES
 from radiogs_bench.suites.suite import Row, Suite, of_methods
-from radiogs_bench.suites.sweep import Request, read_sweep
 from radiogs_bench.suites.toml_file import read_suite
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from radiogs_core.capabilities import PARTS, Part
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError, UsageError
@@ -78,7 +77,7 @@ def ladder(name: str, method: Chain, monkeypatch: pytest.MonkeyPatch) -> Suite:
 @pytest.fixture
 def strangers(fake_run: Callable[..., int], monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """``run`` of strangers' methods on a scene whose truth is known."""
-    monkeypatch.setitem(EXPERIMENTS, TRAINING, train_and_score)
+    monkeypatch.setattr(train, "train_and_score", train_and_score)
     monkeypatch.setattr(scenes, "load_scene", lambda name, **how: SCENE)
     return fake_run
 

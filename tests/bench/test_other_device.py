@@ -11,15 +11,15 @@ import torch
 
 from cards import ON_CARD
 from elsewhere import elsewhere, registered
-from radiogs_bench.engines.scene_digest import checksum_now
-from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.methods import method
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.baselines import PUBLISHED_METHODS
-from radiogs_bench.suites.cell import Cell, Work, cell_of
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
 from scenes import sphere_scene
 
 METHODS = ("radiogs", *sorted({row.method for row in PUBLISHED_METHODS}))

@@ -14,8 +14,8 @@ from PIL import Image
 
 from radiogs_baselines.commands import family, process
 from radiogs_bench.cli.device import usable_cores
-from radiogs_bench.kernel_bench import clock
-from radiogs_bench.rehearsal import limits
+from radiogs_bench.lab.kernels import clock
+from radiogs_bench.lab.rehearsal import limits
 from radiogs_bench.store import provenance
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets.image_files import read_exr, write_exr

@@ -10,9 +10,9 @@ from bench.fake_method import FakeRequest, FakeSweep, asked, scene_of
 from radiogs.budget import PRESETS
 from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables, value_of, why_not
+from radiogs_bench.runs.sweep import Request, Sweep
 from radiogs_bench.suites.paper import ABLATIONS, NG, VIEWS
 from radiogs_bench.suites.suite import Suite
-from radiogs_bench.suites.sweep import Request, Sweep
 from radiogs_core.scene.scene import Scene
 from radiogs_reports.summary import PaperTable
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_bench.engines.pool import run_pool, worker_commands
-from radiogs_bench.training.interruption import Interruption
+from radiogs_bench.runs.engines.pool import run_pool, worker_commands
+from radiogs_bench.runs.interruption import Interruption
 
 WAIT = """
 import signal, sys, time

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store, product_name
-from radiogs_bench.suites.sweep import read_sweep
 
 CPU = torch.device("cpu")
 SEEDS = 4

@@ -6,7 +6,7 @@ import sys
 import pytest
 from rich.console import Console
 
-from radiogs_bench.training.progress import LogProgress, SweepProgress, TerminalProgress, progress_for_stderr
+from radiogs_bench.runs.progress import LogProgress, SweepProgress, TerminalProgress, progress_for_stderr
 
 
 def test_a_pipe_gets_lines_and_nothing_that_moves(capsys: pytest.CaptureFixture[str]) -> None:

@@ -21,15 +21,15 @@ from radiogs.memory import memory_of
 from radiogs.rehearsing import INITIALISE_STEPS, short_run
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
+from radiogs_bench.lab.rehearsal import climb as climbing
+from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
+from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
+from radiogs_bench.lab.rehearsal.growth import Rung, extended
+from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
+from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
+from radiogs_bench.lab.rehearsal.row import Row
+from radiogs_bench.lab.rehearsal.whole import whole_of
 from radiogs_bench.methods import substitutes
-from radiogs_bench.rehearsal import climb as climbing
-from radiogs_bench.rehearsal.climb import Bounds, sizes_of
-from radiogs_bench.rehearsal.document import lines_of, with_tables
-from radiogs_bench.rehearsal.growth import Rung, extended
-from radiogs_bench.rehearsal.limits import give_memory_back, resident
-from radiogs_bench.rehearsal.phases import Phase, of_memory
-from radiogs_bench.rehearsal.row import Row
-from radiogs_bench.rehearsal.whole import whole_of
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages
 from radiogs_core.errors import DataError

@@ -10,12 +10,12 @@ import pytest
 from PIL import Image
 
 from bench.fake_method import CPU, FakeStage, FakeSweep, FakeTrained, evaluate, fake_cell
-from radiogs_bench.engines.scene_digest import checksum_now
-from radiogs_bench.evaluation.evaluate import Evaluation
-from radiogs_bench.experiments.train import train_and_score
-from radiogs_bench.suites.cell import Cell
-from radiogs_bench.training.scene_files import require_unchanged, require_unchanged_if_touched
-from radiogs_bench.training.stages import Bench
+from radiogs_bench.runs.cell import Cell
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.scene_files import require_unchanged, require_unchanged_if_touched
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene

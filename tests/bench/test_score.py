@@ -12,9 +12,9 @@ import torch
 from public_outputs import WRITERS, noisy, png
 from radiogs_baselines.outputs import CODES, likely_codes, read_predictions
 from radiogs_bench.cli import main
-from radiogs_bench.evaluation.score import score_predictions
-from radiogs_bench.evaluation.scoring import coverage
-from radiogs_bench.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.score import score_predictions
+from radiogs_bench.scoring.score_maps import coverage
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.evaluation import shown_surfels
-from radiogs_bench.evaluation.shown_surfels import surfel_arrays
+from radiogs_bench.scoring import shown_surfels
+from radiogs_bench.scoring.shown_surfels import surfel_arrays
 from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.surfels import Surfels
 

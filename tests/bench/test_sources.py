@@ -8,8 +8,8 @@ import pytest
 
 from radiogs_bench import sources
 from radiogs_bench.methods import budget_of, method, variant_of
+from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.sources import OURS, SourceTree, installed
-from radiogs_bench.suites.cell import Work, cell_of
 from radiogs_bench.suites.experiment import AUDIT, COST, FORWARD_PARITY, STABILITY, TRAINING
 from radiogs_core.scene.scene import Scene
 
@@ -85,10 +85,10 @@ MODULES: Mapping[str, set[str]] = {
     # the generator, where a suite uses its surfaces
     "radiogs_datasets.generate.surfaces": {"parity"},
     # the harness: metrics, what is scored along the way, experiments
-    "radiogs_bench.metrics.psnr": RESULTS | {"cost: invert"},
-    "radiogs_bench.training.trail": {"cost: invert", "cost", "audit", "parity", "stability"},
-    "radiogs_bench.experiments.cost": {"cost: invert", "cost"},
-    "radiogs_bench.experiments.forward_parity": {"parity"},
+    "radiogs_bench.scoring.metrics.psnr": RESULTS | {"cost: invert"},
+    "radiogs_bench.runs.trail": {"cost: invert", "cost", "audit", "parity", "stability"},
+    "radiogs_bench.runs.train": {"cost: invert", "cost", "audit"},
+    "radiogs_bench.runs.forward_parity": {"parity"},
     # nothing that decides a value
     "radiogs_bench.cli.run": set(),
     "radiogs_bench.results.gate": set(),
@@ -156,7 +156,7 @@ def test_a_module_that_is_not_there_is_refused(tmp_path: Path) -> None:
 def test_no_source_that_decides_values_imports_by_a_computed_name() -> None:
     """Following the text would not see it. The registry of methods is the one place that loads by name."""
     tree = installed()
-    deciding = tree.closure("radiogs", "radiogs_core", "radiogs_datasets", "radiogs_bench.evaluation.evaluate")
+    deciding = tree.closure("radiogs", "radiogs_core", "radiogs_datasets", "radiogs_bench.scoring.evaluate")
     by_name = [name for name, path in deciding.items() if "import_module(" in path.read_text()]
     assert by_name == []
     assert set(OURS) <= set(tree.roots)

@@ -19,20 +19,20 @@ from scipy import stats
 
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
-from radiogs_bench.kernel_bench.clock import processor_seconds
-from radiogs_bench.kernel_bench.scenes import OVERLAP, SPREAD, sphere_and_plane
+from radiogs_bench.lab.kernels.clock import processor_seconds
+from radiogs_bench.lab.kernels.scenes import OVERLAP, SPREAD, sphere_and_plane
+from radiogs_bench.lab.steps import yardsticks
+from radiogs_bench.lab.steps.counting import counting
+from radiogs_bench.lab.steps.document import table_of, with_tables
+from radiogs_bench.lab.steps.estimates import exponent_of, median_of, ratio_of_medians
+from radiogs_bench.lab.steps.history import append, read_history
+from radiogs_bench.lab.steps.passes import one_pass
+from radiogs_bench.lab.steps.ratios import as_table, compared, read_record, require_comparable
+from radiogs_bench.lab.steps.record import parts_said
+from radiogs_bench.lab.steps.sampling import PARTS, Looking, placed
+from radiogs_bench.lab.steps.sizes import SIZES
+from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
 from radiogs_bench.methods import method, substitutes
-from radiogs_bench.step_bench import yardsticks
-from radiogs_bench.step_bench.counting import counting
-from radiogs_bench.step_bench.document import table_of, with_tables
-from radiogs_bench.step_bench.estimates import exponent_of, median_of, ratio_of_medians
-from radiogs_bench.step_bench.history import append, read_history
-from radiogs_bench.step_bench.passes import one_pass
-from radiogs_bench.step_bench.ratios import as_table, compared, read_record, require_comparable
-from radiogs_bench.step_bench.record import parts_said
-from radiogs_bench.step_bench.sampling import PARTS, Looking, placed
-from radiogs_bench.step_bench.sizes import SIZES
-from radiogs_bench.step_bench.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
@@ -160,15 +160,12 @@ def test_processor_time_has_no_ticks_while_the_stack_is_looked_at() -> None:
 
 def test_the_worker_imports_nothing_of_the_kit_that_it_does_not_measure() -> None:
     """Another checkout's kit may lack what evaluation and kernel benches of this one import."""
-    code = "import sys, radiogs_bench.step_bench.worker; print(*(name for name in sys.modules if 'bench' in name))"
+    code = "import sys, radiogs_bench.lab.steps.worker; print(*(name for name in sys.modules if 'bench' in name))"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    assert "radiogs_bench.step_bench.measure" in found
-    assert not [
-        name
-        for name in found
-        if name.startswith(("radiogs_bench.evaluation", "radiogs_bench.kernel_bench.c"))
-        and name != "radiogs_bench.kernel_bench.clock"
-    ]
+    assert "radiogs_bench.lab.steps.measure" in found
+    allowed = ("radiogs_bench.scoring.metrics", "radiogs_bench.lab.kernels.clock")
+    unwanted = ("radiogs_bench.scoring.", "radiogs_bench.lab.kernels.c")
+    assert not [name for name in found if name.startswith(unwanted) and not name.startswith(allowed)]
 
 
 def test_time_is_charged_to_the_part_and_the_direction_that_took_it() -> None:
@@ -311,7 +308,7 @@ def test_the_document_shows_what_was_stored() -> None:
     assert {file.stem for file in files} >= {"steps", "growth", "history"}
     text = DOCUMENT.read_text()
     assert with_tables(text, {file.stem: table_of(file) for file in files}) == text, (
-        "python -m radiogs_bench.step_bench.document docs/performance.md docs/performance/*.json*"
+        "python -m radiogs_bench.lab.steps.document docs/performance.md docs/performance/*.json*"
     )
 
 

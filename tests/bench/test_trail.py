@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from bench.fake_method import CPU, SCENE, FakeSweep, FakeTrained, evaluate, fake_cell, method
-from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import Interrupted
-from radiogs_bench.experiments.train import train_and_score
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench
+from radiogs_bench.runs.trail import Trail, milestones
+from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.schema import Result
 from radiogs_bench.suites.experiment import COST
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench
-from radiogs_bench.training.trail import Trail, milestones
 from radiogs_core.instruments import count
 
 CELL = fake_cell(experiment=COST)

@@ -8,9 +8,9 @@ import pytest
 
 from radiogs_bench.cli import main
 from radiogs_bench.cli.training_status import line_of
+from radiogs_bench.runs import kept_pace
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
-from radiogs_bench.training import kept_pace
 
 KEY = "0123abcd"
 

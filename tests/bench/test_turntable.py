@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.viewing.turntable import ELEVATION, cameras_around, from_outside, pictures
+from radiogs_bench.export.turntable import ELEVATION, cameras_around, from_outside, pictures
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS

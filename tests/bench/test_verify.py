@@ -11,9 +11,9 @@ from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
 from radiogs_bench.cli.score import write_record
 from radiogs_bench.results.verify import verify
+from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
-from radiogs_bench.suites.sweep import write_sweep
 
 
 @pytest.fixture(scope="module")

@@ -12,9 +12,9 @@ from PIL import Image
 from bench.fake_method import FakeSweep, asked
 from radiogs_bench.cli import main
 from radiogs_bench.cli.view import disks_of
-from radiogs_bench.results.trained_surfels import surfels_in
+from radiogs_bench.export.trained_surfels import surfels_in
+from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.sweep import write_sweep
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.figures import surfel_view
 
@@ -95,6 +95,6 @@ def test_a_model_without_surfels_and_a_picture_beyond_bounds_are_refused(
         assert main(["view", str(run), "--size", size]) == 2
         assert "size" in capsys.readouterr().err
     none = surfels_in(run, None).take(torch.zeros(0, dtype=torch.long))
-    monkeypatch.setattr("radiogs_bench.results.trained_surfels.surfels_in", lambda folder, row: none)
+    monkeypatch.setattr("radiogs_bench.export.trained_surfels.surfels_in", lambda folder, row: none)
     assert main(["view", str(run)]) == 3
     assert "no surfels left" in capsys.readouterr().err

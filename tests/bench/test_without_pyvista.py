@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from radiogs_bench.cli.mesh import shape_of
-from radiogs_bench.evaluation import score_orb
-from radiogs_bench.evaluation.true_shape import read_mesh
-from radiogs_bench.meshing.mesh import Mesh
-from radiogs_bench.metrics.mesh_library import pyvista
+from radiogs_bench.export.mesh import Mesh
+from radiogs_bench.scoring import score_orb
+from radiogs_bench.scoring.metrics.mesh_library import pyvista
+from radiogs_bench.scoring.true_shape import read_mesh
 from radiogs_core.errors import UsageError
 from radiogs_datasets import load_scene
 

@@ -5,8 +5,8 @@ from typing import Any, cast
 import pytest
 
 from radiogs_bench.results.work_left import work_left
+from radiogs_bench.runs.sweep import Place
 from radiogs_bench.store.schema import Result
-from radiogs_bench.suites.sweep import Place
 
 
 def place(row: str, seed: int, stages: list[str]) -> Place:

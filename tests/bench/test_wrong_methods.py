@@ -16,18 +16,18 @@ from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, T
 from radiogs_bench import methods
 from radiogs_bench.cli import main
 from radiogs_bench.cli.sweeping import report_failures
-from radiogs_bench.engines.in_process import Task, run_cells
-from radiogs_bench.engines.scene_digest import checksum_now
 from radiogs_bench.errors import MethodFailed, explain
-from radiogs_bench.evaluation.maps import on_black
-from radiogs_bench.experiments.train import train_and_score
 from radiogs_bench.method_calls import calling, lacking, losses_of, members, require, require_storable
+from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.engines.in_process import Task, run_cells
+from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.progress import LogProgress
+from radiogs_bench.runs.scene_digest import checksum_now
+from radiogs_bench.runs.stages import Bench, facts_of
+from radiogs_bench.runs.train import train_and_score
+from radiogs_bench.runs.warm_up import compile_kernels
+from radiogs_bench.scoring.maps import on_black
 from radiogs_bench.store.folder import Store
-from radiogs_bench.suites.cell import Cell, Work, cell_of
-from radiogs_bench.training.interruption import Interruption
-from radiogs_bench.training.progress import LogProgress
-from radiogs_bench.training.stages import Bench, facts_of
-from radiogs_bench.training.warm_up import compile_kernels
 from radiogs_core.contract import Method, NotOffered, Prepared, Stage, Trained
 from radiogs_core.errors import ExplainedError, NumericalFailure, UsageError
 from scenes import sphere_scene

@@ -20,7 +20,7 @@ from hard_cases.constructions import (
 )
 from hard_cases.constructions import seen as seen_by
 from hard_cases.ref64 import EPS
-from radiogs_bench.metrics.values import Value, mean
+from radiogs_bench.scoring.metrics.values import Value, mean
 from radiogs_core.kernels.shade.brdf import ggx_distribution, specular
 from radiogs_core.kernels.surfel.geometry import TRACE_TRANSMITTANCE_STOP
 from radiogs_core.kernels.surfel.support import support_of

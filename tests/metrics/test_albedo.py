@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.metrics.albedo import albedo_scale, encoded, fitted_views, least_squares
-from radiogs_bench.metrics.conventions import Albedo
+from radiogs_bench.scoring.metrics.albedo import albedo_scale, encoded, fitted_views, least_squares
+from radiogs_bench.scoring.metrics.conventions import Albedo
 
 TRUE_SCALE = torch.tensor([2.0, 0.5, 1.5])
 ALIGNMENTS = ("first channel's median", "median", "mean", "least squares")

@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.metrics.conventions import DepthOffset
-from radiogs_bench.metrics.depth import depth_offset
+from radiogs_bench.scoring.metrics.conventions import DepthOffset
+from radiogs_bench.scoring.metrics.depth import depth_offset
 
 RULES = DepthOffset()
 TRUTH = torch.tensor([[2.0, 3.0], [4.0, 5.0]])[..., None]

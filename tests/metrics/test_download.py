@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from radiogs_bench.cli import main
-from radiogs_bench.metrics import download
-from radiogs_bench.metrics.download import SOURCES, Source, fetch
-from radiogs_bench.metrics.weights import FILES
+from radiogs_bench.fetching import lpips_weights
+from radiogs_bench.fetching.lpips_weights import SOURCES, Source, fetch
+from radiogs_bench.scoring.metrics.weights import FILES
 from radiogs_core.errors import DataError
 
 CONTENT = bytes(range(256)) * 40
@@ -126,14 +126,14 @@ def test_the_command_fetches_what_is_asked_for_and_says_where(
 ) -> None:
     with serving() as server:
         monkeypatch.setattr(
-            download, "SOURCES", {"alex": (Source(f"{server}/good", "a.pth", DIGEST),), "vgg": (), "squeeze": ()}
+            lpips_weights, "SOURCES", {"alex": (Source(f"{server}/good", "a.pth", DIGEST),), "vgg": (), "squeeze": ()}
         )
         monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path / "cache"))
         assert main(["datasets", "weights"]) == 0
         assert main(["datasets", "weights", "--nets", "alex"]) == 0
         assert main(["datasets", "weights", "--to", str(tmp_path / "other")]) == 0
         assert main(["datasets", "weights", "--nets", "alexnet"]) == 2
-        monkeypatch.setattr(download, "SOURCES", {"alex": (Source(f"{server}/gone", "b.pth", DIGEST),)})
+        monkeypatch.setattr(lpips_weights, "SOURCES", {"alex": (Source(f"{server}/gone", "b.pth", DIGEST),)})
         assert main(["datasets", "weights"]) == 3
     assert (tmp_path / "cache" / "a.pth").read_bytes() == (tmp_path / "other" / "a.pth").read_bytes() == CONTENT
     shown = "".join(capsys.readouterr())

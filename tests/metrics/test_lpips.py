@@ -9,11 +9,11 @@ import torch
 from torch import nn
 
 from metrics.images import example
-from radiogs_bench.metrics import protocol
-from radiogs_bench.metrics.backbones import BACKBONES
-from radiogs_bench.metrics.conventions import Lpips, Net
-from radiogs_bench.metrics.lpips import SMALLEST_SIDE, distance, lpips
-from radiogs_bench.metrics.weights import FILES, lacking, missing_weights
+from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.backbones import BACKBONES
+from radiogs_bench.scoring.metrics.conventions import Lpips, Net
+from radiogs_bench.scoring.metrics.lpips import SMALLEST_SIDE, distance, lpips
+from radiogs_bench.scoring.metrics.weights import FILES, lacking, missing_weights
 from radiogs_core.errors import DataError
 
 PUBLISHED = {

@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.metrics import protocol
-from radiogs_bench.metrics.conventions import Normal
-from radiogs_bench.metrics.normals import angle, normal_mae
+from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.conventions import Normal
+from radiogs_bench.scoring.metrics.normals import angle, normal_mae
 
 IMAGE = Normal(region="image")
 

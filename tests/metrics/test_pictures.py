@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.metrics.conventions import Picture
-from radiogs_bench.metrics.pictures import in_bits, predicted, straight, times, true
+from radiogs_bench.scoring.metrics.conventions import Picture
+from radiogs_bench.scoring.metrics.pictures import in_bits, predicted, straight, times, true
 
 COLOUR = torch.rand(5, 6, 3, generator=torch.Generator().manual_seed(1))
 OWN = torch.rand(5, 6, 1, generator=torch.Generator().manual_seed(2))

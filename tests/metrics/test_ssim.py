@@ -11,10 +11,10 @@ from skimage.metrics import structural_similarity
 from torchmetrics.functional.image import structural_similarity_index_measure
 
 from metrics.images import example
-from radiogs_bench.metrics.conventions import Ssim
-from radiogs_bench.metrics.protocols import protocol
-from radiogs_bench.metrics.ssim import WANG, ssim
-from radiogs_bench.metrics.stanford_orb import ORB_SSIM
+from radiogs_bench.scoring.metrics.conventions import Ssim
+from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.metrics.ssim import WANG, ssim
+from radiogs_bench.scoring.metrics.stanford_orb import ORB_SSIM
 from radiogs_core.errors import UsageError
 
 SPLATTING = Ssim(padding="zero")

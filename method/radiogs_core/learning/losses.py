@@ -21,8 +21,8 @@ def reconstruction(
     """``absolute`` L1 + ``similarity`` (1 - SSIM) between display-sRGB images; of a stack, one loss an image.
 
     Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
-    image is not clipped, so that what is too bright keeps its gradient. For scoring use ``radiogs_bench.metrics``: the
-    window of its SSIM is not padded.
+    image is not clipped, so that what is too bright keeps its gradient. For scoring use
+    ``radiogs_bench.scoring.metrics``: the window of its SSIM is not padded.
     """
     distance, alike = compared(image.reshape(-1, *target.shape), target).view(*image.shape[:-3], 2).unbind(-1)
     return absolute * distance + similarity * (1 - alike)

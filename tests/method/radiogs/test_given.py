@@ -16,7 +16,7 @@ from radiogs.stages import Initialisation, InverseRendering
 from radiogs.stages.starting_values import rates_of
 from radiogs.trained import TrainedRadioGS, _Own, _Relit
 from radiogs.variant import Variant
-from radiogs_bench.suites.cell import Work, cell_of
+from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_core.capabilities import PARTS, Part, TakesGiven, require_truth
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError

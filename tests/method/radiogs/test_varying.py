@@ -12,7 +12,7 @@ from radiogs.budget import PRESETS
 from radiogs.model import Model
 from radiogs.trained import TrainedRadioGS
 from radiogs.variant import Variant
-from radiogs_bench.evaluation.determined import HALF_A_LEVEL, determined
+from radiogs_bench.scoring.determined import HALF_A_LEVEL, determined
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES, Part, Variable, Varying
 from radiogs_core.contract import Run

@@ -19,7 +19,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.rendering import View
 from radiogs_baselines.methods.gs_ir.variant import TexelAreas
 from radiogs_baselines.methods.split_sum import SplitSumLight
-from radiogs_bench.kernel_bench import plain_split_sum
+from radiogs_bench.lab.kernels import plain_split_sum
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight

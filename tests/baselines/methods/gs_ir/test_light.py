@@ -17,7 +17,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import (
 from radiogs_baselines.methods.gs_ir.shading import shade_points
 from radiogs_baselines.methods.seen_points import SeenPoints
 from radiogs_baselines.methods.split_sum import SplitSumLight, metallic_factor
-from radiogs_bench.kernel_bench import plain_split_sum
+from radiogs_bench.lab.kernels import plain_split_sum
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.transport.sampling import GOLDEN_ANGLE
 

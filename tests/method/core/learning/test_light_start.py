@@ -7,8 +7,8 @@ import torch
 from torch.nn.functional import normalize
 
 from known_ball import BALL, COLOUR, CPU, SCENE
-from radiogs_bench.metrics.conventions import Environment
-from radiogs_bench.metrics.environment import environment_error
+from radiogs_bench.scoring.metrics.conventions import Environment
+from radiogs_bench.scoring.metrics.environment import environment_error
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.light_start import (
     SeenPoints,

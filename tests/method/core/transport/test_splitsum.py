@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_bench.kernel_bench import plain_split_sum as dense
+from radiogs_bench.lab.kernels import plain_split_sum as dense
 from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, specular
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.transport.light_filters import LEVELS

@@ -1,0 +1,79 @@
+"""A trained model's test views, written as a public code writes its own results."""
+
+from collections.abc import Callable
+from difflib import get_close_matches
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_baselines.outputs import CODES, LayoutWriter
+from radiogs_core.contract import NotOffered, Prepared, Run, Trained
+from radiogs_core.errors import UsageError
+from radiogs_core.scene.scene import View
+
+from ..method_calls import calling
+from ..scoring.evaluate import SCORES_ALONE, evaluate
+from ..scoring.maps import on_black
+from ..scoring.metrics import Protocol
+from ..scoring.score_maps import coverage, lit_views
+
+PLAIN = "plain"
+"""The layout that ``render`` and ``relight`` write."""
+
+
+def write_as_published(
+    model: Trained,
+    run: Run,
+    writer: LayoutWriter,
+    method: str,
+    rules: Protocol,
+    advance: Callable[[int, int], None],
+) -> int:
+    """Write every test view, and every relit one that the scene has; returns the number of files.
+
+    Relit views have their albedo multiplied by the factor that ``rules`` find, so that the folder scores under them as
+    the model does. Raises errors of the method as ``evaluate``.
+    """
+    found = evaluate(model, run.scene, rules, run.device, advance, scope=SCORES_ALONE, method=method)
+    with calling(method, "prepare()"):
+        shown = model.prepare()
+    further = ("incident",) if "incident" in shown.offers else ()
+    for view in run.scene.test:
+        writer.write(view, _maps(shown, view, run, method, *further), coverage(view))
+    scale = torch.ones(3) if found.albedo_scale is None else torch.tensor(found.albedo_scale)
+    _write_relit(writer, model, run, method, rules.relighting_scale(scale))
+    return len(writer.written)
+
+
+def _write_relit(writer: LayoutWriter, model: Trained, run: Run, method: str, scale: Float[Tensor, "3"]) -> None:
+    """The views that the scene has under other lights; none where lights are near, or the method cannot relight."""
+    scene = run.scene
+    for light, views in {} if scene.surrounded else lit_views(scene, scene.test).items():
+        try:
+            with calling(method, "prepare() for another light"):
+                relit = model.prepare(scene.lights[light], scale)
+        except NotOffered:
+            continue
+        for view in views:
+            maps = _maps(relit, view, run, method)
+            if "image" in maps:
+                writer.write_relit(light, view, maps, coverage(view))
+
+
+def _maps(shown: Prepared, view: View, run: Run, method: str, *further: str) -> dict[str, Tensor]:
+    camera = view.camera.to(run.device, torch.float32)
+    return on_black(shown, camera, *further, method=method, view=view.name)
+
+
+def checked(code: str) -> str:
+    """The layout of this name. Raises UsageError where there is no writer for it."""
+    if code in CODES and code != PLAIN:
+        return code
+    near = get_close_matches(code, CODES, 1)
+    hint = f"Did you mean '{near[0]}'?" if near else ""
+    raise UsageError(
+        f"no writer for the layout '{code}'",
+        "`render` and `relight` write this layout." if code == PLAIN else hint,
+        f"Layouts: {', '.join(name for name in CODES if name != PLAIN)}.",
+    )

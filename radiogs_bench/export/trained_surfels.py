@@ -1,0 +1,56 @@
+"""The surfels of a model that ``train`` left in a folder, or of a row of a run, and from where they are looked at."""
+
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.surfels.restoring import restored_surfels
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_reports.maps import read_maps
+
+from ..runs.sweep import read_sweep
+from ..runs.trained_folder import product_of, read_about
+from ..store.folder import Store, product_name
+
+CPU = torch.device("cpu")
+
+
+def surfels_in(folder: Path, row: str | None) -> Surfels:
+    """The surfels that ``train`` left in a folder, or those of a run's row. Raises DataError where there are none."""
+    if (folder / "trained.json").exists():
+        products = [product_of(folder, read_about(folder)["training_key"], CPU)]
+    else:
+        places = [place for place in read_sweep(folder)["cells"] if row in (None, place["row"])]
+        if not places:
+            raise UsageError(
+                f"the run in '{folder}' has no row '{row}'", "", f"See them:  radiogs-bench status {folder}"
+            )
+        stored = (Store(folder).tensors(product_name(place["stages"][-1]), CPU) for place in places if place["stages"])
+        products = [each["product"] for each in stored if each is not None][:1]
+    if not products:
+        raise DataError(
+            f"no model is trained in '{folder}'" + (f" for the row '{row}'" if row else ""),
+            "Its files would lie in stages/.",
+            "Let the run go on until a cell is trained, or train one:  radiogs-bench train SCENE --out DIR",
+        )
+    if "surfels" not in products[0]:
+        raise DataError(f"the model in '{folder}' has no surfels", "Its method keeps something else.")
+    return restored_surfels(products[0]["surfels"])
+
+
+def standpoint_in(folder: Path, row: str | None) -> Standpoint | None:
+    """From where the scene of that model is looked at first; None where no finished cell says so."""
+    kept: dict[str, Any] = {}
+    if (folder / "trained.json").exists():
+        kept = read_about(folder).get("standpoint", {})
+    else:
+        store = Store(folder)
+        for place in read_sweep(folder)["cells"]:
+            if not kept and row in (None, place["row"]) and store.result(place["key"]) is not None:
+                arrays = read_maps(store.arrays_path(place["key"]), "surfels/")
+                names = ("eye", "up", "middle", "arc")
+                kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
+    return Standpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None

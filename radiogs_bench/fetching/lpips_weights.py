@@ -1,0 +1,98 @@
+"""Downloads the published LPIPS weights and checks their SHA-256 before they get their file name."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+
+from radiogs_core.errors import DataError, UsageError
+
+from ..scoring.metrics.conventions import Net
+from ..store.atomic import explained
+from .download import TIMEOUT, download, forget, sha256_of
+
+TORCHVISION = "https://download.pytorch.org/models"
+HEADS = (
+    "https://raw.githubusercontent.com/richzhang/PerceptualSimilarity/"
+    "082bb24f84c091ea94de2867d34c4544f68e0963/lpips/weights/v0.1"
+)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file to download: its address, its local name, and the first digits of its SHA-256 (hexadecimal)."""
+
+    url: str
+    name: str
+    sha256: str
+
+
+def _torchvision(name: str) -> Source:
+    # torchvision ends its file names in the first eight digits of their SHA-256.
+    return Source(f"{TORCHVISION}/{name}", name, name.removesuffix(".pth").rsplit("-", 1)[1])
+
+
+SOURCES: Mapping[Net, tuple[Source, ...]] = {
+    "alex": (
+        _torchvision("alexnet-owt-7be5be79.pth"),
+        Source(f"{HEADS}/alex.pth", "alex.pth", "df73285e35b22355a2df87cdb6b70b343713b667eddbda73e1977e0c860835c0"),
+    ),
+    "vgg": (
+        _torchvision("vgg16-397923af.pth"),
+        Source(f"{HEADS}/vgg.pth", "vgg.pth", "a78928a0af1e5f0fcb1f3b9e8f8c3a2a5a3de244d830ad5c1feddc79b8432868"),
+    ),
+    "squeeze": (
+        _torchvision("squeezenet1_1-b8a52dc0.pth"),
+        Source(
+            f"{HEADS}/squeeze.pth", "squeeze.pth", "4a5350f23600cb79923ce65bb07cbf57dca461329894153e05a1346bd531cf76"
+        ),
+    ),
+}
+"""Torchvision's ImageNet weights (V1) and the LPIPS v0.1 heads (BSD-2-Clause)."""
+
+
+def sources(nets: Sequence[str] | None = None) -> list[Source]:
+    """The files of the given networks, or of all. Raises UsageError for a network that LPIPS does not have."""
+    for net in nets or ():
+        if net not in SOURCES:
+            near = get_close_matches(net, SOURCES, 1)
+            raise UsageError(
+                f"LPIPS has no network '{net}'",
+                f"Did you mean '{near[0]}'?" if near else "",
+                f"Networks: {', '.join(SOURCES)}.",
+            )
+    return [source for net, files in SOURCES.items() if nets is None or net in nets for source in files]
+
+
+def fetch(source: Source, folder: Path, advance: Callable[[int, int], None], timeout: float = TIMEOUT) -> bool:
+    """Download the file into ``folder`` unless a correct one is there; returns whether it was downloaded.
+
+    ``advance`` is called with (done, total) bytes. The file gets its name once it is complete and its digest correct;
+    an interrupted download starts again. Raises DataError if the server has no such file, cannot be reached, sends less
+    than it promised or something else; StoreError if the folder cannot be written.
+    """
+    path = folder / source.name
+    if path.is_file() and sha256_of(path).startswith(source.sha256):
+        return False
+    partial = path.with_name(f".{path.name}.part")
+    with explained(path):
+        folder.mkdir(parents=True, exist_ok=True)
+    forget(partial)
+    try:
+        download(source.url, partial, advance, _by_hand(source, folder), timeout)
+        found = sha256_of(partial)
+        if not found.startswith(source.sha256):
+            raise DataError(
+                f"{source.url} is not the published file",
+                f"Its SHA-256 begins with {found[:8]}, not with {source.sha256[:8]}. Nothing was kept.",
+                _by_hand(source, folder),
+            )
+        with explained(path):
+            partial.replace(path)
+    finally:
+        forget(partial)
+    return True
+
+
+def _by_hand(source: Source, folder: Path) -> str:
+    return f"Try again later, or put a good copy at {folder / source.name} by hand."

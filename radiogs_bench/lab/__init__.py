@@ -1,0 +1,1 @@
+"""Measures how long and how much: kernels, steps, rehearsals of long runs."""

@@ -1,0 +1,163 @@
+"""Rehearses at growing sizes of the model, and stops before one that would not fit or take too long."""
+
+import shutil
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from radiogs_core.scene.scene import Scene
+
+from ...runs.progress import Progress
+from ...store.folder import Store
+from .growth import Rung, extended, peak
+from .limits import give_memory_back, in_use
+from .one_row import rehearse_rows
+from .phases import Phase, Phases, TooLarge
+from .row import Row
+
+FIRST = 0.25
+"""Share of the size at which a run begins that is tried first: two sizes tell what grows with the model."""
+
+FACTOR = 4.0
+"""How many times larger each size is than the one before."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a rehearsal may take: bytes by place, and seconds."""
+
+    memory: Mapping[str, int]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a rehearsal is run: where, who is told, which sizes (none: ``sizes_of``), and by which clock."""
+
+    device: torch.device
+    progress: Progress
+    sizes: Sequence[int] = ()
+    clock: Callable[[], float] = time.perf_counter
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Why a size was not rehearsed, or not to its end. fits: whether there is memory for it."""
+
+    size: int | None
+    fits: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Climb:
+    """What was measured at which sizes, why it went no further, and whether that is because it was stopped.
+
+    ``largest`` is the size that was wanted. The last of the sizes may lack phases (``Rung.whole``).
+    """
+
+    rungs: Sequence[Rung]
+    largest: int | None
+    refusal: Refusal | None
+    stopped: bool = False
+
+
+def sizes_of(rows: Sequence[Row]) -> list[int]:
+    """A quarter of the size at which runs begin, that size, and four times as many each time up to the largest."""
+    known = [sizes for row in rows if (sizes := row.sizes()) is not None]
+    if not known:
+        return []
+    start, most = min(first for first, _ in known), max(last for _, last in known)
+    found = [max(1, round(FIRST * start)), start]
+    while found[-1] * FACTOR < most:
+        found.append(round(found[-1] * FACTOR))
+    return sorted({*found, most})
+
+
+@contextmanager
+def stopped_by_signals() -> Iterator[None]:
+    """SIGTERM ends a rehearsal as Ctrl-C does: what was measured is kept."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: Bounds, setting: Setting) -> Climb:
+    """Rehearse the rows at each size; what is stored meanwhile is removed from ``folder`` again."""
+    ladder: Sequence[int | None] = setting.sizes or sizes_of(rows) or [None]
+    largest = max(sizes_of(rows), default=None)
+    rungs: list[Rung] = []
+    started = time.perf_counter()
+    for size in ladder:
+        refusal = _refusal(rungs, size, bounds, bounds.seconds - (time.perf_counter() - started))
+        if refusal is not None:
+            return Climb(rungs, largest, refusal)
+        setting.progress.say(f"size {size:,}" if size is not None else "its own sizes")
+        rung = _rung(rows, scene, size, rules, folder, setting)
+        rungs.append(rung)
+        if rung.stopped:
+            last = rung.phases[-1].title if rung.phases else "the beginning"
+            return Climb(rungs, largest, Refusal(size, True, f"it was stopped after '{last}'"), stopped=True)
+        if rung.broke_at is not None:
+            why = f"there was not enough memory for '{rung.broke_at}'"
+            return Climb(rungs, largest, Refusal(size, False, why))
+        refusal = _over(rung.size, [*rung.phases], bounds.memory, "took")
+        if refusal is not None:
+            return Climb(rungs, largest, refusal)
+    return Climb(rungs, largest, None)
+
+
+def _rung(rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting) -> Rung:
+    phases = Phases(setting.device, setting.clock, setting.progress.say)
+    give_memory_back()
+    base = in_use(setting.device)
+    keys: dict[str, list[str]] = {}
+    facts: dict[str, dict[str, int]] = {}
+    broke_at, stopped = None, False
+    wall, busy = time.perf_counter(), time.process_time()
+    try:
+        keys, facts = rehearse_rows(rows, scene, size, rules, Store(folder), phases)
+    except TooLarge as large:
+        broke_at = large.title
+    except KeyboardInterrupt:
+        stopped = True
+    finally:
+        for room in ("stages", "work", "export", "claims"):
+            shutil.rmtree(folder / room, ignore_errors=True)
+    taken = time.perf_counter() - wall
+    return Rung(size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped)
+
+
+def _refusal(rungs: Sequence[Rung], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
+    """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it."""
+    if not rungs or size is None:
+        return None
+    if len(rungs) > 1:  # one size does not tell what of the memory grows with it
+        refusal = _over(size, extended(rungs, size), bounds.memory, "would take")
+        if refusal is not None:
+            return refusal
+    before = rungs[-1].size
+    assert before is not None
+    needed = rungs[-1].seconds * size / before
+    if needed > seconds:
+        return Refusal(
+            size, True, f"it would take about {needed / 60:.0f} minutes, {max(0.0, seconds) / 60:.0f} are left"
+        )
+    return None
+
+
+def _over(size: int | None, phases: Sequence[Phase], memory: Mapping[str, int], verb: str) -> Refusal | None:
+    for where, most in memory.items():
+        amount, title = peak(phases, where)
+        if amount > most:
+            return Refusal(
+                size, False, f"'{title}' {verb} {amount / 2**30:.1f} GiB of the {where}'s {most / 2**30:.1f}"
+            )
+    return None

@@ -1,0 +1,138 @@
+"""Writes the tables of rehearsals into a document, from what ``rehearse`` stored; nothing in them is typed by hand.
+
+    python -m radiogs_bench.lab.rehearsal.document docs/paper_scale.md docs/paper_scale/*.json
+
+A table of ``NAME.json`` stands between the lines ``<!-- rehearsal NAME -->`` and ``<!-- end of rehearsal -->``.
+"""
+
+import json
+import math
+import re
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.errors import DataError
+
+from ...durations import duration
+
+GIB = 2**30
+END = "<!-- end of rehearsal -->"
+
+
+def with_tables(text: str, records: Mapping[str, Mapping[str, Any]]) -> str:
+    """The document with the table of each record in its place. Raises DataError where a place is missing."""
+    for name, record in records.items():
+        begin = f"<!-- rehearsal {name} -->"
+        place = re.search(re.escape(begin) + ".*?" + re.escape(END), text, re.DOTALL)
+        if place is None:
+            raise DataError(f"the document has no place for '{name}'", f"It lacks {begin} ... {END}.")
+        text = text[: place.start()] + "\n".join([begin, *lines_of(record), END]) + text[place.end() :]
+    return text
+
+
+def lines_of(record: Mapping[str, Any]) -> list[str]:
+    """A rehearsal in Markdown: what was run, phases by size, forecasts, and what does not fit."""
+    scene, machine = record["scene"], record["session"]["machine"]
+    rungs, name = record["rungs"], record["size_name"] or "size"
+    lines = [
+        f"`{record['name']}`, preset {record['preset']}: {scene['train']} training and {scene['test']} test views of"
+        f" {scene['width']} x {scene['height']}{'' if scene['masks'] else ', no masks'}, {scene['lights']} lights."
+        f" {machine['gpu'] or machine['cpu']}, {machine['threads']} thread{'s' if machine['threads'] > 1 else ''},"
+        f" {record['session']['date'][:10]}.{_shared(record)}",
+        "",
+    ]
+    if not rungs:
+        return [*lines, _refused(record, name), ""]
+    sizes = [_size(rung["size"], name) for rung in rungs]
+    lines += [
+        "| phase | " + " | ".join(f"{size}: s | GiB" for size in sizes) + " | in the whole run |",
+        "|---|" + "---:|---:|" * len(rungs) + "---:|",
+    ]
+    models: list[str] = []
+    longest = max(rungs, key=lambda rung: len(rung["phases"]))["phases"]
+    for place, phase in enumerate(longest):
+        cells = []
+        for rung in rungs:
+            if place >= len(rung["phases"]):
+                cells.append(" | ")
+                continue
+            found = rung["phases"][place]
+            where = "device" if "device" in found["peaks"] else "host"
+            cells.append(f"{seconds(_mean(found))} | {found['peaks'][where] / GIB:.2f}")
+        lines.append(f"| {phase['title']} | {' | '.join(cells)} | {phase['whole']:,} |")
+    for rung in rungs:
+        facts = {row: found for row, found in rung["facts"].items() if found}
+        if rung["size"] is not None and facts:
+            said = "; ".join(f"{row}: {_plain(found)}" for row, found in facts.items())
+            models.append(f"- Models at the end, begun with {_size(rung['size'], name)}: {said}.")
+    return [*lines, "", *models, *_forecasts(record, name), ""]
+
+
+def _forecasts(record: Mapping[str, Any], name: str) -> list[str]:
+    lines = []
+    for each in record["forecast"]:
+        peaks = ", ".join(
+            f"{peak['bytes'] / GIB:.1f} GiB of the {where}'s {record['memory'][where] / GIB:.1f} ({peak['phase']})"
+            for where, peak in each["peaks"].items()
+        )
+        how = "measured" if each["measured"] else "extended"
+        verdict = "**does not fit**" if each["beyond"] else "fits"
+        lines.append(
+            f"- Forecast at {_size(each['size'], name)} throughout ({how}): {duration(each['seconds'])}"
+            f" ± {duration(each['error'])}; {peaks}: {verdict}."
+        )
+    if "other" in record:
+        other = record["other"]
+        low, high = other["seconds"]
+        memory = " to ".join(f"{amount / GIB:.1f}" for amount in dict.fromkeys(other["peaks"]))
+        verdict = "fits" if all(other["fits"]) else "**the largest does not fit**"
+        lines.append(
+            f"- **Forecast, not measured**, for an {other['title']}: {duration(low)} to {duration(high)};"
+            f" {memory} GiB of {other['memory'] / GIB:.0f}: {verdict}."
+        )
+    if record["refusal"] is not None:
+        lines.append(f"- {_refused(record, name)}")
+    return lines
+
+
+def _refused(record: Mapping[str, Any], name: str) -> str:
+    refusal = record["refusal"]
+    return f"Not rehearsed at {_size(refusal['size'], name)}: {refusal['why']}."
+
+
+def _size(size: int | None, name: str) -> str:
+    return "its own sizes" if size is None else f"{size:,} {name}"
+
+
+def _shared(record: Mapping[str, Any]) -> str:
+    shares = " and ".join(f"{100 * rung['busy']:.0f} %" for rung in record["rungs"])
+    if not shares:
+        return ""
+    counted = "Seconds are those with a core." if record["clock"] == "core" else "Seconds are those that passed."
+    return f" The process had a core {shares} of the time. {counted}"
+
+
+def _plain(facts: Mapping[str, int]) -> str:
+    return ", ".join(f"{amount:,} {name}" for name, amount in facts.items())
+
+
+def _mean(phase: Mapping[str, Any]) -> float:
+    return math.fsum(phase["seconds"]) / len(phase["seconds"])
+
+
+def seconds(value: float) -> str:
+    """Seconds to two or three digits."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2f}"
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Write the tables of the files named after the document into it."""
+    document, *files = map(Path, arguments)
+    records = {path.stem: json.loads(path.read_bytes()) for path in files}
+    document.write_text(with_tables(document.read_text(encoding="utf-8"), records), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,120 @@
+"""What memory there is, and how fast this machine is beside another one."""
+
+import ctypes
+import gc
+import os
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from ...store.provenance import PROCESS_STATUS, resident_peak
+
+MEMORY_INFORMATION = Path("/proc/meminfo")
+
+MATRIX = 1024
+"""Side of the matrices whose product is timed: large enough to be bound by arithmetic."""
+
+COPIED = 1 << 25
+"""float32 values that are copied: 128 MB, more than any cache holds."""
+
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Speed:
+    """float32 operations, and bytes read or written, that a machine does in a second."""
+
+    operations: float
+    bytes: float
+
+
+@dataclass(frozen=True)
+class KnownDevice:
+    """A GPU as its maker describes it. memory: bytes."""
+
+    title: str
+    speed: Speed
+    memory: int
+    source: str
+
+
+KNOWN_DEVICES: Mapping[str, KnownDevice] = {
+    "rtx-4090": KnownDevice(
+        "NVIDIA GeForce RTX 4090",
+        Speed(82.6e12, 1008e9),
+        24 * 2**30,
+        "NVIDIA Ada GPU architecture whitepaper: 82.6 TFLOPS in FP32, 1,008 GB/s, 24 GB",
+    )
+}
+
+
+def memory_there(device: torch.device) -> dict[str, int]:
+    """Bytes that this process can have by place: of the machine what is free beside what it has already."""
+    found = {"host": _free() + resident()}
+    if device.type == "cuda":
+        free, _ = torch.cuda.mem_get_info(device)
+        found["device"] = free + torch.cuda.memory_reserved(device)
+    return found
+
+
+def resident() -> int:
+    """Resident set of this process, bytes."""
+    return _of_file(PROCESS_STATUS, "VmRSS:") if PROCESS_STATUS.exists() else resident_peak()
+
+
+def _free() -> int:
+    """Bytes that are free; where the system does not say, all that the machine has."""
+    if MEMORY_INFORMATION.exists():
+        return _of_file(MEMORY_INFORMATION, "MemAvailable:")
+    return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") - resident()
+
+
+def give_memory_back() -> None:
+    """Return to the system what Python and the allocator keep for later: it would count as the next size's.
+
+    glibc keeps freed blocks below the highest one that is in use; other allocators have no such call.
+    """
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
+
+
+def in_use(device: torch.device) -> dict[str, int]:
+    """Bytes that this process has by place."""
+    used = {"host": resident()}
+    return used | {"device": torch.cuda.memory_allocated(device)} if device.type == "cuda" else used
+
+
+def speed_of(device: torch.device) -> Speed:
+    """What one device does, on as many threads as it computes with: a matrix product, and a copy."""
+    square = torch.rand(MATRIX, MATRIX, device=device)
+    values = torch.rand(COPIED, device=device)
+    target = torch.empty_like(values)
+    multiply = _fastest(device, lambda: torch.mm(square, square))
+    copy = _fastest(device, lambda: target.copy_(values))
+    return Speed(2 * MATRIX**3 / multiply, 2 * values.numel() * values.element_size() / copy)
+
+
+def _fastest(device: torch.device, do: object) -> float:
+    """Seconds of the fastest of a few times; others wait for the machine."""
+    assert callable(do)
+    taken = []
+    for _ in range(REPEATS):
+        started = time.perf_counter()
+        do()
+        if device.type == "cuda":
+            torch.cuda.synchronize(device)
+        taken.append(time.perf_counter() - started)
+    return min(taken)
+
+
+def _of_file(path: Path, name: str) -> int:
+    """An amount of /proc in bytes."""
+    for line in path.read_text().splitlines():
+        if line.startswith(name):
+            return int(line.split()[1]) * 1024
+    return 0

@@ -1,0 +1,231 @@
+"""Runs all phases of one row with few steps: training, checkpoint and resume, evaluation, relighting."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from radiogs_core.capabilities import Rehearsing, Relighting
+from radiogs_core.contract import NotOffered, Prepared, Run, Stage, StageSpec, Trained
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene
+
+from ...method_calls import calling, losses_of
+from ...runs.cell import Cell, Work, cell_of
+from ...runs.stages import begun, close_stage, facts_of, restored
+from ...scoring.evaluate import SCORES_ALONE, evaluate
+from ...scoring.maps import on_black
+from ...scoring.metrics import protocol
+from ...store.folder import Store, checkpoint_name, product_name
+from .phases import Phases
+from .row import STEPS, Row
+
+
+class Enough(Exception):
+    """So many steps of a preparation were seen as are needed."""
+
+
+class RowRehearsal:
+    """The phases of one row on one scene; what another row has done already is taken from the store."""
+
+    def __init__(
+        self, row: Row, scene: Scene, size: int | None, rules: str, store: Store, phases: Phases, seen: set[str]
+    ) -> None:
+        self.row, self.scene, self.rules, self.store, self.phases, self.seen = row, scene, rules, store, phases, seen
+        self.device, self.name = phases.device, row.method.name
+        self.short, self.facts = row.short(size), dict[str, int]()
+        work = Work(self.short.variant, self.short.budget, device=self.device.type, protocol=rules)
+        self.cell: Cell = cell_of(row.method, scene, work, row.found_as)
+
+    def all(self) -> list[str]:
+        """Every phase; returns the keys of those that are part of this row's whole run."""
+        trained = self.train()
+        model = str(self.cell.training_key)
+        keys = [*(stage.key for stage in self.cell.stages), f"{model} shown"]
+        self.facts = {name: fact for name, fact in facts_of(self.name, trained).items() if type(fact) is int}
+        if self._new(keys[-1]):
+            self.show(trained, keys[-1])
+        light = next(iter(self.scene.lights.values()), None) or trained.light
+        if light is None:
+            return keys
+        for way in self.short.relighting:
+            key = f"{model} relit {way.title}"
+            if self._new(key):
+                self.relight(way, light, key)
+            if way.variant == self.short.variant:
+                keys.append(key)
+        return keys
+
+    def _new(self, key: str) -> bool:
+        """Whether no row before this one has done it."""
+        new = key not in self.seen
+        self.seen.add(key)
+        return new
+
+    def train(self) -> Trained:
+        """The stages that no row before this one has gone through, and the model that they leave."""
+        with calling(self.name, "stages()"):
+            specs = self.row.method.stages(self.short.variant, self.short.budget)
+        product: Mapping[str, Any] = {}
+        for spec, stage in zip(specs, self.cell.stages, strict=True):
+            stored = self.store.tensors(product_name(stage.key), self.device)
+            if stored is None:
+                self._stage(spec, stage.key, product)
+                stored = self.store.tensors(product_name(stage.key), self.device)
+            assert stored is not None
+            product = stored["product"]
+        return restored(self.row.method, self._run(self.short.variant), product)
+
+    def _run(self, variant: Any) -> Run:
+        workspace = self.store.folder / "work" / str(self.cell.training_key)
+        return Run(self.scene, variant, self.short.budget, 0, self.device, workspace)
+
+    def _stage(self, spec: StageSpec, key: str, before: Mapping[str, Any]) -> None:
+        """Begin a stage, take its steps, write and read a checkpoint, and store the product."""
+        measure, run = self.phases.measure, self._run(self.short.variant)
+        stage = measure(f"{spec.title}: beginning", key, 1, lambda: begun(self.name, spec, run, before))
+        try:
+            self._steps(spec, stage, key)
+            name = checkpoint_name(key)
+            measure(
+                f"{spec.title}: writing a checkpoint", key, 1,
+                lambda: self.store.put_tensors(name, {"state": dict(stage.state())}),
+            )  # fmt: skip
+            measure(f"{spec.title}: resuming from it", key, 0, lambda: self._resume(stage, name))
+            self.store.drop_tensors(name)
+            with calling(self.name, f"product() of stage '{spec.name}'"):
+                product = dict(stage.product())
+        finally:
+            close_stage(self.name, stage)
+        self.store.put_tensors(product_name(key), {"product": product})
+
+    def _resume(self, stage: Stage, name: str) -> None:
+        stored = self.store.tensors(name, self.device)
+        assert stored is not None
+        with calling(self.name, "restore()"):
+            stage.restore(stored["state"])
+
+    def _steps(self, spec: StageSpec, stage: Stage, key: str) -> None:
+        """Take the steps of every kind; the stage's very first one stands apart, as it sets things up."""
+        kinds = self.short.kinds[spec.name]
+        last = max(max(kind.steps) for kind in kinds if kind.steps)
+        seconds: list[float] = []
+        self.phases.begin()
+        while len(seconds) <= last and stage.iteration < stage.iterations:
+            title = f"{spec.title}: step {len(seconds)}"
+            before = stage.iteration
+            given, taken = self.phases.timed(title, lambda: self._step(stage))
+            losses_of(self.name, given, spec.name)
+            if stage.iteration > before:
+                seconds.append(taken)
+        self.phases.end(f"{spec.title}: first step", key, 1, seconds[:1])
+        for kind in kinds:
+            counted = [seconds[place] for place in sorted(kind.steps) if 0 < place < len(seconds)] or seconds[:1]
+            self.phases.end(f"{spec.title}: {kind.title}", key, max(0, kind.whole - int(0 in kind.steps)), counted)
+
+    def _step(self, stage: Stage) -> Mapping[str, float]:
+        with calling(self.name, "step()"):
+            return stage.step()
+
+    def show(self, trained: Trained, key: str) -> None:
+        """Make ready, render one test view with all maps, and score it."""
+        views, shown = len(self.scene.test), self.scene.test[len(self.scene.test) // 2]
+
+        def prepare() -> Prepared:
+            with calling(self.name, "prepare()"):
+                return trained.prepare()
+
+        prepared = self.phases.measure("evaluation: preparing", key, 1, prepare)
+        preparing = self.phases.done[-1].mean
+        # In the whole run every view is rendered a second time, to be timed.
+        self.phases.measure("evaluation: a frame, all maps", key, views, partial(self._frame, prepared, shown.camera))
+        del prepared
+        one, rules = replace(self.scene, test=(shown,), relight=(), lights={}), protocol(self.rules)
+        self.phases.begin()
+        _, seconds = self.phases.timed(
+            "evaluation: a view, rendered and scored",
+            lambda: evaluate(trained, one, rules, self.device, lambda *_: None, scope=SCORES_ALONE, method=self.name),
+        )
+        self.phases.end("evaluation: a view, rendered and scored", key, views, [max(0.0, seconds - preparing)])
+        folder = self.store.folder / "export"
+        folder.mkdir(exist_ok=True)
+        self.phases.measure("export", key, 0, lambda: self._export(trained, folder))
+
+    def _export(self, trained: Trained, folder: Path) -> None:
+        with calling(self.name, "export()"):
+            for path in trained.export(folder):
+                path.unlink()
+
+    def _frame(self, prepared: Prepared, camera: Camera) -> None:
+        further = [name for name in prepared.offers if name not in prepared.default]
+        on_black(prepared, camera.to(self.device, torch.float32), *further, method=self.name)
+
+    def relight(self, way: Relighting, light: EnvironmentMap, key: str) -> None:
+        """Prepare for another light with few steps, and render a frame."""
+        product = self.store.tensors(product_name(str(self.cell.training_key)), self.device)
+        assert product is not None
+        model = restored(self.row.method, self._run(way.variant), product["product"])
+        del product
+        marks: list[float] = []
+        known = isinstance(self.row.method, Rehearsing)
+
+        def after_step() -> None:
+            marks.append(self.phases.clock())
+            if not known and len(marks) >= STEPS:
+                raise Enough
+
+        title, lights = f"relighting {way.title}", len(self.scene.lights)
+        self.phases.begin()
+        prepared, seconds = self.phases.timed(f"{title}: preparing", lambda: self._prepared(model, light, after_step))
+        steps = [later - earlier for earlier, later in pairwise(marks)]
+        if steps:
+            mean = sum(steps) / len(steps)
+            self.phases.end(f"{title}: step of its preparation", key, way.whole * lights, steps)
+            seconds = max(0.0, seconds - mean * len(marks))
+        if prepared is None:
+            return
+        self.phases.end(f"{title}: preparing, without steps", key, lights, [seconds])
+        frames = sum(view.has(f"relit/{name}") for view in self.scene.test for name in self.scene.lights)
+        camera = self.scene.test[len(self.scene.test) // 2].camera
+        # Every view is rendered twice: to be scored, and to be timed.
+        self.phases.measure(f"{title}: a frame", key, 2 * frames, lambda: self._frame(prepared, camera))
+
+    def _prepared(self, model: Trained, light: EnvironmentMap, after_step: Callable[[], None]) -> Prepared | None:
+        """The model under another light; None where it cannot be relit, or takes steps of which enough were seen."""
+        ended: list[Enough] = []
+
+        def watched() -> None:
+            try:
+                after_step()
+            except Enough as enough:
+                ended.append(enough)
+                raise
+
+        try:
+            with calling(self.name, "prepare() for another light"):
+                return model.prepare(light, None, watched)
+        except NotOffered:
+            return None
+        except Exception:
+            if ended:
+                return None
+            raise
+
+
+def rehearse_rows(
+    rows: Sequence[Row], scene: Scene, size: int | None, rules: str, store: Store, phases: Phases
+) -> tuple[dict[str, list[str]], dict[str, dict[str, int]]]:
+    """Measure every row; returns the keys of the phases in each row's whole run, and the counts among its facts."""
+    seen: set[str] = set()
+    keys: dict[str, list[str]] = {}
+    facts: dict[str, dict[str, int]] = {}
+    for row in rows:
+        rehearsal = RowRehearsal(row, scene, size, rules, store, phases, seen)
+        keys[row.key] = rehearsal.all()
+        facts[row.key] = rehearsal.facts
+    return keys, facts

@@ -1,0 +1,120 @@
+"""Phases of a run: what each took, what memory it peaked at, and how often the whole run has it."""
+
+import math
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+import torch
+
+from ...store.provenance import peak_memory, reset_peaks
+
+Result = TypeVar("Result")
+
+MEMORY_MESSAGES = ("out of memory", "can't allocate memory", "not enough memory")
+"""What PyTorch's allocators say, on a GPU and on a CPU, in lower case."""
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A kind of work. seconds: of each time that it was done. whole: how often the whole run does it. peaks: bytes by
+    place ("host": resident set of the process, "device": CUDA allocator). key: the stage or model that it belongs to;
+    rows that share one do this work once. extended_error: of seconds that were not measured, but extended from others;
+    None for what was measured."""
+
+    title: str
+    key: str
+    seconds: tuple[float, ...]
+    whole: int
+    peaks: Mapping[str, int]
+    extended_error: float | None = None
+
+    @property
+    def mean(self) -> float:
+        """Mean seconds of one time."""
+        return math.fsum(self.seconds) / len(self.seconds)
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean, seconds; zero where it was done once, because nothing is known of it."""
+        if self.extended_error is not None:
+            return self.extended_error
+        count = len(self.seconds)
+        return statistics.stdev(self.seconds) / math.sqrt(count) if count > 1 else 0.0
+
+    def plain(self) -> dict[str, Any]:
+        """As stored."""
+        return {
+            "title": self.title,
+            "key": self.key,
+            "seconds": list(self.seconds),
+            "whole": self.whole,
+            "peaks": dict(self.peaks),
+        }
+
+
+class TooLarge(Exception):
+    """A phase asked for more memory than there is."""
+
+    def __init__(self, title: str) -> None:
+        super().__init__(title)
+        self.title = title
+
+
+@dataclass
+class Phases:
+    """The phases that were measured, in order.
+
+    clock: seconds that have passed, or, on a CPU that others use too, those for which this process had a core.
+    """
+
+    device: torch.device
+    clock: Callable[[], float] = time.perf_counter
+    say: Callable[[str], None] = lambda line: None
+    done: list[Phase] = field(default_factory=list)
+
+    def measure(self, title: str, key: str, whole: int, do: Callable[[], Result]) -> Result:
+        """Do something once. Raises TooLarge where memory does not suffice."""
+        self.begin()
+        result, seconds = self.timed(title, do)
+        self.end(title, key, whole, [seconds])
+        return result
+
+    def begin(self) -> None:
+        """Peaks count from here."""
+        reset_peaks(self.device)
+
+    def timed(self, title: str, do: Callable[[], Result]) -> tuple[Result, float]:
+        """The result and the seconds, with the device idle before and after. Raises TooLarge."""
+        self._finish()
+        started = self.clock()
+        try:
+            result = do()
+        except Exception as error:
+            if of_memory(error):
+                raise TooLarge(title) from error
+            raise
+        self._finish()
+        return result, self.clock() - started
+
+    def end(self, title: str, key: str, whole: int, seconds: Sequence[float]) -> None:
+        """Keep a phase whose peaks are those since ``begin``."""
+        self.done.append(Phase(title, key, tuple(seconds), whole, peak_memory(self.device)))
+        self.say(f"{title}: {self.done[-1].mean:.2f} s, {self.done[-1].peaks['host'] / 2**30:.2f} GiB")
+
+    def _finish(self) -> None:
+        if self.device.type == "cuda":
+            torch.cuda.synchronize(self.device)
+
+
+def of_memory(error: BaseException | None) -> bool:
+    """Whether an exception, or one that it was raised from, says that memory does not suffice."""
+    while error is not None:
+        if isinstance(error, (MemoryError, torch.cuda.OutOfMemoryError)):
+            return True
+        if isinstance(error, RuntimeError) and any(text in str(error).lower() for text in MEMORY_MESSAGES):
+            return True
+        error = error.__cause__
+    return False

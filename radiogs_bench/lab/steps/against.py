@@ -1,0 +1,94 @@
+"""Passes of the sources of two checkouts in turn, each in a process of its own, measured by the same harness.
+
+The other checkout gives its methods, data sets and kernels; what measures them is this one's, so that any earlier
+commit can be compared that keeps the contract.
+"""
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from radiogs_core.errors import UsageError
+
+from ...errors import Killed
+from .measure import Plain
+
+SOURCE_ROOTS = ("method", "datasets", "baselines")
+"""Folders of a checkout whose packages are measured."""
+
+WORKER = "radiogs_bench.lab.steps.worker"
+
+
+class Worker:
+    """A process that makes passes."""
+
+    def __init__(self, process: "subprocess.Popen[str]", name: str) -> None:
+        self.process, self.name = process, name
+        self.origin = self._answer()
+        """Where its sources lie, and their commit."""
+
+    def passed(self, size: str, counts: bool) -> Plain:
+        """One pass at a size (see ``measure.Here.passed``)."""
+        assert self.process.stdin is not None
+        try:
+            self.process.stdin.write(json.dumps({"size": size, "counts": counts}) + "\n")
+            self.process.stdin.flush()
+        except BrokenPipeError:
+            pass  # its exit code is told by what follows
+        return self._answer()
+
+    def _answer(self) -> Plain:
+        assert self.process.stdout is not None
+        line = self.process.stdout.readline()
+        if not line:
+            raise Killed(
+                f"the process that measured {self.name} ended with code {self.process.wait()}",
+                "What it wrote to stderr says why.",
+                "Measure it alone:  radiogs-bench bench steps",
+            )
+        answer: Plain = json.loads(line)
+        return answer
+
+
+@contextmanager
+def worker(checkout: Path | None, arguments: tuple[str, ...]) -> Iterator[Worker]:
+    """A worker with this checkout's sources (None) or another one's; it ends with the block.
+
+    Raises UsageError for a folder that is no checkout, Killed where the process ends by itself.
+    """
+    surroundings = dict(os.environ)
+    if checkout is not None:
+        roots = [(checkout / root).resolve() for root in SOURCE_ROOTS]
+        if not (roots[0] / "radiogs_core" / "contract.py").is_file():
+            raise UsageError(
+                f"{checkout} is no checkout of this project",
+                f"It has no {SOURCE_ROOTS[0]}/radiogs_core/contract.py.",
+                "Make one:  git worktree add FOLDER COMMIT",
+            )
+        before = [surroundings["PYTHONPATH"]] if surroundings.get("PYTHONPATH") else []
+        surroundings["PYTHONPATH"] = os.pathsep.join([*map(str, roots), *before])
+    with subprocess.Popen(
+        [sys.executable, "-m", WORKER, *arguments],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=surroundings,
+    ) as process:  # fmt: skip
+        try:
+            made = Worker(process, "this checkout" if checkout is None else str(checkout))
+            _require_own_sources(made.origin, checkout)
+            yield made
+        finally:
+            process.kill()
+
+
+def _require_own_sources(origin: dict[str, Any], checkout: Path | None) -> None:
+    """Raise UsageError where Python found the packages elsewhere, or both sides would be the same."""
+    if checkout is not None and not Path(origin["sources"]).is_relative_to(checkout.resolve()):
+        raise UsageError(
+            f"the packages of {checkout} are not those that were found",
+            f"Python found {origin['sources']}.",
+            "Is something installed that comes before PYTHONPATH?",
+        )

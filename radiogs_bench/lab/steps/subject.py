@@ -1,0 +1,108 @@
+"""What is measured: a method on a scene of stated size, with a model that lies on surfaces as a trained one does."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+
+from radiogs_core.capabilities import Rehearsing, ShortRun
+from radiogs_core.contract import Method, Stage
+from radiogs_core.errors import UsageError
+from radiogs_core.learning.fit_geometry import FitGeometry, GeometryBudget
+from radiogs_core.scene.scene import Scene
+from radiogs_core.surfels.known_surfaces import OVERLAP as OVERLAP_OF_KNOWN
+from radiogs_core.surfels.known_surfaces import surfels_on
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_datasets.enlargement import enlarged
+
+from ..kernels.scenes import OVERLAP, SPREAD
+from ..rehearsal.row import Row
+from .sizes import Size, surfels_at
+
+FIRST_SPACING = 0.05
+"""Distance between surfels, in scene extents, from which the wanted number is approached."""
+
+SPARE = 1.05
+"""Surfels that are laid for each that is wanted, at least: some are drawn away, so that the number is exact, and those
+that stay are wider by as much."""
+
+TEST_VIEWS = 4
+
+ON_SURFACES, OWN_START = "on the true surfaces", "as the method starts"
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A method, the few steps that are taken of it, and the scene. surfels: None for a method's own number."""
+
+    method: Method
+    size: Size
+    surfels: int | None
+    scene: Scene
+    short: ShortRun
+    device: torch.device
+
+
+def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
+    """The method on the scene, enlarged to a size.
+
+    A method that cannot be rehearsed takes the first steps of its stages, with as many surfels as its budget can be
+    told. Raises UsageError for a method without the size's preset.
+    """
+    if size.preset not in method.presets:
+        raise UsageError(
+            f"{method.name} has no preset '{size.preset}'",
+            f"Size {size.name} takes its samples from it; there are: {', '.join(method.presets)}.",
+            "Choose other sizes:  --sizes",
+        )
+    budget = method.presets[size.preset]
+    wanted = surfels_at(size, budget)
+    if not isinstance(method, Rehearsing):
+        budget, wanted = _sized(budget, wanted)
+    row = Row("steps", method, method.name, method.variant(), budget)
+    large = enlarged(scene, size.views, TEST_VIEWS, size.side, size.side)
+    return Subject(method, size, wanted, large, row.short(wanted if isinstance(method, Rehearsing) else None), device)
+
+
+def _sized(budget: Any, surfels: int | None) -> tuple[Any, int | None]:
+    """The budget with so many surfels, where it counts them."""
+    if surfels is None or not isinstance(budget, GeometryBudget):
+        return budget, None
+    return replace(budget, initial_surfels=surfels, maximum_surfels=surfels), surfels  # type: ignore[type-var]
+
+
+def lay_on_surfaces(stage: Stage, subject: Subject) -> str:
+    """Put surfels on the scene's true surfaces in the place of those that a stage begins with; says which there are.
+
+    In a visual hull a ray meets ten times the surfels that it meets in a trained model, and small images have points on
+    swept surfaces for fewer surfels than are asked for.
+    """
+    if not isinstance(stage, FitGeometry) or subject.scene.surfaces is None:
+        return OWN_START
+    count = len(stage.surfels) if subject.surfels is None else subject.surfels
+    laid = surfels_over(subject.scene, count)
+    made = Surfels.of({name: value.to(subject.device) for name, value in laid.parameters().items()})
+    stage.optimiser.replace(made, torch.full((count,), -1, device=subject.device))
+    return ON_SURFACES
+
+
+def surfels_over(scene: Scene, count: int) -> Surfels:
+    """So many surfels over the true surfaces, as wide and as opaque as those of kernel scene M, with noisy radiance."""
+    spacing = FIRST_SPACING * scene.extent
+    samples = scene.true_surfaces(spacing)
+    while len(samples) < count:
+        spacing *= min(0.9, math.sqrt(len(samples) / (SPARE * count)))
+        samples = scene.true_surfaces(spacing)
+    generator = torch.Generator().manual_seed(0)
+    kept = torch.randperm(len(samples), generator=generator)[:count].sort().values
+    surfels = surfels_on(samples).take(kept)
+    wider = OVERLAP / OVERLAP_OF_KNOWN * math.sqrt(len(samples) / count)
+    noise = torch.randn(count, 2, generator=generator)
+    opacity = 0.5 + 0.49 * torch.rand(count, generator=generator)
+    return replace(
+        surfels,
+        log_scale=surfels.log_scale + math.log(wider) + SPREAD * noise,
+        opacity_logit=torch.logit(opacity),
+        sh=0.1 * torch.randn(surfels.sh.shape, generator=generator),
+    )

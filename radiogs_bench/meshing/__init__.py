@@ -1,1 +1,0 @@
-"""Triangle meshes from rendered depth maps: fusion into a truncated signed distance field, and its zero level."""

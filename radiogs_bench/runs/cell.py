@@ -1,0 +1,154 @@
+"""Cells: the unit of running, storing and resuming, with keys over everything that decides a result."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from radiogs_core.contract import Method
+from radiogs_core.plain_values import to_plain
+from radiogs_core.scene.scene import Scene
+
+from ..method_calls import calling
+from ..sources import code_digest
+from ..store.keys import content_key
+from ..suites.experiment import EXPERIMENTS, TRAINING
+
+
+@dataclass(frozen=True)
+class StageKey:
+    """A stage of a cell: its name, its title for progress bars, its steps, and the key of its product."""
+
+    name: str
+    title: str
+    steps: int
+    key: str
+
+
+@dataclass(frozen=True)
+class Work:
+    """The settings of a cell that do not depend on its scene or method; the fields are those of ``Cell``."""
+
+    variant: Any
+    budget: Any
+    seed: int = 0
+    device: str = "cpu"
+    protocol: str = "default"
+    experiment: str = TRAINING
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One training and its evaluation: scene x method x variant x budget x seed, scored under a protocol.
+
+    ``checksum`` digests the scene's files, ``loader`` the sources that read them, ``method_code`` those of the method
+    and ``evaluation_code`` those that score it (see ``sources``). ``device`` is the kind of machine ("cpu" or "cuda"),
+    because their seconds and last digits differ. The suite is not part of a cell: two suites that share a row share
+    its result. ``experiment`` is the kind of work (see ``experiment``), ``settings`` are that experiment's own.
+
+    Each stage's key is over what its product depends on and nothing else, so that cells share stages; ``key`` names the
+    scored result. ``found_as`` is the argument of ``methods.method``: the method's name, or the path of its TOML file,
+    which is not part of the key. Make cells with ``cell_of``.
+    """
+
+    scene: str
+    checksum: str
+    loader: str
+    method: str
+    variant: Any
+    budget: Any
+    seed: int
+    device: str
+    protocol: str
+    stages: tuple[StageKey, ...]
+    method_code: str
+    evaluation_code: str
+    experiment: str = TRAINING
+    settings: Mapping[str, float] = field(default_factory=dict)
+    found_as: str = ""
+
+    @property
+    def training_key(self) -> str | None:
+        """Key of the trained model: that of the last stage; None for an experiment that trains nothing."""
+        return self.stages[-1].key if self.stages else None
+
+    @property
+    def first_key(self) -> str:
+        """Key of the first stage, which cells may share; the key of the cell if it has no stages."""
+        return self.stages[0].key if self.stages else self.key
+
+    @cached_property
+    def key(self) -> str:
+        """Key of the scored result."""
+        return content_key(self.content())
+
+    def content(self) -> dict[str, Any]:
+        """Everything that the result depends on, as plain values.
+
+        The checksum stands for the scene: the same files under another name or path are the same scene.
+        """
+        return {
+            "checksum": self.checksum,
+            "loader": self.loader,
+            "method": self.method,
+            "variant": to_plain(self.variant),
+            "budget": to_plain(self.budget),
+            "seed": self.seed,
+            "device": self.device,
+            "protocol": self.protocol,
+            "stages": {stage.name: stage.key for stage in self.stages},
+            "method_code": self.method_code,
+            "evaluation_code": self.evaluation_code,
+            "experiment": self.experiment,
+            "settings": dict(self.settings),
+        }
+
+
+def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cell:
+    """The cell of a method, a scene and settings. Each stage's key is over its own dependencies and the key before it.
+
+    ``found_as``: the path of the method's TOML file, if it has one.
+    """
+    kind = EXPERIMENTS[work.experiment]
+    loader = code_digest(*scene.loaders, *(scene.surfaces_by if kind.on_surfaces else ()))
+    evaluation = kind.evaluation_code(method)
+    with calling(method.name, "stages()"):
+        specs = method.stages(work.variant, work.budget) if kind.trains else ()
+    begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}
+    stages: list[StageKey] = []
+    for spec in specs:
+        with calling(method.name, f"the reads and sources of stage '{spec.name}'"):
+            depends = {
+                **begin,
+                "before": stages[-1].key if stages else None,
+                "owner": spec.owner,
+                "stage": spec.name,
+                "reads": json.loads(json.dumps(spec.reads, allow_nan=False)),
+                "code": code_digest(*spec.sources),
+            }
+            if spec.uses_surfaces:
+                depends |= {"surfaces": code_digest(*scene.surfaces_by)}
+        if kind.scores_on_the_way and spec is specs[-1]:  # then the scores are a part of what the stage leaves
+            depends |= {"experiment": work.experiment, "protocol": work.protocol, "evaluation_code": evaluation}
+        stages.append(StageKey(spec.name, spec.title, spec.steps, content_key(depends)))
+    return Cell(
+        scene=scene.name,
+        checksum=scene.checksum,
+        loader=loader,
+        method=method.name,
+        variant=work.variant,
+        budget=work.budget,
+        seed=work.seed,
+        device=work.device,
+        protocol=work.protocol,
+        stages=tuple(stages),
+        method_code=code_digest(*{source for spec in specs for source in spec.sources}, *method.sources)
+        if specs
+        else "",
+        evaluation_code=evaluation,
+        experiment=work.experiment,
+        settings=work.settings,
+        found_as=found_as or method.name,
+    )

@@ -1,0 +1,166 @@
+"""Runs a cell on another machine: in a temporary store, whose files are returned.
+
+Independent of how orders are transported. Everything here can be pickled: functions are pickled by name, so every
+machine must have the same sources, LPIPS weights and scenes.
+"""
+
+import math
+import socket
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import torch
+
+from radiogs_core.contract import Method
+from radiogs_core.errors import DataError, ExplainedError, UsageError
+from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets.options import AS_STORED, SceneOptions
+
+from ...store.folder import Store, checkpoint_name, product_name
+from ..cell import Cell, StageKey, Work, cell_of
+from ..interruption import Interruption
+from ..progress import LogProgress
+from ..scene_digest import checksum_now
+from ..stages import Bench, all_but_last
+from ..warm_up import compile_kernels
+
+Files = Mapping[str, bytes]
+"""Contents of files by path within a store."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """How cells are run: how methods are found, the experiment, and how scenes are loaded by name or path.
+
+    ``compiled_on`` is the scene on which kernels are compiled first; ``options`` are what the cells' scenes are opened
+    with; ``kept_views`` as in ``Bench``.
+    """
+
+    method: Callable[[str], Method]
+    experiment: Callable[[Bench, Cell, Scene], None]
+    load: Callable[..., Scene]
+    compiled_on: str
+    options: SceneOptions = AS_STORED
+    kept_views: int | None = None
+
+
+@dataclass(frozen=True)
+class Order:
+    """A cell to run on ``threads`` threads; ``place`` is its scene's name or path."""
+
+    recipe: Recipe
+    cell: Cell
+    place: str
+    threads: int
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """The outcome of an order: files to store, or the failure; ``node`` is the machine that ran it."""
+
+    files: Files
+    failure: ExplainedError | None
+    node: str
+
+
+def names_of(stage: StageKey) -> tuple[str, str]:
+    """Names in a store of a stage's outcome and of its checkpoint."""
+    return product_name(stage.key), checkpoint_name(stage.key)
+
+
+def shared_stages(cell: Cell) -> tuple[StageKey, ...]:
+    """The stages of a cell that other cells may share: all but the last."""
+    return cell.stages[:-1]
+
+
+def file_of(name: str) -> str:
+    """The file in which a store keeps tensors under a name."""
+    return f"{name}.pt"
+
+
+def deliver_shared(order: Order, given: Files) -> Delivery:
+    """Run the stages that several cells share, from checkpoints if any are given."""
+    wanted = [file_of(product_name(stage.key)) for stage in shared_stages(order.cell)]
+    return _deliver(order, given, wanted, lambda bench, scene: all_but_last(bench, order.cell, scene))
+
+
+def deliver_cell(order: Order, given: Files, first: Delivery) -> Delivery:
+    """Run the cell's experiment; ``first`` holds the shared stages, if any, whose failure is the cell's."""
+    if first.failure is not None:
+        return first
+    cell = order.cell
+    wanted = [file_of(product_name(stage.key)) for stage in cell.stages[-1:]]
+    wanted += [f"cells/{cell.key}.npz", f"cells/{cell.key}.json"]
+    given = {**given, **first.files}
+    return _deliver(order, given, wanted, lambda bench, scene: order.recipe.experiment(bench, cell, scene))
+
+
+def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Bench, Scene], object]) -> Delivery:
+    node = socket.gethostname()
+    device = torch.device(order.cell.device)
+    use_threads(order.threads)
+    try:
+        scene = scene_for(order.recipe, order.place)
+        _check_scene(order, scene, node)
+        _check_sources(order, scene, node)
+        _compile(order.recipe, order.cell, device)
+        with TemporaryDirectory(prefix="radiogs-bench-") as folder:
+            store = Store(Path(folder))
+            store.take_over(given)
+            # The folder goes with the process, so a checkpoint in it would help nobody.
+            bench = Bench(
+                store,
+                device,
+                LogProgress(),
+                Interruption(),
+                order.recipe.method,
+                checksum_now,
+                checkpoint_seconds=math.inf,
+                kept_views=order.recipe.kept_views,
+            )
+            work(bench, scene)
+            return Delivery(store.files(wanted), None, node)
+    except ExplainedError as failure:
+        return Delivery({}, failure, node)
+
+
+_compiled: list[tuple[str, object]] = []
+"""Methods and variants whose kernels this process has compiled, so that no cell is charged for it."""
+
+
+def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
+    if (cell.method, cell.variant) not in _compiled and cell.stages:
+        compile_kernels(recipe.load(recipe.compiled_on), device, [(recipe.method(cell.found_as), cell.variant)])
+        _compiled.append((cell.method, cell.variant))
+
+
+@cache
+def scene_for(recipe: Recipe, place: str) -> Scene:
+    """A cell's scene, opened as for the run that ordered it."""
+    return recipe.load(place) if recipe.options == AS_STORED else recipe.load(place, options=recipe.options)
+
+
+def _check_sources(order: Order, scene: Scene, node: str) -> None:
+    """Raise if this machine's sources differ: they are part of the cell's key."""
+    cell = order.cell
+    work = Work(cell.variant, cell.budget, cell.seed, cell.device, cell.protocol, cell.experiment, cell.settings)
+    if cell_of(order.recipe.method(cell.found_as), scene, work, cell.found_as).key != cell.key:
+        raise UsageError(
+            f"{node} has other sources of radiogs-bench or of the method, or other LPIPS weights, than the machine that"
+            " asks",
+            "A value would be kept under the name of code that did not make it.",
+            "Install the same versions and the same weights on every machine (radiogs-bench datasets weights).",
+        )
+
+
+def _check_scene(order: Order, scene: Scene, node: str) -> None:
+    if scene.checksum != order.cell.checksum:
+        raise DataError(
+            f"the scene {order.place} of {node} is not that of the machine that asks",
+            f"Its checksum is {scene.checksum[:12]}, not {order.cell.checksum[:12]}.",
+            "Put the same files under the same path on every machine, or share the folder.",
+        )

@@ -1,0 +1,114 @@
+"""Runs cells one after another in this process; other processes may work on the same store."""
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from radiogs_core.errors import DataError, ExplainedError
+
+from ...errors import Interrupted, MethodFailed, StoreError, exit_code
+from ...store.claim import Claimed
+from ...store.folder import Store
+from ...store.provenance import now
+from ...store.schema import RESULT_SCHEMA
+from ..cell import Cell
+from ..interruption import Interruption
+from ..progress import Progress
+
+logger = logging.getLogger(__name__)
+
+POLL_SECONDS = 1.0
+
+STOPPING = (Interrupted, DataError, StoreError)
+"""Failures that the next cell would have as well."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A cell and its label in messages, such as ``corner ours seed 0``."""
+
+    cell: Cell
+    label: str
+
+
+def run_cells(
+    tasks: Sequence[Task], run: Callable[[Cell], None], store: Store, progress: Progress, interruption: Interruption
+) -> list[ExplainedError]:
+    """Run every cell with ``run``, which stores the result; returns the errors of those that failed.
+
+    Finished cells are skipped. Cells that another process works on are waited for once nothing else is left. A failure
+    is recorded and the other cells go on, unless they would fail in the same way: then it is raised.
+    """
+    failures: list[ExplainedError] = []
+    waiting = [task for task in tasks if store.result(task.cell.key) is None]
+    announced: set[str] = set()
+
+    def attempt(task: Task) -> bool:
+        """Whether the cell has ended, well or not; False if another process works on it."""
+        interruption.check()
+        if store.result(task.cell.key) is not None:
+            return True
+        started = time.perf_counter()
+        try:
+            with store.claim(task.cell.key):
+                if task.label not in announced:
+                    progress.say(f"{task.label}: started")
+                    announced.add(task.label)
+                failure = _run(task, run, store)
+        except Claimed as claimed:
+            logger.info("%s: left to %s", task.label, claimed.holder)
+            return False
+        if failure is None:
+            progress.say(f"{task.label}: done in {time.perf_counter() - started:.1f} s")
+        else:
+            progress.say(f"{task.label}: failed: {failure.what}")
+            failures.append(failure)
+        return True
+
+    left = len(waiting)
+    progress.advance("cells", len(tasks) - left, len(tasks))
+    while waiting:
+        held = []
+        for task in waiting:
+            if attempt(task):
+                left -= 1
+                progress.advance("cells", len(tasks) - left, len(tasks))
+            else:
+                held.append(task)
+        if len(held) == len(waiting):
+            time.sleep(POLL_SECONDS)
+        waiting = held
+    return failures
+
+
+def _run(task: Task, run: Callable[[Cell], None], store: Store) -> ExplainedError | None:
+    """Run a cell; a failure of this cell alone is recorded and returned."""
+    try:
+        run(task.cell)
+    except STOPPING:
+        raise
+    except ExplainedError as error:
+        logger.debug("%s failed", task.label, exc_info=True)
+        return record_failure(store, task, error)
+    return None
+
+
+def record_failure(store: Store, task: Task, error: ExplainedError) -> ExplainedError:
+    """Keep why a cell failed, and the traceback of its method if there is one; returns the failure as it was kept."""
+    if isinstance(error, MethodFailed):
+        error = store.with_traceback(error)
+    store.put_failure(
+        {
+            "schema": RESULT_SCHEMA,
+            "key": task.cell.key,
+            "scene": task.cell.scene,
+            "cell": task.cell.content(),
+            "what": error.what,
+            "why": error.why,
+            "remedy": error.remedy,
+            "exit_code": exit_code(error),
+            "date": now(),
+        }
+    )
+    return error

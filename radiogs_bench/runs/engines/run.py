@@ -1,0 +1,168 @@
+"""Runs the missing cells of a request with the chosen engine."""
+
+import signal
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import torch
+
+from radiogs_core.errors import ExplainedError, UsageError
+from radiogs_core.kernels.runtime import workers
+from radiogs_datasets import load_scene
+
+from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
+from ...scoring.metrics import protocol
+from ...scoring.metrics.weights import complaint
+from ...suites.experiment import EXPERIMENTS
+from ..cell import Cell
+from ..kept_pace import KeptPace
+from ..preflight import read_everything
+from ..stages import Bench
+from ..sweep import Place, Request, label
+from ..warm_up import compile_kernels
+from .choice import ONE_THREAD, Engine
+from .cluster import Cluster, connected, run_on_cluster
+from .delegate import Recipe
+from .in_process import Task, run_cells
+from .others import OthersProgress
+from .pool import run_pool, worker_commands
+
+CPU = torch.device("cpu")
+
+COMPILED_ON = "convex"
+"""The scene on which kernels are compiled: one with images, because some experiments have scenes without."""
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended: the failures of its cells, and the exit code of the worst worker of a pool."""
+
+    failures: Sequence[ExplainedError] = ()
+    code: int = DONE
+
+
+def bring_to_end(request: Request, bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
+    """Run the missing cells. ``arguments`` are those of the command line, which the workers of a pool receive too.
+
+    Raises what ends a whole run: Interrupted, DataError, StoreError.
+    """
+    cells = request.own_cells()
+    unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
+    make_ready(request, unfinished, bench)
+    tasks = [Task(cell, label(place)) for place, cell in cells]
+    if engine.name == "pool" and unfinished:
+        return _by_pool(cells, bench, engine, arguments)
+    if engine.name == "ray" and unfinished:
+        return _on_cluster(request, tasks, bench, engine)
+    return Ended(run_tasks(request, tasks, bench))
+
+
+def work_along(request: Request, bench: Bench, number: int, count: int) -> Ended:
+    """Run the cells as one of several workers, each starting at another place in the list.
+
+    Cells that share their first stage stay together, so that workers rarely wait for each other.
+    """
+    groups: dict[str, list[Task]] = {}
+    for place, cell in request.own_cells():
+        groups.setdefault(cell.first_key, []).append(Task(cell, label(place)))
+    ordered = list(groups.values())
+    first = number * len(ordered) // count
+    tasks = [task for group in (*ordered[first:], *ordered[:first]) for task in group]
+    return Ended(run_tasks(request, tasks, bench))
+
+
+def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
+    """Run cells in this process; returns the errors of those that failed."""
+    experiment = EXPERIMENTS[request.suite.experiment].run()
+
+    def run(cell: Cell) -> None:
+        with KeptPace(bench.progress, bench.store, cell.key) as progress:
+            experiment(replace(bench, progress=progress), cell, request.scenes[cell.scene])
+
+    return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
+
+
+def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
+    """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
+    scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
+    progress = bench.progress
+    for scene in scenes:
+        read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
+    if scenes:
+        if any(column.measure.startswith("lpips") for column in request.suite.columns):
+            for rules in protocol(request.protocol).lpips:
+                if complaint(rules.net):
+                    progress.say(complaint(rules.net))
+        progress.say("compiling kernels (kept for the next run)")
+        work = ((bench.method(cell.found_as), cell.variant) for cell in unfinished if cell.stages)
+        compile_kernels(load_scene(COMPILED_ON), bench.device, work)
+
+
+def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
+    labels = {cell.key: label(place) for place, cell in cells}
+    shown = OthersProgress(bench.progress, bench.store, labels)
+
+    def look() -> None:
+        """Show how many cells are finished in the store, and how far the others are."""
+        bench.progress.advance("cells", sum(bench.store.has_result(cell.key) for _, cell in cells), len(cells))
+        shown.look()
+
+    threads = workers(CPU)
+    commands = worker_commands(arguments, engine.workers or threads, threads)
+    codes = run_pool(commands, bench.progress.say, look, bench.interruption)
+    bench.interruption.check()
+    # A worker that was killed costs time only, if the others have taken up its cells.
+    left = sum(not bench.store.has_result(cell.key) for _, cell in cells)
+    if not left:
+        return Ended()
+    return Ended(killed(codes, left), worst_of(codes))
+
+
+def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
+    for _, cell in request.own_cells():
+        if any(stage.keeps_files for stage in bench.method(cell.found_as).stages(cell.variant, cell.budget)):
+            raise UsageError(
+                f"{cell.method} cannot run on a cluster",
+                "It keeps files between its stages, and stages run on any machine.",
+                "Leave --engine ray out.",
+            )
+    recipe = Recipe(
+        bench.method,
+        EXPERIMENTS[request.suite.experiment].run(),
+        load_scene,
+        COMPILED_ON,
+        request.options,
+        bench.kept_views,
+    )
+    with connected(engine.address) as ray:
+        threads = engine.threads or ONE_THREAD
+        cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)
+        return Ended(run_on_cluster(tasks, cluster, bench.store, bench.progress, bench.interruption))
+
+
+def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
+    """What to say of workers that ended without a word: by a signal, or well with cells left; ``left`` counts those."""
+    signals = sorted({-code for code in codes if code < 0})
+    if not signals and any(codes):
+        return []  # they have explained their failures themselves
+    names = ", ".join(f"signal {number}, {signal.strsignal(number)}" for number in signals)
+    how = (
+        f"{sum(code < 0 for code in codes)} of {len(codes)} workers were killed ({names})"
+        if signals
+        else ("the workers ended")
+    )
+    return [
+        Killed(
+            f"{how}, and {left} cells are not finished",
+            "Signal 9 mostly comes from a machine that is out of memory." if signal.SIGKILL in signals else "",
+            "Run the same command again: it continues from the last checkpoints. With fewer --workers each has more"
+            " memory.",
+        )
+    ]
+
+
+def worst_of(codes: Sequence[int]) -> int:
+    """The exit code of a run with unfinished cells: the worst that its workers gave a reason for."""
+    known = [code for _, code in EXIT_CODES]
+    return min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)

@@ -1,0 +1,318 @@
+"""Runs the stages of a cell: continued from their checkpoints, shared between cells with the same key."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypedDict
+
+import torch
+
+from radiogs_core.capabilities import Closing
+from radiogs_core.contract import Method, Run, Stage, StageSpec, Trained
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.instruments import Instruments, recording
+from radiogs_core.scene.scene import Scene
+
+from ..method_calls import calling, losses_of, not_finite, refused, require, require_storable
+from ..store.folder import Store, checkpoint_name, product_name
+from ..store.provenance import reset_peaks, session
+from ..store.schema import Session, TrailPoint
+from ..store.seal import strict_json
+from .cell import Cell, StageKey
+from .interruption import Interruption
+from .progress import Progress
+from .scene_files import Digest, require_unchanged, require_unchanged_if_touched
+from .trail import Sums, Trail
+
+CHECKPOINT_SECONDS = 20.0
+"""Seconds between checkpoints: about the most work that a crash loses."""
+
+CHECKPOINT_SHARE = 0.02
+"""Largest share of the time spent on checkpoints: large states are written less often."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Where and how cells are run; ``method`` finds a method by its name (``methods.method``).
+
+    ``digest`` gives the checksum of a scene's files as they are now. ``kept_views``: of how many views every map is
+    kept with a result, as codes of 8 bits (``evaluation/kept_views.py``); None: of as many as fit its limit.
+    """
+
+    store: Store
+    device: torch.device
+    progress: Progress
+    interruption: Interruption
+    method: Callable[[str], Method]
+    digest: Digest
+    checkpoint_seconds: float = CHECKPOINT_SECONDS
+    checkpoint_share: float = CHECKPOINT_SHARE
+    kept_views: int | None = None
+
+
+class Ledger(TypedDict):
+    """Cost and last losses of a stage so far; stored with its product and in every checkpoint."""
+
+    seconds: float
+    parts: dict[str, float]
+    """Seconds that named parts of the stage took (see ``radiogs_core.instruments.part``)."""
+    work: dict[str, int]
+    guards: dict[str, int]
+    losses: dict[str, float]
+    trail: list[TrailPoint]
+    since: Sums
+    """Sums of the losses since the trail's last point."""
+    sessions: list[Session]
+
+
+class Outcome(TypedDict):
+    """A finished stage: its product, from which the next stage begins or the model is restored, and its cost."""
+
+    product: dict[str, Any]
+    ledger: Ledger
+
+
+Score = Callable[[Trained], dict[str, float]]
+"""Scores a model during training: values by ``task/measure``."""
+
+StageScore = Callable[[Stage], dict[str, float]]
+
+
+def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) -> tuple[Trained, dict[str, Ledger]]:
+    """The cell's model, trained now or read from the store, and the ledgers of its stages by name, in order.
+
+    ``score`` is called at some steps of the last stage (``trail.SCORED_AT``), while clock and counters are paused.
+    Raises Claimed if another process works on one of the stages, Interrupted after saving a checkpoint, and of what the
+    method raises what explains itself, MethodFailed for anything else; the last checkpoint is kept in every case.
+    """
+    method = bench.method(cell.found_as)
+    product: Mapping[str, Any] = {}
+    ledgers: dict[str, Ledger] = {}
+
+    def scored(stage: Stage) -> dict[str, float]:
+        assert score is not None
+        with calling(cell.method, f"product() of stage '{cell.stages[-1].name}'"):
+            product = stage.product()
+        return score(restored(method, run_of(bench, cell, scene), product))
+
+    for place, stage in enumerate(cell.stages):
+        asked = scored if score is not None and stage is cell.stages[-1] else None
+        outcome = stage_outcome(bench, cell, scene, place, product, asked)
+        product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
+    return restored(method, run_of(bench, cell, scene), product), ledgers
+
+
+def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
+    """The model from the product of the last stage. Raises MethodFailed where there comes none of it."""
+    with calling(method.name, "restore()"):
+        model = method.restore(run, product)
+    require(method.name, model, Trained, "restore()")
+    return model
+
+
+def facts_of(method: str, model: Trained) -> dict[str, Any]:
+    """What the method says of its model. Raises MethodFailed where that is not plain."""
+    with calling(method, "facts()"):
+        facts = dict(model.facts())
+    try:
+        strict_json(facts)
+    except (TypeError, ValueError) as error:
+        raise refused(
+            method, f"facts() cannot be kept: {error}", "Facts are finite numbers, strings, lists and dicts of them."
+        ) from error
+    return facts
+
+
+def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Run the stages that other cells may share, all but the last, and store them. Raises as ``trained`` does."""
+    product: Mapping[str, Any] = {}
+    for place in range(len(cell.stages) - 1):
+        product = stage_outcome(bench, cell, scene, place, product)["product"]
+
+
+def stage_outcome(
+    bench: Bench, cell: Cell, scene: Scene, place: int, before: Mapping[str, Any], score: StageScore | None = None
+) -> Outcome:
+    """The outcome of one of a cell's stages, run now or stored; ``before`` is the product of the previous stage."""
+    stage = cell.stages[place]
+    with calling(cell.method, "stages()"):
+        spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
+    run = run_of(bench, cell, scene)
+    return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), scene, score)
+
+
+def begun(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> Stage:
+    """A stage at its beginning. Raises MethodFailed where there comes none."""
+    with calling(method, f"begin() of stage '{spec.name}'"):
+        stage = spec.begin(run, before)
+    require(method, stage, Stage, f"begin() of stage '{spec.name}'")
+    return stage
+
+
+def run_of(bench: Bench, cell: Cell, scene: Scene) -> Run:
+    """The ``Run`` of a cell; its workspace is named by the key of the last stage."""
+    workspace = bench.store.folder / "work" / str(cell.training_key)
+    return Run(scene, cell.variant, cell.budget, cell.seed, bench.device, workspace)
+
+
+def completed(
+    bench: Bench,
+    method: str,
+    key: StageKey,
+    begin: Callable[[], Stage],
+    scene: Scene,
+    score: StageScore | None = None,
+) -> Outcome:
+    """The stored outcome of a stage; if there is none, the stage is run and its outcome stored.
+
+    ``score`` is as in ``trained``, but takes the stage. Raises DataError where the files of ``scene`` changed
+    meanwhile; then nothing that may have been made from others is kept.
+    """
+    stored = _stored_outcome(bench, key.key)
+    if stored is not None:
+        return stored
+    name = product_name(key.key)
+    with bench.store.claim(name.replace("/", "-")):
+        stored = _stored_outcome(bench, key.key)  # somebody else may have finished it meanwhile
+        if stored is not None:
+            return stored
+        reset_peaks(bench.device)
+        with recording() as instruments:
+            started = time.perf_counter()
+            stage = begin()
+            try:
+                ledger = _StageLoop(bench, method, key, stage, scene, instruments, started, score).to_the_end()
+                with calling(method, f"product() of stage '{key.name}'"):
+                    product = dict(stage.product())
+            finally:
+                close_stage(method, stage)
+            require_storable(method, product, "product()", key.name)
+            outcome = Outcome(product=product, ledger=ledger)
+        require_unchanged(scene, bench.digest)
+        bench.store.put_tensors(name, {**outcome})
+        bench.store.drop_tensors(checkpoint_name(key.key))
+    bench.interruption.check()
+    return outcome
+
+
+def close_stage(method: str, stage: Stage) -> None:
+    """Let a stage that holds more than memory let it go."""
+    if isinstance(stage, Closing):
+        with calling(method, "close()"):
+            stage.close()
+
+
+def _stored_outcome(bench: Bench, key: str) -> Outcome | None:
+    stored = bench.store.tensors(product_name(key), bench.device)
+    if stored is None:
+        return None
+    bench.store.drop_tensors(checkpoint_name(key))  # left by a process that died between storing and dropping
+    return Outcome(product=stored["product"], ledger=stored["ledger"])
+
+
+@dataclass
+class _StageLoop:
+    """A stage in progress: resumes from its checkpoint if there is one, writes checkpoints, keeps a trail."""
+
+    bench: Bench
+    method: str
+    key: StageKey
+    stage: Stage
+    scene: Scene
+    instruments: Instruments
+    started: float
+    score: StageScore | None
+    losses: dict[str, float] = field(default_factory=dict)
+    earlier: list[Session] = field(default_factory=list)
+
+    def to_the_end(self) -> Ledger:
+        """Step to the stage's end; returns its ledger. Raises Interrupted after saving a checkpoint."""
+        bench, stage = self.bench, self.stage
+        self.trail = Trail(stage.iterations, [], {}, scored=self.score is not None)
+        self._resume()
+        due = time.perf_counter() + bench.checkpoint_seconds
+        while stage.iteration < stage.iterations:
+            self._step()
+            bench.progress.advance(self.key.title, stage.iteration, stage.iterations)
+            over = stage.iteration >= stage.iterations  # then the outcome itself is about to be stored
+            if not over and (bench.interruption.requested or time.perf_counter() >= due):
+                begun = time.perf_counter()
+                require_unchanged_if_touched(self.scene, bench.digest)
+                self._keep(checkpoint_name(self.key.key))
+                bench.interruption.check()
+                ended = time.perf_counter()
+                due = ended + max(bench.checkpoint_seconds, (ended - begun) / bench.checkpoint_share)
+        return self._ledger()
+
+    def _resume(self) -> None:
+        stored = self.bench.store.tensors(checkpoint_name(self.key.key), self.bench.device)
+        if stored is None:
+            return
+        ledger: Ledger = stored["ledger"]
+        with calling(self.method, f"restore() of stage '{self.key.name}'"):
+            self.stage.restore(stored["state"])
+        # Beginning the stage anew cost time and work that an undisturbed run would not have spent.
+        self.started = time.perf_counter() - ledger["seconds"]
+        self.instruments.restore(ledger)
+        self.losses, self.earlier = ledger["losses"], ledger["sessions"]
+        scored = self.score is not None
+        self.trail = Trail(self.stage.iterations, ledger["trail"], ledger["since"], scored=scored)
+
+    def _step(self) -> None:
+        """Take one step; add a point to the trail if one is due, and score the model if asked for."""
+        stage, trail, before = self.stage, self.trail, self.stage.iteration
+        try:
+            with calling(self.method, f"step() of stage '{self.key.name}', iteration {before}"):
+                given = stage.step()
+        except NumericalFailure as failure:
+            raise self._broken(failure, "The state in which that step began") from failure
+        losses = losses_of(self.method, given, self.key.name)
+        if wrong := not_finite(losses):
+            raise self._broken(
+                NumericalFailure(
+                    f"{self.method}: loss {', '.join(wrong)} in stage '{self.key.name}' at iteration {before}",
+                    "Training cannot go on from there; every loss that step() returns has to be finite.",
+                ),
+                "The state after that step",
+            )
+        if stage.iteration == before:  # a stage that waits for something else has taken no step
+            return
+        self.losses = losses
+        trail.add(losses)
+        if trail.due(stage.iteration):
+            reached = time.perf_counter()
+            metrics: dict[str, float] = {}
+            if self.score is not None and trail.to_be_scored(stage.iteration):
+                with recording():  # the stage's own counters stand still
+                    metrics = self.score(stage)
+            trail.close(stage.iteration, reached - self.started, metrics)
+            self.started += time.perf_counter() - reached
+
+    def _broken(self, failure: NumericalFailure, state: str) -> NumericalFailure:
+        """The failure of a step, told again after the state beside it was kept; ``state`` says which that is."""
+        kept = f"{product_name(self.key.key)}.broken"
+        self._keep(kept)
+        return NumericalFailure(
+            failure.what,
+            failure.why,
+            f"{failure.remedy} {state} is kept as {self.bench.store.folder / kept}.pt.".strip(),
+        )
+
+    def _keep(self, name: str) -> None:
+        with calling(self.method, f"state() of stage '{self.key.name}'"):
+            state = dict(self.stage.state())
+        require_storable(self.method, state, "state()", self.key.name)
+        self.bench.store.put_tensors(name, {"state": state, "ledger": self._ledger()})
+
+    def _ledger(self) -> Ledger:
+        recorded = self.instruments
+        return Ledger(
+            seconds=time.perf_counter() - self.started,
+            parts=dict(recorded.parts),
+            work=dict(recorded.work),
+            guards=dict(recorded.guards),
+            losses=self.losses,
+            trail=self.trail.points,
+            since=self.trail.since,
+            sessions=[*self.earlier, session(self.bench.device)],
+        )

@@ -1,0 +1,263 @@
+"""Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NotRequired, TypedDict, cast
+
+from radiogs_core.capabilities import require_truth
+from radiogs_core.contract import Method, scaled
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import to_plain
+from radiogs_core.scene.scene import Scene
+from radiogs_datasets.options import AS_STORED, SceneOptions
+
+from ..methods import budget_of, variant_of, why_not_given, with_given
+from ..methods import method as find_method
+from ..store.aside import kept_aside
+from ..store.atomic import write_atomically
+from ..store.folder import Store, checkpoint_name, product_name
+from ..store.names import plain_name
+from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..suites.suite import Row, Suite, with_numbers
+from .cell import Cell, Work, cell_of
+
+SWEEP_SCHEMA = "radiogs-bench/sweep/3"
+
+FINISHED = "finished"
+
+
+class Place(TypedDict):
+    """A cell's row, scene and seed, its key, and the keys of its stages (see ``cell``)."""
+
+    row: str
+    scene: str
+    seed: int
+    key: str
+    stages: list[str]
+    """The keys of its stages, in order; empty for an experiment that trains nothing."""
+
+
+class Line(TypedDict):
+    """A row: its key, and its labels in LaTeX and in plain text."""
+
+    key: str
+    latex: str
+    text: str
+    method: NotRequired[str]
+    """The method's title, in rows that give parts of the truth."""
+    given: NotRequired[list[str]]
+    """The parts that are given, in such rows."""
+    refused: NotRequired[str]
+    """Why the row has no cells: the method does not take these parts."""
+    files: NotRequired[str]
+    """The code whose layout was read, in rows that were scored from files (``suites.rows_from_files``)."""
+
+
+class Sweep(TypedDict):
+    """The manifest of a folder's last ``run``: enough to rebuild its table without the code that ran it."""
+
+    schema: str
+    suite: str
+    title: str
+    published: str | None
+    reference: str | None
+    rows: list[Line]
+    """In order."""
+    columns: list[str]
+    """Metrics as ``task/measure``, in order."""
+    preset: str
+    protocol: str
+    device: str
+    seeds: list[int]
+    scenes: list[str]
+    cells: list[Place]
+    command: NotRequired[list[str]]
+    """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
+    seal: NotRequired[str]
+    """Added when it is written (``store.seal``)."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
+
+    ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
+    method by its name; ``options`` are those that the scenes were opened with. ``command``:
+    what was typed to ask for it.
+    """
+
+    suite: Suite
+    scenes: Mapping[str, Scene]
+    seeds: int
+    preset: str
+    protocol: str
+    device: str
+    shard: tuple[int, int] = (0, 1)
+    places: Mapping[str, str] = field(default_factory=dict)
+    method: Callable[[str], Method] = find_method
+    options: SceneOptions = AS_STORED
+    command: Sequence[str] = ()
+
+    def cells(self) -> list[tuple[Place, Cell]]:
+        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.
+
+        Rows that give parts of the truth which their method does not take have none. Raises UsageError where a method
+        takes none of the parts of any of its rows, DataError for a scene whose truth is not known.
+        """
+        refused, seeds = self.refused(), range(self.seeds)
+        rows = [row for row in self.suite.rows if row.key not in refused]
+        return [self._cell(row, scene, seed) for scene in self.scenes for seed in seeds for row in rows]
+
+    def refused(self) -> dict[str, str]:
+        """Why rows cannot be run, by key. Raises UsageError where nothing is left of a method's ladder."""
+        giving = [row for row in self.suite.rows if row.given]
+        refused = {row.key: why for row in giving if (why := why_not_given(self.method(row.method), row.given or ()))}
+        for name in dict.fromkeys(row.method for row in giving):
+            if all(row.key in refused for row in giving if row.method == name):
+                raise UsageError(
+                    f"{self.method(name).name} takes no part of the truth that suite '{self.suite.name}' gives",
+                    "Its rows replace parts of what a method finds; without them they would all be the same.",
+                    "How a method offers it: docs/your_own_method.md",
+                )
+        return refused
+
+    def own_cells(self) -> list[tuple[Place, Cell]]:
+        """The cells of this shard. Cells that share their first stage are in the same shard."""
+        cells = self.cells()
+        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
+        number, count = self.shard
+        return [(place, cell) for place, cell in cells if groups[cell.first_key] % count == number]
+
+    def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
+        used = self.method(row.method)
+        require_truth(self.scenes[scene], row.given or ())
+        work = Work(
+            variant=with_given(used, variant_of(used, row.variant), row.given or ()),
+            budget=scaled(budget_of(used, self.preset), row.budget),
+            seed=seed,
+            device=self.device,
+            protocol=self.protocol,
+            experiment=self.suite.experiment,
+            settings=row.settings,
+        )
+        cell = cell_of(used, self.scenes[scene], work, row.method)
+        keys = [stage.key for stage in cell.stages]
+        return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
+
+    def _line(self, row: Row) -> Line:
+        used = self.method(row.method)
+        budget = to_plain(scaled(budget_of(used, self.preset), row.budget))
+        line = Line(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
+        if row.given is not None:
+            line["method"], line["given"] = used.title, list(row.given)
+        refusal = self.refused().get(row.key)
+        if refusal is not None:
+            line["refused"] = refusal
+        return line
+
+    def manifest(self, places: Sequence[Place]) -> Sweep:
+        """The request as stored in the folder."""
+        suite = self.suite
+        made: Sweep = {
+            "schema": SWEEP_SCHEMA,
+            "suite": suite.name,
+            "title": suite.title,
+            "published": suite.published,
+            "reference": suite.reference,
+            "rows": [self._line(row) for row in suite.rows],
+            "columns": [metric.key for metric in suite.columns],
+            "preset": self.preset,
+            "protocol": self.protocol,
+            "device": self.device,
+            "seeds": list(range(self.seeds)),
+            "scenes": list(self.scenes),
+            "cells": list(places),
+        }
+        if self.command:
+            made["command"] = list(self.command)
+        return made
+
+
+def label(place: Place) -> str:
+    """The label of a cell in messages, such as ``corner ours seed 0``."""
+    return f"{place['scene']} {place['row']} seed {place['seed']}"
+
+
+def state_of(store: Store, place: Place) -> str:
+    """State of a cell: finished, failed, trained but not scored, begun, or to do; last, what of it was damaged."""
+    state = _progress(store, place)
+    key = place["key"]
+    damaged = [name for name in kept_aside(store.folder) if name.startswith((f"{key}.json", f"{key}.npz"))]
+    return f"{state} (its results were damaged and are in aside/)" if damaged and state != FINISHED else state
+
+
+def _progress(store: Store, place: Place) -> str:
+    if store.result(place["key"]) is not None:
+        return FINISHED
+    failure = store.failure(place["key"])
+    if failure is not None:
+        return f"failed: {failure['what']}"
+    for number in range(len(place["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
+        key = place["stages"][number - 1]
+        if store.has_tensors(product_name(key)):
+            return "trained, not scored" if number == len(place["stages"]) else f"to do: stage {number} is there"
+        if store.has_tensors(checkpoint_name(key)):
+            return f"begun: in stage {number}"
+    return "to do"
+
+
+def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
+    """Steps of all stages that are not in the store; a stage that several cells share counts once."""
+    steps = {stage.key: stage.steps for cell in cells for stage in cell.stages}
+    return sum(count for key, count in steps.items() if not store.has_tensors(product_name(key)))
+
+
+def write_sweep(store: Store, sweep: Sweep) -> None:
+    """Write the manifest beside the results."""
+    with changing_sweep(store) as write:
+        write(sweep)
+
+
+@contextmanager
+def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
+    """Exclusive right to read the manifest and to write another one, which the function that is given does."""
+    with store.patient_claim("sweep"):
+        yield lambda sweep: write_atomically(_path(store.folder), strict_json(sealed(sweep)))
+
+
+def has_sweep(folder: Path) -> bool:
+    """Whether a run has left its manifest in the folder."""
+    return _path(folder).exists()
+
+
+def read_sweep(folder: Path) -> Sweep:
+    """The manifest of a folder's last run.
+
+    Raises DataError if there is none, if it does not agree with its seal, or if it names what is no plain file name.
+    """
+    path = _path(folder)
+    try:
+        stored = cast(Sweep, read_sealed(path, SWEEP_SCHEMA, Sweep.__required_keys__))
+    except FileNotFoundError:
+        raise DataError(
+            f"no run in '{folder}'",
+            f"It has no {path.name}.",
+            f"Name the folder of a run, or start one:  radiogs-bench run ablations --out {folder}",
+        ) from None
+    except (Broken, OtherSchema) as error:
+        raise DataError(
+            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            "It says which results belong to the table.",
+            "Run the same command again: it repeats no finished cell and writes the file anew.",
+        ) from error
+    plain_name(stored["suite"], f"the suite of {path}")
+    for place in stored["cells"]:
+        for key in (place["key"], *place["stages"]):
+            plain_name(key, f"a key of {path}")
+    return stored
+
+
+def _path(folder: Path) -> Path:
+    return folder / "sweep.json"

@@ -1,0 +1,124 @@
+"""Runs the cells of experiments that train: train, score, store; also score on the way, or account for the cost."""
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from radiogs_core.contract import Trained
+from radiogs_core.instruments import Instruments, recording
+from radiogs_core.scene.scene import Scene
+
+from ..scoring.determined import determined
+from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_views
+from ..scoring.metrics import protocol
+from ..store.provenance import reset_peaks, session
+from ..store.schema import MetricValue, Result
+from .cell import Cell
+from .result import EVALUATE, add_stage, data_of, empty_result
+from .scene_files import require_unchanged
+from .stages import Bench, Ledger, Score, facts_of, trained
+
+Accounts = Callable[[dict[str, Any], dict[str, Ledger]], tuple[dict[str, float], dict[str, float]]]
+"""Further metrics and timings of a training, from the model's facts and the ledgers of its stages."""
+
+Scorer = Callable[[Bench, Cell, Scene, Trained], Evaluation]
+
+
+def scored(bench: Bench, cell: Cell, scene: Scene, model: Trained) -> Evaluation:
+    """Score a model under the cell's protocol, with progress; a request to stop takes effect between images."""
+
+    def advance(done: int, total: int) -> None:
+        bench.progress.advance("evaluation", done, total)
+        bench.interruption.check()
+
+    scope = Scope(kept_views=bench.kept_views)
+    return evaluate(model, scene, protocol(cell.protocol), bench.device, advance, scope, cell.method)
+
+
+def train_and_score(
+    bench: Bench,
+    cell: Cell,
+    scene: Scene,
+    along_the_way: Score | None = None,
+    accounts: Accounts | None = None,
+    score: Scorer = scored,
+) -> None:
+    """Train the cell's model (or find it trained), score it, and store the result.
+
+    ``along_the_way`` scores it during training (see ``trained``); ``accounts`` adds metrics of the training itself.
+    """
+    model, ledgers = trained(bench, cell, scene, along_the_way)
+    reset_peaks(bench.device)
+    with recording() as instruments:
+        started = time.perf_counter()
+        evaluation = score(bench, cell, scene, model)
+        known = determined(model, scene, bench.device, cell.method, bench.interruption.check)
+        seconds = time.perf_counter() - started
+    facts = facts_of(cell.method, model)
+    counted, spent = accounts(facts, ledgers) if accounts is not None else ({}, {})
+    views = len(evaluation.views)
+    result = _result(cell, ledgers, evaluation, facts)
+    result["determined"], result["data"] = known, data_of(scene)
+    result["metrics"] |= {name: _whole(value, views) for name, value in counted.items()}
+    result["timings"] |= {name: _whole(value, views) for name, value in spent.items()}
+    add_stage(result, EVALUATE, instruments, seconds, [session(bench.device)])
+    require_unchanged(scene, bench.digest)
+    bench.store.put_result(result, evaluation.arrays)
+
+
+def _whole(value: float, views: int) -> MetricValue:
+    """A value of the cell as a whole, which no view has."""
+    return MetricValue(value=value, reason=None, views=[None] * views)
+
+
+def _result(cell: Cell, ledgers: dict[str, Ledger], evaluation: Evaluation, facts: dict[str, Any]) -> Result:
+    result = empty_result(cell, evaluation.protocol)
+    result["metrics"] = dict(evaluation.metrics)
+    result["timings"] = dict(evaluation.timings)
+    result["views"] = evaluation.views
+    result["shown_view"] = evaluation.shown_view
+    result["shown_light"] = evaluation.shown_light
+    result["albedo_scale"] = evaluation.albedo_scale
+    result["facts"] = facts
+    result["maps"], result["recovered"] = evaluation.maps, evaluation.recovered
+    result["stages"] = [{"name": stage.name, "title": stage.title} for stage in cell.stages]
+    for name, ledger in ledgers.items():
+        result["losses"][name], result["trail"][name] = ledger["losses"], ledger["trail"]
+        add_stage(result, name, Instruments.of(ledger), ledger["seconds"], ledger["sessions"])
+    return result
+
+
+VIEWS_ALONG_THE_WAY = 3
+"""Test views that are scored during training, evenly spread: few enough to take less time than training."""
+
+
+def train_and_score_on_the_way(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Train and score; also score the model at geometrically spaced steps of the last stage."""
+    few = replace(scene, test=tuple(few_views(scene, VIEWS_ALONG_THE_WAY)))
+    rules = protocol(cell.protocol)
+
+    def score(model: Trained) -> dict[str, float]:
+        found = evaluate(
+            model, few, rules, bench.device, lambda done, total: None, scope=SCORES_ALONE, method=cell.method
+        )
+        return {name: each["value"] for name, each in found.metrics.items() if each["value"] is not None}
+
+    train_and_score(bench, cell, scene, along_the_way=score)
+
+
+def accounts(facts: dict[str, Any], ledgers: dict[str, Ledger]) -> tuple[dict[str, float], dict[str, float]]:
+    """Costs of training as metrics and timings, and the metrics among the method's facts.
+
+    ``stage2/rays`` (millions) and ``stage2/seconds`` are those of the last stage, ``training/seconds`` of all stages.
+    """
+    last = next(reversed(ledgers.values()))
+    metrics = {"stage2/rays": 1e-6 * last["work"].get("rays", 0), **facts.get("metrics", {})}
+    seconds = math.fsum(ledger["seconds"] for ledger in ledgers.values())
+    return metrics, {"stage2/seconds": last["seconds"], "training/seconds": seconds}
+
+
+def train_score_and_account(bench: Bench, cell: Cell, scene: Scene) -> None:
+    """Train, score, and record the cost of training and the plan's bounds."""
+    train_and_score(bench, cell, scene, accounts=accounts)

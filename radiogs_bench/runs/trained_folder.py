@@ -1,0 +1,141 @@
+"""The folder that ``train`` makes: a store of a single cell, and the model as files.
+
+``trained.json`` (schema below) names the method, scene, budget and the key of the model in the store. Further files
+are for other programs: what the method exports (RadioGS: ``surfels.ply``, see ``radiogs_core.surfels.ply``)
+and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NotRequired, TypedDict, cast
+
+import torch
+
+from radiogs_core.contract import Run, Trained
+from radiogs_core.errors import DataError
+from radiogs_core.plain_values import to_plain
+from radiogs_core.scene.scene import Scene
+from radiogs_core.scene.standpoint import standpoint
+from radiogs_datasets import load_scene
+from radiogs_datasets.image_files import write_exr
+from radiogs_datasets.options import options_of
+
+from ..method_calls import calling
+from ..methods import budget_of, method, variant_of
+from ..store.atomic import write_atomically
+from ..store.folder import Store, product_name
+from ..store.names import plain_name
+from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from .cell import Cell
+from .stages import facts_of, restored
+
+TRAINED_SCHEMA = "radiogs-bench/trained/3"
+
+
+class About(TypedDict):
+    """Contents of ``trained.json``."""
+
+    schema: str
+    method: str
+    """The method's name, or the path of its TOML file."""
+    scene: str
+    """As given to ``train``: a name, or a path relative to its working folder."""
+    options: NotRequired[dict[str, Any]]
+    """What the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
+    checksum: str
+    """Checksum of the scene's files at training."""
+    preset: str
+    seed: int
+    variant: dict[str, Any]
+    training_key: str
+    facts: dict[str, Any]
+    """The method's facts about its model."""
+    standpoint: NotRequired[dict[str, list[float]]]
+    """From where it is looked at first (``radiogs_core.scene.standpoint``)."""
+    seal: NotRequired[str]
+    """Added when it is written (``store.seal``)."""
+
+
+def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
+    """Write ``trained.json`` and the model's files; returns their paths. ``place``: the scene's name or folder."""
+    folder = store.folder
+    assert cell.training_key is not None
+    about = About(
+        schema=TRAINED_SCHEMA,
+        method=cell.found_as,
+        scene=place,
+        checksum=cell.checksum,
+        preset=cell.budget.name,
+        seed=cell.seed,
+        variant=to_plain(cell.variant),
+        training_key=cell.training_key,
+        facts=facts_of(cell.method, model),
+        standpoint=standpoint(scene, scene.train[0].camera).plain(),
+    )
+    if scene.options:
+        about["options"] = dict(scene.options)
+    with calling(cell.method, "export()"):
+        written = [*model.export(folder)]
+    with calling(cell.method, "light"):
+        light = model.light
+    if light is not None:
+        written.append(folder / "environment.exr")
+        write_exr(written[-1], light.radiance.numpy())
+    write_atomically(folder / "trained.json", strict_json(sealed(about)))
+    return [*written, folder / "trained.json"]
+
+
+def read_about(folder: Path) -> About:
+    """Read ``trained.json``. Raises DataError if it is missing, damaged, or of another version."""
+    path = folder / "trained.json"
+    try:
+        about = cast(About, read_sealed(path, TRAINED_SCHEMA, About.__required_keys__))
+    except FileNotFoundError:
+        raise DataError(
+            f"nothing was trained in '{folder}'",
+            f"It has no {path.name}.",
+            f"Train a model there:  radiogs-bench train SCENE --out {folder}",
+        ) from None
+    except (Broken, OtherSchema) as error:
+        raise DataError(
+            f"{path} is damaged: {error.reason}" if isinstance(error, Broken) else error.what,
+            "It says which model is here, and of what.",
+            "Run the same `train` again: it writes the file anew and repeats no finished stage.",
+        ) from error
+    plain_name(about["training_key"], f"the key of the model in {path}")
+    return about
+
+
+def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
+    """The run and the model that were trained in a folder.
+
+    ``turned`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    DataError if there is no model or its scene has changed.
+    """
+    about = read_about(folder)
+    used = method(about["method"])
+    variant = variant_of(used, {**about["variant"], **(turned or {})})
+    scene = scene_of(about)
+    workspace = folder / "work" / about["training_key"]
+    run = Run(scene, variant, budget_of(used, about["preset"]), about["seed"], device, workspace)
+    return run, restored(used, run, product_of(folder, about["training_key"], device))
+
+
+def product_of(folder: Path, key: str, device: torch.device) -> dict[str, Any]:
+    """The stored product of a stage. Raises DataError if its file is missing."""
+    stored = Store(folder).tensors(product_name(key), device)
+    if stored is None:
+        raise DataError(f"the model of '{folder}' is gone", "Its file in stages/ is missing.", "Train it again.")
+    return cast(dict[str, Any], stored["product"])
+
+
+def scene_of(about: About) -> Scene:
+    """The scene that a model was trained on. Raises DataError if it is missing or has changed."""
+    scene = load_scene(about["scene"], options=options_of(about.get("options", {})))
+    if scene.checksum != about["checksum"]:
+        raise DataError(
+            f"scene '{about['scene']}' has changed since the model was trained",
+            "Its files have another checksum.",
+            "Put the old files back, or train again.",
+        )
+    return scene

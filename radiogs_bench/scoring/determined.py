@@ -1,0 +1,136 @@
+"""How well the training images determine what was recovered: docs/what_images_determine.md derives the criterion."""
+
+import math
+from collections.abc import Callable, Sequence
+
+import torch
+from jaxtyping import Float
+from scipy.special import stdtrit
+from torch import Tensor
+
+from radiogs_core.capabilities import QUANTITIES, Variable, Varying
+from radiogs_core.contract import Trained
+from radiogs_core.errors import NumericalFailure
+from radiogs_core.scene.scene import Scene, View
+
+from ..method_calls import calling, refused, require
+from ..store.schema import Determined
+from .score_maps import coverage, truth
+
+STEPS = {
+    "roughness": 0.1,
+    "roughness variation": 1.0,
+    "brightness": math.log(1.25),
+    "brightness, albedo free": math.log(1.25),
+}
+"""By how much each quantity is changed, which is also how well it has to be known: a tenth of roughness's range, all of
+the variation that was found, a quarter of the brightness."""
+
+VIEWS = 8
+"""Training views that are compared, at most."""
+
+HALF_A_LEVEL = (0.5 / 255) ** 2
+"""Mean squared change of an image below which most of its pixels, stored in 8 bits, stay what they are."""
+
+ROUNDING = 1 / 255**2 / 12
+"""Mean squared error of an image by its storage in 8 bits."""
+
+CONFIDENCE = 0.95
+
+Error = Sequence[float]
+"""Squared error of each view, display sRGB, mean over channels: the sum over the frame per pixel that is covered."""
+
+
+def determined(
+    trained: Trained, scene: Scene, device: torch.device, method: str, still_there: Callable[[], None] = lambda: None
+) -> dict[str, Determined]:
+    """What is known of each quantity that the trained model can be shown with changed; empty if it offers none.
+
+    ``still_there`` is called after each change and may raise to stop. Raises MethodFailed for an exception of the
+    method and for images of another number or size than the cameras, NumericalFailure for one that is not finite.
+    """
+    if not isinstance(trained, Variable):
+        return {}
+    views = spread_over(scene.train, VIEWS)
+    with calling(method, "varying()"):
+        model = trained.varying([view.camera.to(device, torch.float32) for view in views])
+    require(method, model, Varying, "varying()")
+    with calling(method, "values of varying()"):
+        values = dict(model.values)
+    found: dict[str, Determined] = {}
+    for quantity in (name for name in QUANTITIES if name in values):
+        errors = []
+        for amount in (0.0, STEPS[quantity], -STEPS[quantity]):
+            with calling(method, f"images() with {quantity} changed by {amount:g}"):
+                images = list(model.images(quantity, amount))
+            errors.append(_errors(method, images, views))
+            still_there()
+        found[quantity] = from_errors(values[quantity], STEPS[quantity], *errors)
+    return found
+
+
+def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
+    """What three errors of each view say of a quantity: as recovered, and with it a step above and a step below.
+
+    Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
+    point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point
+    of the sum over views is where the views put the quantity, and the jackknife over views says how well they agree.
+    """
+    rises = [(up + down) / 2 - middle for middle, up, down in zip(here, above, below, strict=True)]
+    slopes = [(up - down) / 2 for up, down in zip(above, below, strict=True)]
+    error, rise = math.fsum(here) / len(here), math.fsum(rises) / len(rises)
+    offset, half_width = _lowest(slopes, rises) if rise > HALF_A_LEVEL else (None, None)
+    return Determined(
+        value=value,
+        step=step,
+        views=len(rises),
+        error=error,
+        rise=rise,
+        decibels=decibels(error, rise),
+        offset=None if offset is None else offset * step,
+        half_width=None if half_width is None else half_width * step,
+        determined=offset is not None and half_width is not None and abs(offset) + half_width <= 1,
+    )
+
+
+def decibels(error: float, rise: float) -> float:
+    """The rise of a mean squared error in dB; errors count as at least the rounding of 8 bits."""
+    return 10 * math.log10(max(error + rise, ROUNDING) / max(error, ROUNDING))
+
+
+def _lowest(slopes: Sequence[float], rises: Sequence[float]) -> tuple[float | None, float | None]:
+    """Where the views' summed parabola is lowest, in steps, and half the width of its jackknife t interval.
+
+    None where it has no lowest point, and no width where that is so without one of the views, or for a single view.
+    """
+    count, slope, rise = len(rises), math.fsum(slopes), math.fsum(rises)
+    if rise <= 0:
+        return None, None
+    offset = -slope / (2 * rise)
+    without = [(slope - s, rise - r) for s, r in zip(slopes, rises, strict=True)]
+    if count < 2 or any(remaining <= 0 for _, remaining in without):
+        return offset, None
+    offsets = [-s / (2 * r) for s, r in without]
+    middle = math.fsum(offsets) / count
+    deviation = math.sqrt((count - 1) / count * math.fsum((each - middle) ** 2 for each in offsets))
+    return offset, float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * deviation
+
+
+def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
+    """At most that many views, evenly spread over their list."""
+    return [views[place * len(views) // most] for place in range(most)] if len(views) > most else views
+
+
+def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[View]) -> list[float]:
+    sizes = [(view.camera.height, view.camera.width, 3) for view in views]
+    given = [tuple(image.shape) for image in images]
+    if given != sizes:
+        raise refused(method, f"images() gave images of {given}", f"The cameras ask for {sizes}.")
+    found = []
+    for image, view in zip(images, views, strict=True):
+        error = (image.detach().cpu().double() - truth(view, "image").double()).square().mean(-1)
+        covered = coverage(view)[..., 0] > 0
+        found.append(float(error.sum() / covered.sum().clamp(min=1)))
+        if not math.isfinite(found[-1]):
+            raise NumericalFailure(f"{method} showed an image that is not finite, of view '{view.name}'")
+    return found

@@ -1,0 +1,297 @@
+"""Scores a trained model: its maps of the test views, the relit views, and the recovered light."""
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import NotOffered, Prepared, Trained
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.scene.scene import Scene, View
+from radiogs_core.scene.standpoint import standpoint
+
+from ..errors import MethodFailed
+from ..method_calls import calling, refused, require
+from ..store.schema import MetricValue
+from .constant_maps import score_constant_light, score_constant_roughness
+from .frame_cost import FrameCosts
+from .kept_views import views_to_keep
+from .light_maps import light_maps
+from .maps import Maps, on_black
+from .metrics import Protocol, Value
+from .metrics_by_view import MetricsByView
+from .near_light import withhold_light
+from .score_maps import (  # fmt: skip
+    compared_indirect,
+    coverage,
+    lit_views,
+    mean_roughness,
+    score_albedo,
+    score_depth,
+    score_light,
+    score_view,
+    truth,
+)
+from .shown_surfels import surfel_arrays
+
+SHOWN = ("image", "albedo", "normal", "roughness", "indirect")
+"""Maps of the shown view that are stored with the result."""
+
+LIGHTS_SHOWN = 4
+"""Relit maps of the shown view are stored for this many lights, the first ones."""
+
+Advance = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Scope:
+    """What is done besides scoring. timed: measure milliseconds and memory per frame.
+
+    kept_views: of how many views codes of 8 bits are kept (``KeptViews``); None: of as many as fit its limit.
+    """
+
+    timed: bool = True
+    kept_views: int | None = 0
+
+
+TIMED = Scope()
+SCORES_ALONE = Scope(timed=False)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """A trained model's metrics, and the maps of one view.
+
+    ``metrics`` and ``timings`` (milliseconds per frame, megabytes) are by ``task/measure``; ``views`` are the names of
+    the views in the order of each metric's values; ``albedo_scale`` aligns the recovered albedo with the true one, None
+    if that is not known; ``arrays`` are float32 maps [height, width, channels] of ``shown_view`` (relit: under
+    ``shown_light``); ``protocol`` describes the conventions; ``maps`` names the maps that the method rendered;
+    ``recovered`` has the mean ``roughness`` over what the test views show, if there is any.
+    """
+
+    metrics: dict[str, MetricValue]
+    timings: dict[str, MetricValue]
+    views: list[str]
+    shown_view: str
+    shown_light: str | None
+    albedo_scale: list[float] | None
+    arrays: dict[str, np.ndarray]
+    protocol: dict[str, Any]
+    maps: list[str] = field(default_factory=list)
+    recovered: dict[str, float] = field(default_factory=dict)
+
+
+def evaluate(
+    trained: Trained,
+    scene: Scene,
+    rules: Protocol,
+    device: torch.device,
+    advance: Advance,
+    scope: Scope = TIMED,
+    method: str = "the method",
+) -> Evaluation:
+    """Score a model on every test view, and on every relit ground-truth image of the scene.
+
+    ``advance`` is called with (done, total) images after each one and between the steps of a long preparation; it may
+    raise to stop. ``method``: its name in messages.
+
+    The arrays are ``render/<map>`` and ``truth/<map>`` of the middle test view, on black, [height, width, channels],
+    float32: image, albedo (linear, aligned), normal, roughness, indirect (linear), relit (under the first light) and
+    ``relit/<light>`` (under the first few). Maps without ground truth have no ``truth/``. ``render/incident``, the
+    incident indirect light, is there if the method renders it; ``render/environment`` and ``truth/environment`` (see
+    ``light_maps``) if both lights are known; ``surfels/...`` of a model that is made of surfels (``surfel_arrays``);
+    ``views/...``, codes of 8 bits of the views that ``scope`` asks for (``KeptViews``). Relighting, light and albedo
+    of a scene without masks are n/a.
+
+    Raises DataError for a damaged ground-truth map, MethodFailed for an exception of the method and for a map that does
+    not keep to its contract, NumericalFailure for an image that is not finite.
+    """
+    evaluator = _Evaluator(scene, rules, device, advance, scope, method)
+    evaluator.show_own(evaluator.prepared(trained))
+    evaluator.compare_light(trained)
+    scale = evaluator.compare_whole()
+    evaluator.relight(trained, torch.ones(3) if scale is None else rules.relighting_scale(scale))
+    withhold_light(evaluator.scores, scene)
+    return Evaluation(
+        metrics=evaluator.scores.metrics(),
+        timings=evaluator.costs.timings(),
+        views=list(evaluator.scores.views),
+        shown_view=evaluator.shown.name,
+        shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
+        albedo_scale=None if scale is None else scale.tolist(),
+        arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()}
+        | surfel_arrays(trained, standpoint(scene, evaluator.shown.camera))
+        | evaluator.views.codes,
+        protocol=rules.describe(),
+        maps=sorted(evaluator.given),
+        recovered={"roughness": math.fsum(found) / len(found)} if (found := evaluator.roughness) else {},
+    )
+
+
+@dataclass
+class _Evaluator:
+    """An evaluation in progress: what has been scored and kept so far."""
+
+    scene: Scene
+    rules: Protocol
+    device: torch.device
+    advance: Advance
+    scope: Scope
+    method: str
+    kept: dict[str, Maps] = field(default_factory=dict)
+    given: set[str] = field(default_factory=set)
+    roughness: list[float] = field(default_factory=list)
+    done: int = 0
+
+    def __post_init__(self) -> None:
+        scene, rules = self.scene, self.rules
+        self.scores = MetricsByView(rules, [view.name for view in scene.test], [view.name for view in scene.relight])
+        self.costs = FrameCosts(MetricsByView(rules, *self.scores.groups), self.device)
+        self.shown = scene.test[len(scene.test) // 2]
+        self.lit = {} if scene.surrounded else lit_views(scene, (*scene.test, *scene.relight))
+        self.shown_light = next((light for light, views in self.lit.items() if self.shown in views), None)
+        self.views = views_to_keep(scene, self.scope.kept_views)
+        self.total = len(scene.test) + sum(map(len, self.lit.values()))
+        self.arrays = {f"truth/{name}": truth(self.shown, name) for name in SHOWN if self.shown.has(name)}
+
+    def still_there(self) -> None:
+        """Report progress during a long preparation, which may be stopped here."""
+        self.advance(self.done, self.total)
+
+    def count(self) -> None:
+        """Count one more scored image."""
+        self.done += 1
+        self.advance(self.done, self.total)
+
+    def prepared(
+        self, trained: Trained, light: EnvironmentMap | None = None, albedo_scale: Float[Tensor, "3"] | None = None
+    ) -> Prepared:
+        """The model under its own light, or under another one."""
+        what = "prepare()" if light is None else "prepare() for another light"
+        ours: list[Exception] = []
+
+        def after_step() -> None:
+            try:
+                self.still_there()
+            except Exception as error:
+                ours.append(error)
+                raise
+
+        try:
+            with calling(self.method, what):
+                ready = trained.prepare(light, albedo_scale, after_step)
+        except MethodFailed:
+            if ours:  # it came from the harness, through the method
+                raise ours[-1] from None
+            raise
+        require(self.method, ready, Prepared, what)
+        return ready
+
+    def rendered(self, prepared: Prepared, view: View, *further: str) -> dict[str, Tensor]:
+        """The maps of a view, on black, on the CPU."""
+        camera = view.camera.to(self.device, torch.float32)
+        return on_black(prepared, camera, *further, method=self.method, view=view.name)
+
+    def measure(self, task: str, prepared: Prepared, views: Sequence[View]) -> None:
+        """Measure milliseconds and memory per frame."""
+        with calling(self.method, "render(), once more to be timed"):
+            self.costs.measure(task, prepared.render, views)
+
+    def show_own(self, prepared: Prepared) -> None:
+        """Score every test view under the recovered light, and keep the maps that are compared over all views."""
+        whole = ("albedo", "alpha") if self.rules.depth is None else ("albedo", "alpha", "depth")
+        for view in self.scene.test:
+            wanted = view is self.shown or compared_indirect(self.rules) == "incident"
+            further = ("incident",) if wanted and "incident" in prepared.offers else ()
+            maps = self.rendered(prepared, view, *further)
+            self.given |= maps.keys()
+            score_view(self.scores, view, maps, self.scene.extent)
+            if (roughness := mean_roughness(view, maps)) is not None:
+                self.roughness.append(roughness)
+            self.views.rendered(view, {name: image for name, image in maps.items() if name != "albedo"})
+            self.kept[view.name] = {name: maps[name] for name in whole if name in maps}
+            if view is self.shown:
+                self.arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
+            self.count()
+        if self.scope.timed and prepared.timed:
+            self.measure("nvs", prepared, self.scene.test)
+
+    def compare_light(self, trained: Trained) -> None:
+        """Score the recovered light where there is one and the true one is known."""
+        with calling(self.method, "light"):
+            light = trained.light
+        if light is None:
+            return
+        if not isinstance(light, EnvironmentMap):
+            raise refused(
+                self.method, f"its light is a {type(light).__name__}", "It has to be an EnvironmentMap, or None."
+            )
+        self.given.add("environment")
+        score_light(self.scores, self.scene, light)
+        score_constant_light(self.scores, self.scene)
+        if self.scene.training_light is not None:
+            self.arrays |= light_maps(light, self.scene.training_light)
+
+    def compare_whole(self) -> Float[Tensor, "3"] | None:
+        """Score what is compared over all views: depth, albedo, constants; returns the albedo's factor per channel."""
+        if "roughness" in self.given:
+            score_constant_roughness(self.scores, self.scene)
+        score_depth(self.scores, self.scene, self.kept)
+        scale = score_albedo(self.scores, self.scene, self.kept)
+        factor = torch.ones(3) if scale is None else scale
+        for view in self.scene.test:
+            if "albedo" in self.kept[view.name]:
+                aligned = self.kept[view.name]["albedo"] * factor
+                self.views.rendered(view, {"albedo": aligned})
+                self.arrays |= {"render/albedo": aligned} if view is self.shown else {}
+        return scale
+
+    def relight(self, trained: Trained, albedo_scale: Float[Tensor, "3"]) -> None:
+        """Score the relit views of each light, with the albedo multiplied by ``albedo_scale``."""
+        prepared_in: list[float] = []
+        for light, views in self.lit.items():
+            started = time.perf_counter()
+            try:
+                relit = self.prepared(trained, self.scene.lights[light], albedo_scale)
+            except NotOffered as cannot:
+                self._withhold_relit(views, cannot.what)
+                continue
+            if self.device.type == "cuda":
+                torch.cuda.synchronize(self.device)
+            if relit.timed:
+                prepared_in.append(1e3 * (time.perf_counter() - started))
+            if self.scope.timed and relit.timed:
+                self.measure("render", relit, views)
+            for view in views:
+                self._score_relit(light, view, self.rendered(relit, view))
+                self.count()
+        if self.scope.timed and prepared_in:
+            self.costs.values.add_whole("prepare", {"ms": Value(math.fsum(prepared_in) / len(prepared_in))})
+
+    def _withhold_relit(self, views: Sequence[View], reason: str) -> None:
+        for view in views:
+            self.scores.add("relight", view.name, self.rules.no_comparison(reason))
+            self.count()
+
+    def _score_relit(self, light: str, view: View, maps: Maps) -> None:
+        if "image" not in maps:
+            self.scores.add("relight", view.name, self.rules.no_comparison(f"{self.method} renders no relit image"))
+            return
+        image, target, mask = maps["image"], truth(view, f"relit/{light}"), coverage(view)
+        self.views.relit(view, light, image, target)
+        self.scores.add("relight", view.name, self.rules.score_image(image, target, mask, maps.get("alpha"), "relight"))
+        if view is self.shown and light == self.shown_light:
+            self.arrays |= {"render/relit": image, "truth/relit": target}
+        if view is self.shown and list(self.lit).index(light) < LIGHTS_SHOWN:
+            self.arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
+
+
+def few_views(scene: Scene, count: int) -> Sequence[View]:
+    """At most ``count`` test views, evenly spread over their list."""
+    return scene.test[:: -(-len(scene.test) // count)]

@@ -1,0 +1,112 @@
+"""Scoring somebody else's results: a folder of predictions of a scene, under one protocol or several."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from radiogs_baselines.outputs import Predictions
+from radiogs_core.scene.scene import Scene, View
+
+from ..store.schema import MetricValue
+from .metrics import Protocol, Value
+from .metrics_by_view import MetricsByView
+from .near_light import withhold_light
+from .score_maps import (
+    Maps,
+    compared_indirect,
+    coverage,
+    lit_views,
+    score_albedo,
+    score_depth,
+    score_light,
+    score_view,
+    truth,
+)
+
+Advance = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Score:
+    """Metrics under one protocol; ``albedo_scale`` is the factor per channel that aligned the albedo, if it was."""
+
+    protocol: Protocol
+    metrics: dict[str, MetricValue]
+    albedo_scale: list[float] | None
+
+
+def score_predictions(
+    predictions: Predictions, scene: Scene, protocols: Sequence[Protocol], advance: Advance = lambda done, total: None
+) -> list[Score]:
+    """Compare everything that a folder predicts with the scene's ground truth; every file is read once.
+
+    With several lights there are metrics of each (``relight/<light>/psnr``) beside those of all (``relight/psnr``),
+    which exist only if every light was rendered. ``advance`` is called with (done, total) views. Raises DataError for a
+    damaged file or one of the wrong size.
+    """
+    by_protocol = [MetricsByView(rules, [view.name for view in scene.test]) for rules in protocols]
+    lit = lit_views(scene, scene.test) if predictions.relit and not scene.surrounded else {}
+    total = len(scene.test) + sum(map(len, lit.values()))
+    kept: dict[str, Maps] = {}
+    for done, view in enumerate(scene.test, start=1):
+        maps = predictions.read(view, coverage(view))
+        for each in by_protocol:
+            score_view(each, view, maps, scene.extent)
+            _withhold_missing(each, view, maps)
+        kept[view.name] = {name: maps[name] for name in ("albedo", "alpha", "depth") if name in maps}
+        advance(done, total)
+    measures: dict[str, tuple[str, ...]] = {}
+    for done, (light, view) in enumerate(_lit_pairs(lit), start=len(scene.test) + 1):
+        if view.name in predictions.relit.get(light, {}):
+            measures |= _score_relit(by_protocol, predictions, light, view, several=len(lit) > 1)
+        advance(done, total)
+    for light, view in _lit_pairs(lit):
+        if view.name not in predictions.relit.get(light, {}):
+            _withhold_relit(by_protocol, measures, light, view)
+    found = predictions.read_light()
+    scores = []
+    for each in by_protocol:
+        score_depth(each, scene, kept)
+        if found is not None:
+            score_light(each, scene, found)
+        scale = score_albedo(each, scene, kept)
+        withhold_light(each, scene)
+        scores.append(Score(each.rules, each.metrics(), None if scale is None else scale.tolist()))
+    return scores
+
+
+def _withhold_missing(scores: MetricsByView, view: View, maps: Maps) -> None:
+    """Record the maps of a view that have a truth and no prediction; relit images have a record of their own."""
+    looked_for = {"nvs": "image", "indirect": compared_indirect(scores.rules)}
+    for task in ("nvs", "normal", "depth", "roughness", "indirect", "albedo"):
+        name = looked_for.get(task, task)
+        if name not in maps and view.has("image" if task == "nvs" else task):
+            scores.withhold(task, view.name, f"there is no prediction of '{name}' for view '{view.name}'")
+
+
+def _lit_pairs(lit: Mapping[str, Sequence[View]]) -> list[tuple[str, View]]:
+    return [(light, view) for light, views in lit.items() for view in views]
+
+
+def _score_relit(
+    by_protocol: Sequence[MetricsByView], predictions: Predictions, light: str, view: View, *, several: bool
+) -> dict[str, tuple[str, ...]]:
+    """Score one relit image; returns the names of each protocol's measures."""
+    mask = coverage(view)
+    image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
+    measures = {}
+    for each in by_protocol:
+        scores = each.rules.score_image(image, target, mask, task="relight")
+        each.add("relight", view.name, scores)
+        if several:
+            each.add(f"relight/{light}", view.name, scores)
+        measures[each.rules.name] = tuple(scores)
+    return measures
+
+
+def _withhold_relit(
+    by_protocol: Sequence[MetricsByView], measures: Mapping[str, Sequence[str]], light: str, view: View
+) -> None:
+    """Record that a view was not rendered under a light: a mean over fewer lights would not be comparable."""
+    reason = Value(None, f"not every view is there under '{light}'")
+    for each in by_protocol:
+        each.add("relight", view.name, dict.fromkeys(measures[each.rules.name], reason))

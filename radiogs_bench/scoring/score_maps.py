@@ -1,0 +1,119 @@
+"""Compares maps with a scene's ground truth under a protocol, whichever program made the maps.
+
+The protocol receives every map on black, with the coverage of both sides: straight ground-truth maps are multiplied by
+the true coverage, predicted maps by their own. Linear radiance (``indirect``) is passed as display sRGB, clipped;
+albedo stays linear. Maps that a prediction lacks are not scored.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_directions
+from radiogs_core.scene.scene import Scene, View
+
+from .metrics import Protocol
+from .metrics_by_view import MetricsByView
+
+Image = Float[Tensor, "height width channels"]
+Maps = Mapping[str, Float[Tensor, "height width _"]]
+
+MULTIPLIED = ("normal", "depth", "direct", "indirect")
+"""Maps that a scene stores as they appear on black; the others are straight."""
+
+
+def score_view(scores: MetricsByView, view: View, maps: Maps, extent: float) -> None:
+    """Score one view's image, normals, depth, roughness and indirect light, where both the map and its truth exist.
+
+    ``extent``: the scene's, world units.
+    """
+    rules, mask, alpha = scores.rules, coverage(view), maps.get("alpha")
+    indirect = compared_indirect(rules)
+    if "image" in maps and view.has("image"):
+        scores.add("nvs", view.name, rules.score_image(maps["image"], truth(view, "image"), mask, alpha))
+    if "normal" in maps and view.has("normal"):
+        scores.add("normal", view.name, rules.score_normal(maps["normal"], truth(view, "normal"), mask, alpha))
+    if rules.depth_offset is not None and "depth" in maps and view.has("depth"):
+        target = truth(view, "depth")
+        # Measured depth is zero where it is unknown, and then there is nothing to compare.
+        offset = rules.score_depth_offset(maps["depth"], target, mask * (target > 0), extent)
+        scores.add("depth", view.name, offset)
+    if "roughness" in maps and view.has("roughness"):
+        scores.add("roughness", view.name, rules.score_roughness(maps["roughness"], truth(view, "roughness"), mask))
+    if indirect in maps and view.has("indirect"):
+        ours, theirs = displayed(maps[indirect]), displayed(truth(view, "indirect"))
+        scores.add("indirect", view.name, rules.score_image(ours, theirs, mask, alpha, "indirect"))
+
+
+def mean_roughness(view: View, maps: Maps) -> float | None:
+    """Mean of the recovered roughness where the view is covered by more than half; None without the map, or a mask."""
+    inside = coverage(view)[..., 0] > 0.5
+    return float(maps["roughness"][inside].double().mean()) if "roughness" in maps and inside.any() else None
+
+
+def score_albedo(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> Float[Tensor, "3"] | None:
+    """Align the recovered albedo over all test views with a true one, and score it; returns the factor per channel."""
+    views = [view for view in scene.test if view.has("albedo") and "albedo" in rendered[view.name]]
+    if not views or scene.surrounded:
+        return None
+    rules = scores.rules
+    truths, masks = [truth(view, "albedo") for view in views], [coverage(view) for view in views]
+    predictions = [rendered[view.name]["albedo"] for view in views]
+    alphas = [rendered[view.name].get("alpha", mask) for view, mask in zip(views, masks, strict=True)]
+    scale = rules.albedo_scale(predictions, truths, masks, alphas)
+    for view, prediction, target, mask, alpha in zip(views, predictions, truths, masks, alphas, strict=True):
+        scores.add("albedo", view.name, rules.score_albedo(prediction, target, scale, mask, alpha))
+    return scale
+
+
+def score_light(scores: MetricsByView, scene: Scene, found: EnvironmentMap) -> None:
+    """Score a recovered environment map at the resolution of the true one, if that is known and distant."""
+    if scene.training_light is None or scene.surrounded:
+        return
+    true_light = scene.training_light.radiance.cpu()
+    directions = texel_directions(*true_light.shape[:2], dtype=true_light.dtype)
+    scores.add_whole("environment", scores.rules.score_environment(found.lookup(directions), true_light))
+
+
+def score_depth(scores: MetricsByView, scene: Scene, rendered: Mapping[str, Maps]) -> None:
+    """Score depth over all test views with a true one, if the protocol compares depth."""
+    views = [view for view in scene.test if view.has("depth") and "depth" in rendered[view.name]]
+    if scores.rules.depth is None or not views:
+        return
+    depths, targets = [rendered[view.name]["depth"] for view in views], [truth(view, "depth") for view in views]
+    errors = scores.rules.score_depth(depths, targets, [coverage(view) for view in views])
+    for view, error in zip(views, errors, strict=True):
+        scores.add("depth", view.name, error)
+
+
+def lit_views(scene: Scene, views: Sequence[View]) -> dict[str, list[View]]:
+    """By light of the scene: the views that have a relit ground-truth image under it."""
+    lit = {light: [view for view in views if view.has(f"relit/{light}")] for light in scene.lights}
+    return {light: views for light, views in lit.items() if views}
+
+
+def compared_indirect(rules: Protocol) -> str:
+    """Name of the rendered map that a protocol compares with the scene's indirect light."""
+    incident = rules.indirect is not None and rules.indirect.quantity == "incident"
+    return "incident" if incident else "indirect"
+
+
+def coverage(view: View) -> Float[Tensor, "height width 1"]:
+    """The true coverage [height, width, 1]; 1 everywhere for a view without an alpha map."""
+    if view.has("alpha"):
+        return view.read("alpha")
+    return torch.ones(view.camera.height, view.camera.width, 1)
+
+
+def truth(view: View, name: str) -> Image:
+    """A ground-truth map on black."""
+    image = view.read(name)
+    return image if name in MULTIPLIED else image * coverage(view)
+
+
+def displayed(linear: Image) -> Image:
+    """Linear radiance as display sRGB in [0, 1]."""
+    return srgb_encode(linear).clamp(0, 1)

@@ -1,1 +1,0 @@
-"""Runs the stages of a method: checkpoints, ledgers, progress, interruption."""
