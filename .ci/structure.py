@@ -1,14 +1,18 @@
-"""What import-linter and ruff do not say of the house: no circle of rooms, no long function, no crowd of parameters.
+"""Checks the structure that import-linter and ruff do not see: circles, sizes of folders, and the number of pieces.
 
     python .ci/structure.py
 
-A room is a folder of modules. Two rooms that import each other, directly or around, are a circle; a module counts for
-the room that it lies in. Exit code 1 with every finding on a line.
+A room is a folder of modules; a module counts for the room that it lies in. Neither rooms nor files import each other
+in a circle. A folder holds between FEWEST and MOST files (``__init__.py`` and data apart; kernels' C++ counts), a
+function has a bounded length and number of parameters, and the whole stays within LIMITS. Prints the counts, and every
+finding on a line; exit code 1 if there is any.
 """
 
 import ast
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
+from graphlib import CycleError, TopologicalSorter
 
 from radiogs_bench.sources import OURS, SourceTree, installed
 
@@ -17,6 +21,18 @@ MOST_PARAMETERS = 7
 KERNELS = ("radiogs_core.kernels", "radiogs_bench.lab.kernels.plain", "radiogs_datasets.generate.disney_bsdf")
 """Kernels, their plain counterparts, and the class that Mitsuba wants made after a variant is chosen: one parameter for
 each array, and a factory that holds every function of its kind."""
+
+FEWEST, MOST = 5, 30
+"""Files of a folder: with fewer it hides nothing, with more nobody finds a thing in it."""
+
+HARNESS = "radiogs_bench"
+
+LIMITS: Mapping[str, int] = {
+    "product files": 620,
+    "files with one user": 120,
+    "arrows between folders of the harness": 60,
+}
+"""A file that one other imports belongs into that one, unless readers look for it by its own name."""
 
 METHOD = "radiogs"
 """Nothing outside may import RadioGS: its entry point registers it."""
@@ -55,6 +71,50 @@ def _reached(arrows: dict[str, set[str]], start: str) -> set[str]:
     return found
 
 
+def circle_of_files(tree: SourceTree, modules: list[str]) -> Iterator[str]:
+    """One circle of files that import one another, if there is any; imports within functions count."""
+    try:
+        TopologicalSorter({name: tree.imports(name) - {name} for name in modules}).prepare()
+    except CycleError as error:
+        yield f"circle of files: {' <- '.join(error.args[1])}"
+
+
+def sizes_of_folders(tree: SourceTree, modules: list[str]) -> Iterator[str]:
+    """Folders of modules that hold too few or too many files."""
+    folders = {path.parent for name in modules if (path := tree.file(name)) and path.name != "__init__.py"}
+    for folder in sorted(folders):
+        files = [each for suffix in ("py", "inl") for each in folder.glob(f"*.{suffix}") if each.name != "__init__.py"]
+        if not FEWEST <= len(files) <= MOST:
+            yield f"{folder.parent.name}/{folder.name}: {len(files)} files ({FEWEST} to {MOST})"
+
+
+def with_one_user(tree: SourceTree, modules: list[str]) -> dict[str, str]:
+    """The files that exactly one other file imports, and that file."""
+    users: dict[str, set[str]] = {}
+    for name in modules:
+        for target in tree.imports(name) - {name}:
+            users.setdefault(target, set()).add(name)
+    return {name: next(iter(using)) for name, using in users.items() if len(using) == 1}
+
+
+def counts(tree: SourceTree, modules: list[str]) -> Counter[str]:
+    """How many pieces there are, by the names of LIMITS."""
+    ours = [name for name in modules if name.split(".")[0] == HARNESS]
+    arrows = {
+        (room(tree, name), room(tree, target))
+        for name in ours
+        for target in tree.imports(name)
+        if target.split(".")[0] == HARNESS
+    }
+    return Counter(
+        {
+            "product files": len(modules),
+            "files with one user": len(with_one_user(tree, modules)),
+            "arrows between folders of the harness": len([1 for here, there in arrows if here != there]),
+        }
+    )
+
+
 def crowded(tree: SourceTree, module: str) -> Iterator[str]:
     """Functions that are too long or take too many parameters."""
     path = tree.file(module)
@@ -81,16 +141,20 @@ def strangers(tree: SourceTree, module: str) -> Iterator[str]:
 
 
 def findings(tree: SourceTree, *packages: str) -> list[str]:
-    """Everything that is wrong with the modules of some packages, a line each."""
+    """Everything that is wrong with the modules of some packages, a line each, but for the limits of the whole."""
     modules = list(tree.closure(*packages))
     each = [line for name in modules for line in (*crowded(tree, name), *strangers(tree, name))]
-    return [*circles(tree, modules), *each]
+    return [*circles(tree, modules), *circle_of_files(tree, modules), *sizes_of_folders(tree, modules), *each]
 
 
 def main() -> int:
-    """Print every finding; 1 if there is any."""
-    found = findings(installed(), *OURS)
-    sys.stdout.writelines(f"{line}\n" for line in [*found, f"{len(found)} findings"])
+    """Print the counts and every finding; 1 if there is any."""
+    tree = installed()
+    counted = counts(tree, list(tree.closure(*OURS)))
+    beyond = [f"{name}: more than {LIMITS[name]}" for name, number in counted.items() if number > LIMITS[name]]
+    found = [*findings(tree, *OURS), *beyond]
+    shown = [f"{number} {name} (at most {LIMITS[name]})" for name, number in counted.items()]
+    sys.stdout.writelines(f"{line}\n" for line in [*shown, *found, f"{len(found)} findings"])
     return 1 if found else 0
 
 

@@ -1,11 +1,16 @@
-"""Digests of the sources that decide a result, found by following imports, so that no list has to be kept.
+"""Digests of the code and data files that decide a result, found by following imports, so that no list has to be kept.
 
 Every import in a module's text is followed, also inside functions, within the packages of this project and the
 module's own (another package's method). Modules whose name is computed at run time are not seen.
+
+Code counts as its statements: the syntax tree without docstrings, comments and layout. A reworded docstring changes no
+digest, so that results stay valid. A data file counts with all its bytes, for every module that names it in a literal:
+``resources.files(__package__) / "tables" / "ggx.npy"``, or a pattern such as ``f"{name}.npy"`` or ``glob("*.npy")``.
 """
 
 import ast
 import hashlib
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
@@ -25,6 +30,7 @@ class SourceTree:
 
     roots: Mapping[str, Path]
     _imports: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+    _digests: dict[str, bytes] = field(default_factory=dict, repr=False, compare=False)
 
     def file(self, module: str) -> Path | None:
         """The file of a module or package; None for what is no module of these packages."""
@@ -69,18 +75,27 @@ class SourceTree:
             path = self.file(module)
             assert path is not None
             package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-            tree = ast.parse(path.read_bytes(), path.as_posix())
-            named = (name for node in ast.walk(tree) for name in _imported(node, package))
+            named = (name for node in ast.walk(_parsed(path)) for name in _imported(node, package))
             found = (self._module_of(source, name) for source, name in named)
             self._imports[module] = frozenset(each for each in found if each is not None)
         return self._imports[module]
 
+    def data_files(self, module: str) -> list[Path]:
+        """Files other than Python's that a module names in literals, relative to its folder, within its package."""
+        path = self.file(module)
+        assert path is not None
+        return _named_files(_parsed(path), path.parent)
+
     def digest(self, *modules: str) -> str:
-        """SHA-256 prefix over names and bytes of the closure; independent of where the packages are installed."""
+        """SHA-256 prefix over the closure's names, statements and data; the same wherever the packages are installed.
+
+        The same, too, for every version of Python that reads the sources as the same syntax tree.
+        """
         digest = hashlib.sha256()
         for name, path in self.closure(*modules).items():
-            content = path.read_bytes()
-            digest.update(f"{name}\0{len(content)}\0".encode() + content)
+            if name not in self._digests:
+                self._digests[name] = _digest(path)
+            digest.update(f"{name}\0".encode() + self._digests[name])
         return digest.hexdigest()[:20]
 
     def _module_of(self, source: str, name: str) -> str | None:
@@ -94,6 +109,95 @@ class SourceTree:
             return []
         inside = [each.relative_to(path.parent).with_suffix("") for each in path.parent.rglob("*.py")]
         return [".".join([module, *each.parts]) for each in inside if each.name != "__init__"]
+
+
+def _parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_bytes(), path.as_posix())
+
+
+def _digest(path: Path) -> bytes:
+    """SHA-256 over a module's statements, and names and bytes of its data files."""
+    tree = _parsed(path)
+    digest = hashlib.sha256("".join(_statements(tree)).encode())
+    for file in _named_files(tree, path.parent):
+        content = file.read_bytes()
+        digest.update(f"\0{file.relative_to(path.parent).as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.digest()
+
+
+LAYOUT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
+"""Fields of syntax nodes that follow from others or decide nothing."""
+
+
+def _statements(node: ast.AST) -> Iterator[str]:
+    """A syntax tree as text without positions, docstrings and other strings that stand alone.
+
+    ``ast.dump`` differs between versions of Python: empty fields, which newer ones add, are left out here.
+    """
+    yield f"{type(node).__name__}("
+    for name in node._fields:
+        value = getattr(node, name, None)
+        if name in LAYOUT or value == [] or (value is None and not isinstance(node, ast.Constant)):
+            continue
+        yield f"{name}="
+        if isinstance(value, ast.AST):
+            yield from _statements(value)
+        elif isinstance(value, list):
+            yield "["
+            for each in value:
+                if not _stands_alone(each):
+                    yield from _statements(each) if isinstance(each, ast.AST) else (repr(each),)
+            yield "]"
+        else:
+            yield f"{type(value).__name__} {value!r}"
+    yield ")"
+
+
+def _stands_alone(node: object) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def _named_files(tree: ast.Module, folder: Path) -> list[Path]:
+    """The files below a module's folder that its literals name or match, but for Python's own."""
+    patterns = {pattern for node in ast.walk(tree) if (pattern := _pattern(node))}
+    found = {path for pattern in patterns for path in _matching(folder, pattern)}
+    return sorted(path for path in found if path.suffix not in (".py", ".pyc"))
+
+
+def _pattern(node: ast.AST) -> str:
+    """What a literal, or literals joined by ``/``, may name: a path below the module's folder, holes as ``*``."""
+    if isinstance(node, ast.Constant):
+        return _escaped(node.value) if isinstance(node.value, str) else ""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_pattern(part) if isinstance(part, ast.Constant) else "*" for part in node.values)
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+        return "/".join(filter(None, (_pattern(node.left), _pattern(node.right))))
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in PATHS:
+        named = (_pattern(node.func.value), *PATHS[node.func.attr], *(_pattern(each) for each in node.args))
+        return "/".join(filter(None, named))
+    return ""
+
+
+PATHS = {"joinpath": (), "glob": (), "rglob": ("**",)}
+"""Methods that make paths, and what stands between the folder and their arguments."""
+
+
+def _escaped(text: str) -> str:
+    """A literal as a pattern: stars stay stars, since ``glob`` takes them; no other character matches anything else."""
+    return re.sub(r"([?\[])", r"[\1]", text) if len(text) <= LONGEST_NAME and "\n" not in text else ""
+
+
+LONGEST_NAME = 200
+"""Characters; a longer literal is no file's name."""
+
+
+def _matching(folder: Path, pattern: str) -> Iterator[Path]:
+    parts = pattern.split("/")
+    below = not pattern.startswith("/") and ".." not in parts
+    sound = all("**" not in part or part == "**" for part in parts)  # pathlib refuses others
+    stem, _, suffix = parts[-1].rpartition(".")
+    if below and sound and stem and suffix and "*" not in suffix:
+        yield from (path for path in folder.glob(pattern) if path.is_file())
 
 
 def _imported(node: ast.AST, package: str) -> Iterator[tuple[str, str]]:
@@ -125,5 +229,5 @@ def installed(*packages: str) -> SourceTree:
 
 @cache
 def code_digest(*modules: str) -> str:
-    """Digest of the modules' installed sources and their imports; cached for the life of the process."""
+    """Digest of the modules' installed sources, imports and data files; cached for the life of the process."""
     return installed(*sorted({module.split(".")[0] for module in modules} - set(OURS))).digest(*modules)

@@ -1,5 +1,7 @@
 """Keys see every source that decides a value, found by following imports, and none that does not."""
 
+import ast
+import re
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -94,23 +96,56 @@ MODULES: Mapping[str, set[str]] = {
     "radiogs_bench.results.gate": set(),
     "radiogs_reports.summary": set(),
 }  # fmt: skip
-"""By module: the keys that one byte more in it changes."""
+"""By module: the keys that one constant more in it changes."""
+
+
+def keys_with(copies: SourceTree, module: str, file: Path, content: bytes) -> dict[str, str]:
+    """The keys with another content of one file, by which ``module``'s digest may change."""
+    whole = file.read_bytes()
+    file.write_bytes(content)
+    try:
+        # What the other modules import and digest to is not read again: that takes most of the time.
+        digests = {name: digest for name, digest in copies._digests.items() if name != module}
+        return keys_from(SourceTree(copies.roots, dict(copies._imports), digests))
+    finally:
+        file.write_bytes(whole)
 
 
 @pytest.mark.parametrize("module", MODULES)
-def test_a_byte_changes_the_keys_of_what_it_decides_and_no_other(
+def test_a_constant_changes_the_keys_of_what_it_decides_and_no_other(
     module: str, copies: SourceTree, unchanged: dict[str, str]
 ) -> None:
     path = copies.file(module)
     assert path is not None
-    whole = path.read_bytes()
-    path.write_bytes(whole + b"\n")
-    try:
-        # What the other modules import is not read again: that takes most of the time.
-        changed = keys_from(SourceTree(copies.roots, dict(copies._imports)))
-    finally:
-        path.write_bytes(whole)
+    changed = keys_with(copies, module, path, path.read_bytes() + b"ONE_MORE = 1\n")
     assert {name for name in unchanged if unchanged[name] != changed[name]} == MODULES[module]
+
+
+SHADED = "radiogs_core.kernels.shade.shade_source"
+
+
+def test_prose_and_layout_change_no_key(copies: SourceTree, unchanged: dict[str, str]) -> None:
+    """In every module at once: a comment, a blank line, another docstring of the module, another width of lines."""
+    reworded = {}
+    for name, path in copies.closure(*OURS).items():
+        tree = ast.parse(path.read_bytes())
+        if tree.body and ast.get_docstring(tree) is not None:
+            tree.body[0] = ast.Expr(ast.Constant(f"Another sentence on {name}."))
+        reworded[path] = path.read_bytes()
+        path.write_text(f"# What follows has no comments, and breaks its lines elsewhere.\n\n\n{ast.unparse(tree)}\n")
+    try:
+        assert keys_from(SourceTree(copies.roots)) == unchanged
+    finally:
+        for path, content in reworded.items():
+            path.write_bytes(content)
+
+
+def test_a_byte_of_a_loaded_data_file_changes_every_key_that_reaches_it_and_no_other(
+    copies: SourceTree, unchanged: dict[str, str]
+) -> None:
+    (file,) = [path for path in copies.data_files(SHADED) if path.suffix == ".inl"]
+    changed = keys_with(copies, SHADED, file, file.read_bytes() + b" ")
+    assert {name for name in unchanged if unchanged[name] != changed[name]} == FIRST | SECOND | RESULTS
 
 
 def package(folder: Path, **texts: str) -> SourceTree:
@@ -141,11 +176,62 @@ def test_a_package_that_is_asked_for_counts_with_all_its_modules(tmp_path: Path)
     assert set(package(tmp_path, one="", two="").closure("own")) == {"own", "own.one", "own.two"}
 
 
-def test_the_digest_sees_names_and_bytes(tmp_path: Path) -> None:
+def test_the_digest_sees_names_and_statements(tmp_path: Path) -> None:
     first = package(tmp_path / "first", one="x = 1\n").digest("own")
     assert package(tmp_path / "again", one="x = 1\n").digest("own") == first
-    assert package(tmp_path / "other", one="x = 2\n").digest("own") != first
     assert package(tmp_path / "named", two="x = 1\n").digest("own") != first
+
+
+PROSE = ("# why\n{}", "{}\n\n\n", '"""A module."""\n{}', '{}\n"""What x is."""\n', "{}  # a remark\n")
+
+
+@pytest.mark.parametrize("form", PROSE)
+def test_prose_changes_no_digest(tmp_path: Path, form: str) -> None:
+    code = "def f(a: int, *, b: str = 'c') -> list[int]:\n    x = [a, len(b)]\n    return x"
+    wrapped = (
+        'def f(\n    a: int, *, b: str = "c"\n) -> list[int]:\n    """Give two numbers."""\n'
+        "    x = [\n        a,\n        len(b),\n    ]\n    return x"
+    )
+    first = package(tmp_path / "first", one=code).digest("own")
+    assert package(tmp_path / "other", one=form.format(code)).digest("own") == first
+    assert package(tmp_path / "wrapped", one=form.format(wrapped)).digest("own") == first
+
+
+OTHERS = (
+    "x = 2", "x = 1.0", "x = True", "x = '1'", "x = b'1'", "x = None", "x = -1", "x: int = 1", "y = 1", "x = 1, ",
+    "x += 1", "x = 1\nx = 1", "if x: x = 1", "def x(): 1", "def x(): return 1", "def x(): return None", "'x = 1'",
+    "x = {None: 1}", "x = {**1}", "x = f'{1}'", "x = f'{1!r}'", "x = f'{1:2}'", "lambda: 1", "async def x(): return 1",
+    "match x:\n  case None: 1", "match x:\n  case True: 1", "from . import x", "from .. import x", "import x as y",
+)  # fmt: skip
+
+
+def test_every_other_statement_has_another_digest(tmp_path: Path) -> None:
+    digests = [package(tmp_path / str(index), one=text).digest("own.one") for index, text in enumerate(OTHERS)]
+    assert len(set(digests)) == len(OTHERS)
+
+
+def test_data_files_that_a_module_names_count_with_their_bytes(tmp_path: Path) -> None:
+    """Each way to name a file: whole, below a folder, by a pattern, with a hole."""
+    ways = {
+        "whole": "files(__package__) / 'table.npy'", "joined": "files(__package__).joinpath('deep', 'net.bin')",
+        "below": "Path(__file__).parent / 'deep' / 'net.bin'", "pattern": "Path(__file__).parent.glob('deep/*.bin')",
+        "everywhere": "Path(__file__).parent.rglob('*.bin')", "hole": "read(f'deep/{name}.bin')",
+    }  # fmt: skip
+    none = {"other": "read('missing.npy')", "code": "read('whole.py')", "above": "read('../outside.bin')"}
+    none |= {"any": "f'{a}.{b}'", "long": repr("net.bin" * 100), "not_sound": "'a**.bin'", "prose": "'see table.npy'"}
+    tree = package(tmp_path, **{name: f"x = {text}\n" for name, text in (ways | none).items()})
+    (tmp_path / "outside.bin").write_bytes(b"0")
+    (tmp_path / "own" / "table.npy").write_bytes(b"1")
+    (tmp_path / "own" / "deep").mkdir()
+    (tmp_path / "own" / "deep" / "net.bin").write_bytes(b"2")
+    before = {name: tree.digest(f"own.{name}") for name in (*ways, *none)}
+    assert {name: [path.name for path in tree.data_files(f"own.{name}")] for name in (*ways, *none)} == {
+        "whole": ["table.npy"], **{name: ["net.bin"] for name in list(ways)[1:]}, **{name: [] for name in none},
+    }  # fmt: skip
+    for path in ("outside.bin", "own/table.npy", "own/deep/net.bin"):
+        (tmp_path / path).write_bytes(b"3")
+    again = SourceTree(tree.roots)
+    assert {name for name in before if again.digest(f"own.{name}") != before[name]} == set(ways)
 
 
 def test_a_module_that_is_not_there_is_refused(tmp_path: Path) -> None:
@@ -157,7 +243,9 @@ def test_no_source_that_decides_values_imports_by_a_computed_name() -> None:
     """Following the text would not see it. The registry of methods is the one place that loads by name."""
     tree = installed()
     deciding = tree.closure("radiogs", "radiogs_core", "radiogs_datasets", "radiogs_bench.scoring.evaluate")
-    by_name = [name for name, path in deciding.items() if "import_module(" in path.read_text()]
+    by_name = [
+        name for name, path in deciding.items() if re.search(r"(import_module|resolve_name)\(", path.read_text())
+    ]
     assert by_name == []
     assert set(OURS) <= set(tree.roots)
 

@@ -21,14 +21,18 @@ def structure() -> ModuleType:
     return module
 
 
-def house(folder: Path, **texts: str) -> SourceTree:
-    """Packages ``radiogs`` and ``house``; the modules of the second by their dotted names, with two underscores."""
+def house(folder: Path, fill: int = 5, **texts: str) -> SourceTree:
+    """Packages ``radiogs`` and ``house``; the modules of the second by their dotted names, with two underscores.
+
+    ``fill``: empty modules in each folder besides.
+    """
     for name, text in {"radiogs/method": "", **{f"house/{name}": text for name, text in texts.items()}}.items():
         path = folder / f"{name.replace('__', '/')}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text)
     for inner in [folder / "radiogs", *(folder / "house").rglob("*/"), folder / "house"]:
-        (inner / "__init__.py").touch()
+        for name in ("__init__", *(f"empty{number}" for number in range(fill))):
+            (inner / f"{name}.py").touch()
     return SourceTree({name: folder / name for name in ("radiogs", "house")})
 
 
@@ -36,20 +40,26 @@ def house(folder: Path, **texts: str) -> SourceTree:
     ("texts", "said"),
     [
         (
-            {"one__a": "from ..two import b\n", "two__b": "def late():\n    from ..one.a import x\n"},
+            {"one__a": "from ..two import b\n", "two__c": "def late():\n    from ..one.d import x\n", "one__d": ""},
             "house.one <-> house.two",
         ),
         (
             {
                 "one__a": "from ..two import b\n",
-                "two__b": "from house.three.c import x\n",
-                "three__c": "import house.one.a\n",
+                "two__c": "from house.three.d import x\n",
+                "three__e": "import house.one.f\n",
+                **dict.fromkeys(("two__b", "three__d", "one__f"), ""),
             },
             "house.one <-> house.three <-> house.two",
         ),
         ({"one__a": "def f(" + ", ".join(f"p{n}" for n in range(8)) + "): ...\n"}, "house.one.a:1 f: 8 parameters"),
         ({"one__a": "class C:\n    def f(self):\n" + "        x = 1\n" * 60}, "f: 61 lines"),
         ({"one__a": "def f():\n    from radiogs.method import X\n"}, "house.one.a imports radiogs.method"),
+        (
+            {"one__a": "from . import b\n", "one__b": "def late():\n    from .a import x\n"},
+            "circle of files: house.one.",
+        ),
+        ({f"one__m{number}": "" for number in range(26)}, "house/one: 31 files (5 to 30)"),
     ],
 )
 def test_what_is_wrong_is_found(texts: dict[str, str], said: str, structure: ModuleType, tmp_path: Path) -> None:
@@ -69,5 +79,36 @@ def test_what_is_right_is_not(structure: ModuleType, tmp_path: Path) -> None:
     assert structure.findings(tree, "house") == []
 
 
+def test_a_folder_with_few_files_is_found_and_kernels_text_counts(structure: ModuleType, tmp_path: Path) -> None:
+    tree = house(tmp_path, fill=0, one__a="", one__b="", one__c="", **{f"m{number}": "" for number in range(5)})
+    assert structure.findings(tree, "house") == ["house/one: 3 files (5 to 30)"]
+    for name in ("a", "b"):
+        (tmp_path / "house" / "one" / f"{name}.inl").touch()
+    assert structure.findings(tree, "house") == []
+
+
+def test_pieces_are_counted(structure: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Files, files with one user (imports within functions count, those of itself do not), arrows between folders."""
+    texts = {
+        "house/one/a": "from ..two import b, c\nfrom . import d\n",
+        "house/one/d": "from . import d\nfrom ..two.c import x\n",
+        "house/two/b": "def late():\n    from .e import y\n", "house/two/c": "", "house/two/e": "import numpy\n",
+    }  # fmt: skip
+    for name, text in texts.items():
+        path = tmp_path / f"{name}.py"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    monkeypatch.setattr(structure, "HARNESS", "house")
+    tree = SourceTree({"house": tmp_path / "house"})
+    modules = [name.replace("/", ".") for name in texts]
+    assert structure.with_one_user(tree, modules) == {
+        "house.two.b": "house.one.a", "house.one.d": "house.one.a", "house.two.e": "house.two.b",
+    }  # fmt: skip
+    assert [*structure.counts(tree, modules).values()] == [5, 3, 1]
+
+
 def test_this_house_has_nothing_wrong(structure: ModuleType) -> None:
-    assert structure.findings(installed(), *OURS) == []
+    tree = installed()
+    assert structure.findings(tree, *OURS) == []
+    counted = structure.counts(tree, list(tree.closure(*OURS)))
+    assert {name: number for name, number in counted.items() if number > structure.LIMITS[name]} == {}
