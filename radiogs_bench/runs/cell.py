@@ -11,9 +11,10 @@ from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 
 from ..method_calls import calling
+from ..scoring.metrics.weights import FILES, missing_weights
 from ..sources import code_digest
 from ..store.keys import content_key
-from ..suites.experiment import EXPERIMENTS, TRAINING
+from ..suites.experiment import EXPERIMENTS, TRAINING, Experiment
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
     """
     kind = EXPERIMENTS[work.experiment]
     loader = code_digest(*scene.loaders, *(scene.surfaces_by if kind.on_surfaces else ()))
-    evaluation = kind.evaluation_code(method)
+    evaluation = evaluation_code(kind, method)
     with calling(method.name, "stages()"):
         specs = method.stages(work.variant, work.budget) if kind.trains else ()
     begin = {"checksum": scene.checksum, "loader": loader, "seed": work.seed, "device": work.device}
@@ -152,3 +153,14 @@ def cell_of(method: Method, scene: Scene, work: Work, found_as: str = "") -> Cel
         settings=work.settings,
         found_as=found_as or method.name,
     )
+
+
+def evaluation_code(experiment: Experiment, method: Method | None = None) -> str:
+    """Digest of what turns a trained model, or somebody's files, into metrics.
+
+    It also names the LPIPS networks without weights: once these are installed, results are scored again.
+    """
+    shown_by = method.sources if experiment.trains and method is not None else ()
+    digest = code_digest(*experiment.sources, *shown_by)
+    missing = [net for net in FILES if missing_weights(net)]
+    return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest

@@ -15,6 +15,7 @@ from radiogs_core.errors import UsageError
 from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.experiment import FROM_FILES
+from .cell import evaluation_code
 from .sweep import Line, Place, Sweep
 
 UNKNOWN = "not known"
@@ -61,7 +62,7 @@ def cell_content(name: str, files: str, scene: Mapping[str, str], seed: int, pro
         "protocol": protocol,
         "stages": {},
         "method_code": files,
-        "evaluation_code": FROM_FILES.evaluation_code(),
+        "evaluation_code": evaluation_code(FROM_FILES),
         "experiment": FROM_FILES.name,
         "settings": {},
     }
@@ -88,7 +89,7 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
     """
     own = measured(sweep)
     scene_of = {checksum: scene for scene, checksum in checksums.items()}
-    code = FROM_FILES.evaluation_code()
+    code = evaluation_code(FROM_FILES)
     found: dict[tuple[str, str, int], Result] = {}
     outdated: set[str] = set()
     for result in store.results():

@@ -4,11 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pkgutil import resolve_name
 
-from radiogs_core.contract import Method
-
-from ..scoring.metrics.weights import FILES, missing_weights
-from ..sources import code_digest
-
 EVALUATION = ("radiogs_bench.scoring.evaluate", "radiogs_bench.scoring.determined")
 
 
@@ -36,16 +31,6 @@ class Experiment:
         assert self.function is not None, self.name
         found: Callable[..., None] = resolve_name(self.function)
         return found
-
-    def evaluation_code(self, method: Method | None = None) -> str:
-        """Digest of what turns a trained model, or somebody's files, into metrics.
-
-        It also names the LPIPS networks without weights: once these are installed, results are scored again.
-        """
-        shown_by = method.sources if self.trains and method is not None else ()
-        digest = code_digest(*self.sources, *shown_by)
-        missing = [net for net in FILES if missing_weights(net)]
-        return f"{digest} without LPIPS weights of {', '.join(missing)}" if missing else digest
 
 
 TRAINING = "training"

@@ -15,7 +15,7 @@ from radiogs.budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
 from radiogs.method import RADIOGS
 from radiogs.profile import PROFILES
 from radiogs.variant import Variant
-from radiogs_bench.runs.cell import Cell, Work, cell_of
+from radiogs_bench.runs.cell import Cell, Work, cell_of, evaluation_code
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
 from radiogs_core.contract import StageSpec, values_of
@@ -243,7 +243,7 @@ def test_results_without_lpips_are_scored_again_once_its_weights_are_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
-    without = EXPERIMENTS[TRAINING].evaluation_code(FAKE)
+    without = evaluation_code(EXPERIMENTS[TRAINING], FAKE)
     (tmp_path / "alexnet_features.npz").touch()
     (tmp_path / "alex.pth").touch()
-    assert EXPERIMENTS[TRAINING].evaluation_code(FAKE) != without
+    assert evaluation_code(EXPERIMENTS[TRAINING], FAKE) != without

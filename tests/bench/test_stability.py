@@ -13,6 +13,7 @@ from bench.fake_method import CPU, FakeSweep, fake_cell
 from hard_cases import released
 from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
+from radiogs_bench.runs.cell import evaluation_code
 from radiogs_bench.runs.stability import run_stability
 from radiogs_bench.runs.stability.axes import AXES, axis_and_points
 from radiogs_bench.runs.stability.curve import EPS, SAFE, TASKS, Probe, Stand, Values, measure, relative_error
@@ -158,7 +159,7 @@ def test_rows_are_all_the_axes_and_the_code_of_the_curves_is_part_of_a_cells_nam
     assert [axis_and_points(row.settings)[0].key for row in STABILITY.rows] == list(AXES)
     request = Request(STABILITY, {SCENE.name: SCENE}, 1, "tiny", "default", "cpu")
     assert len({cell.key for _, cell in request.cells()}) == len(AXES)
-    codes = {EXPERIMENTS[name].evaluation_code(RADIOGS) for name in ("stability", "training")}
+    codes = {evaluation_code(EXPERIMENTS[name], RADIOGS) for name in ("stability", "training")}
     assert len(codes) == 2
 
 
