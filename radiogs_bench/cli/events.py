@@ -1,18 +1,16 @@
-"""``run --json``: suites, plans and a run's progress as events, one JSON object per line on stdout (docs/suites.md)."""
+"""``run --json``: suites and a run's progress as events, one JSON object per line on stdout (docs/suites.md)."""
 
 import json
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
 from types import TracebackType
 from typing import Any
 
 from radiogs_core.errors import ExplainedError
 
 from ..errors import exit_code
-from ..runs.forecast import forecast
-from ..runs.sweep import Place, Request, label, state_of
+from ..runs.sweep import Place, label
 from ..store.folder import Store
 from ..suites.suite import Suite
 
@@ -43,14 +41,6 @@ def emit_suite(suite: Suite) -> None:
         protocol=suite.protocol,
         download=suite.download,
     )
-
-
-def emit_plan(request: Request, store: Store) -> None:
-    """One event per cell, with null for unknown values."""
-    cells = request.own_cells()
-    for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
-        rest = {} if each is None else asdict(each)
-        emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
 
 
 class EventProgress:

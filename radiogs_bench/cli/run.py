@@ -198,16 +198,14 @@ def say_repairs(scenes: Mapping[str, "Scene"], as_json: bool) -> None:
 
 def show_request(request: "Request", store: "Store", engine: "Engine", as_json: bool) -> int:
     """Print the cells and estimates of their time and memory."""
-    if as_json:
-        from .events import emit_plan
+    from radiogs_core.kernels.runtime import workers
 
+    from ..runs.engines.run import CPU
+    from .showing import emit_plan, show_plan
+
+    if as_json:
         emit_plan(request, store)
     else:
-        from radiogs_core.kernels.runtime import workers
-
-        from ..runs.engines.run import CPU
-        from .showing import show_plan
-
         show_plan(request, store, *engine.cells_and_threads(workers(CPU)))
     return 0
 

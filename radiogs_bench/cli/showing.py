@@ -4,6 +4,7 @@ A suite's table is cut into as many tables below each other as the width needs, 
 """
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
@@ -27,6 +28,7 @@ from ..store.atomic import explained, write_atomically
 from ..store.folder import Store
 from ..store.seal import sealed, strict_json
 from .aside import say_aside
+from .events import emit
 from .reporter import console, say, show
 
 PAGE = "report.html"
@@ -211,6 +213,14 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> N
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
+
+
+def emit_plan(request: Request, store: Store) -> None:
+    """The plan as events, one per cell, with null for unknown values."""
+    cells = request.own_cells()
+    for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
+        rest = {} if each is None else asdict(each)
+        emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
 
 
 def how_measured(store: Store, threads: int) -> str:
