@@ -1,17 +1,22 @@
-"""``radiogs-bench datasets``: list, check and generate scenes, and fetch the weights that scoring needs."""
+"""``radiogs-bench datasets``: list, check, convert and make scenes; fetch public data sets and the weights of LPIPS.
+
+``blend`` and ``fetch`` declare their options beside what they do, at the end. ``generate`` and ``blend`` make scenes
+with complete ground truth: the former path-traces miniatures, the latter renders a .blend file with Blender Cycles.
+"""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
-from . import blend, fetch
 from .options import add_scene_options, add_verbose, names, positive, scene_options
 
 if TYPE_CHECKING:
+    from ..fetching.catalogue import DataSet
     from .options import Commands
 
 
@@ -55,8 +60,8 @@ def add_to(commands: "Commands") -> None:
     fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
     for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
-    blend.add_to(actions)
-    fetch.add_to(actions)
+    _add_blend(actions)
+    _add_fetch(actions)
 
 
 def list_scenes(options: argparse.Namespace) -> int:
@@ -157,3 +162,153 @@ def weights(options: argparse.Namespace) -> int:
     if folder != weights_folder():
         say(f"Use them:  export {WEIGHTS_VARIABLE}={folder}")
     return 0
+
+
+def _add_fetch(actions: "Commands") -> None:
+    """Declare the action ``fetch``."""
+    parser = actions.add_parser(
+        "fetch", help="download public data sets; without a name, list them", allow_abbrev=False
+    )
+    parser.set_defaults(command=fetch)
+    parser.add_argument("names", nargs="*", metavar="NAME")
+    # Not ``data``, which has to be a folder before a command begins: this one makes it.
+    parser.add_argument(
+        "--data", dest="root", type=Path, metavar="ROOT", help="folder to fill (default: RADIOGS_BENCH_DATA)"
+    )
+    add_verbose(parser)
+
+
+def fetch(options: argparse.Namespace) -> int:
+    """Fetch each data set into ``ROOT/NAME``; where files have to be fetched by hand, say which, at the end."""
+    from radiogs_datasets.data_root import DATA_VARIABLE, data_root
+
+    from ..errors import NotFetched
+    from ..fetching.catalogue import DATA_SETS, data_set
+    from ..fetching.fetch import fetch_data_set
+    from ..runs.progress import progress_for_stderr
+    from .reporter import complain, say
+
+    if not options.names:
+        for each in DATA_SETS.values():
+            for line in described(each):
+                say(line)
+        return 0
+    wanted = [data_set(name) for name in options.names]
+    root = options.root or data_root()
+    if root is None:
+        raise UsageError(
+            "no folder was named for the data", f"The variable {DATA_VARIABLE} is not set.", "Add --data ROOT."
+        )
+    lacking: list[NotFetched] = []
+    for each in wanted:
+        say(f"{each.title} ({each.page}; terms: {each.licence})")
+        try:
+            with progress_for_stderr() as progress:
+                fetch_data_set(each, root, progress.advance, say)
+        except NotFetched as error:
+            lacking.append(error)
+            continue
+        say(f"{root / each.name}: complete")
+    if root != data_root():
+        say(f"Use it:  --data {root}   or   export {DATA_VARIABLE}={root.resolve()}")
+    for other in lacking[:-1]:
+        complain(f"{other}")
+    if lacking:
+        raise lacking[-1]
+    return 0
+
+
+def described(of: "DataSet") -> list[str]:
+    """A data set in a few lines: its page, its terms, and its files with their sizes and checksums."""
+    lines = [f"{of.name}: {of.title}", f"  page: {of.page}", f"  terms: {of.licence}"]
+    for piece in of.pieces:
+        size = f"{piece.bytes / 1e9:.1f} GB" if piece.bytes else "size not published"
+        checked = f"SHA-256 {piece.sha256[:8]}..." if piece.sha256 else "checksum unknown: recorded at first download"
+        how = "; by hand" if piece.by_hand else ""
+        lines.append(f"  {piece.url} -> {of.name}/{piece.name} ({size}; {checked}{how})")
+    return lines
+
+
+def _add_blend(actions: "Commands") -> None:
+    """Declare the action ``blend``."""
+    parser = actions.add_parser("blend", help="path-trace a .blend file with Cycles ([blend])", allow_abbrev=False)
+    parser.set_defaults(command=blend)
+    parser.add_argument("file", type=Path, metavar="FILE.blend")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
+    parser.add_argument(
+        "--lights",
+        type=Path,
+        metavar="FOLDER",
+        help=".hdr, .exr maps, Z up (default: those of the miniatures)",
+    )
+    parser.add_argument(
+        "--training-light", metavar="NAME", help="the map of the training views (default: 'training', or the first)"
+    )
+    parser.add_argument(
+        "--cameras", default="published", metavar="HOW",
+        help="'published': NeRF-synthetic's sphere; 'fit': around the scene; or a folder with transforms files",
+    )  # fmt: skip
+    parser.add_argument("--views", type=positive, default=100, metavar="N", help="training views (default: 100)")
+    parser.add_argument("--test", type=positive, default=20, metavar="N", help="test views (default: 20)")
+    parser.add_argument("--size", type=positive, default=400, metavar="N", help="pixels a side (default: 400)")
+    parser.add_argument("--samples", type=positive, default=256, metavar="N", help="a pixel (default: 256)")
+    parser.add_argument("--bounces", type=positive, default=12, metavar="N", help="of light (default: 12)")
+    parser.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
+    parser.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
+    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="(default: cpu)")
+    parser.add_argument("--workers", type=positive, default=1, metavar="N", help="processes (default: 1)")
+    parser.add_argument("--keep-passes", action="store_true", help="keep every pass of test views, in DIR.passes")
+    add_verbose(parser)
+
+
+def blend(options: argparse.Namespace) -> int:
+    """Render a .blend file into ``--out``, and say what its pictures cannot mean."""
+    from radiogs_datasets import load_scene
+    from radiogs_datasets.blend import Request, write_scene
+    from radiogs_datasets.lights import OWN_LIGHTS
+    from radiogs_datasets.writing import LAYOUTS
+    from radiogs_datasets.writing import convert as write
+
+    from ..runs.progress import progress_for_stderr
+    from .device import usable_cores
+    from .reporter import say
+
+    if options.layout not in LAYOUTS:
+        raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
+    request = Request(
+        options.file, options.lights or OWN_LIGHTS, options.training_light, options.cameras, options.views,
+        options.test, options.size, options.samples, options.bounces, options.seed, options.device,
+        options.keep_passes,
+    )  # fmt: skip
+    made = options.out if options.layout == "tensoir" else options.out.with_name(f"{options.out.name}.tensoir")
+    threads = max(1, usable_cores() // options.workers)
+    with progress_for_stderr() as progress:
+        metadata = write_scene(request, made, options.workers, threads, partial(progress.advance, "rendering"))
+    for line in remarks(metadata):
+        say(line)
+    if made != options.out:
+        for line in write(load_scene(str(made)), options.out, options.layout):
+            say(line)
+    say(f"{options.out}: {options.layout}, rendered by Blender {metadata['versions']['blender']}")
+    return 0
+
+
+def remarks(metadata: dict[str, Any]) -> Iterator[str]:
+    """What whoever uses a scene rendered by Blender has to know of it, a sentence each."""
+    if metadata["noise_floor_db"] is not None:
+        yield f"noise: {metadata['noise_floor_db']:.1f} dB between two seeds of the first test view, in display colour"
+    yield f"indirect light: {metadata['indirect_share']:.1%} of what the test views show"
+    yield f"light beyond {metadata['bounces']} bounces: {metadata['energy_beyond_bounces']:.2%} (left out)"
+    for name, share in metadata["energy_of_what_the_brdf_cannot_say"].items():
+        yield f"{share:.1%} of the light comes from surfaces with '{name.replace('_', ' ')}', unknown to the BRDF"
+    for kind, count in metadata["materials_not_understood"].items():
+        yield f"materials with {kind}: {count}; their albedo is Blender's diffuse colour, and no roughness is written"
+    opened = metadata["opened"]
+    counted = {
+        "scripts": "scripts and Python drivers, not run", "lamps": "lamps, switched off: the map is the light",
+        "volumes": "volumes, in the images and in no map", "other_scenes": "other scenes of the file, left out",
+    }  # fmt: skip
+    yield from (f"{said}: {opened[name]}" for name, said in counted.items() if opened[name])
+    nothing = metadata["views_of_nothing"]
+    if nothing:
+        yield f"views that show nothing: {len(nothing)} ({', '.join(nothing[:5])})"

@@ -1,4 +1,4 @@
-"""``run --json``: events of a run, one JSON object per line on stdout (docs/suites.md)."""
+"""``run --json``: suites and a run's progress as events, one JSON object per line on stdout (docs/suites.md)."""
 
 import json
 import sys
@@ -12,6 +12,7 @@ from radiogs_core.errors import ExplainedError
 from ..errors import exit_code
 from ..runs.sweep import Place, label
 from ..store.folder import Store
+from ..suites.suite import Suite
 
 EVERY_SECONDS = 1.0
 """Shortest interval between two reports of a task; its first and last steps are always reported."""
@@ -26,6 +27,20 @@ def emit(event: str, **details: Any) -> None:
 def emit_error(error: ExplainedError) -> None:
     """Write the error that ended the run; stderr explains it in words."""
     emit("error", what=error.what, why=error.why, remedy=error.remedy, exit_code=exit_code(error))
+
+
+def emit_suite(suite: Suite) -> None:
+    """One event for a suite."""
+    emit(
+        "suite",
+        name=suite.name,
+        title=suite.title,
+        rows=[row.key for row in suite.rows],
+        columns=[metric.key for metric in suite.columns],
+        scenes=list(suite.scenes),
+        protocol=suite.protocol,
+        download=suite.download,
+    )
 
 
 class EventProgress:

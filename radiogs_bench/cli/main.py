@@ -1,27 +1,32 @@
-"""Entry: parse, run the command, and turn failures into three-part messages and exit codes."""
+"""The command line ``radiogs-bench``: parses, runs the command, and turns failures into messages and exit codes.
+
+Each command declares its options beside what it does, in a module that imports nothing heavy at the top: ``--help``
+answers at once. Only ``completion`` is here, because it reads the options of all commands.
+"""
 
 import argparse
 import logging
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import ExplainedError
 
 from ..errors import UNEXPECTED, Interrupted, exit_code, explain
-from .parser import build_parser
+from . import bench, datasets, export, methods, model, probe, rehearse, run, score, status, stored, view
+from .options import ExplainingParser, add_verbose
 from .reporter import complain
 
+if TYPE_CHECKING:
+    from .options import Commands
 
-def _run(options: argparse.Namespace) -> int:
-    """Run the command, with ``--data`` as the root of data if it was given."""
-    if getattr(options, "data", None) is None:
-        return int(options.command(options))
-    from radiogs_datasets.data_root import using_data_root
-
-    with using_data_root(options.data):
-        return int(options.command(options))
+EXIT_CODES_HELP = """exit codes: 0 done; 1 a cell failed, or the gate found a regression; 2 the command is wrong;
+3 data is missing or malformed; 4 a non-finite value was caught; 5 files have to be fetched by hand; 6 something else
+ended it: a folder that cannot be read or written, killed processes, an unexpected error; 130 stopped by Ctrl-C"""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,3 +61,113 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return UNEXPECTED
     complain(explain(error))
     return exit_code(error)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Run the command, with ``--data`` as the root of data if it was given."""
+    if getattr(options, "data", None) is None:
+        return int(options.command(options))
+    from radiogs_datasets.data_root import using_data_root
+
+    with using_data_root(options.data):
+        return int(options.command(options))
+
+
+def build_parser() -> ExplainingParser:
+    """Every command's options; ``command`` of the parsed options is the function to call with them."""
+    parser = ExplainingParser(
+        prog="radiogs-bench",
+        description="Benchmark harness for Gaussian-surfel inverse rendering, with RadioGS.",
+        epilog=EXIT_CODES_HELP,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"radiogs-bench {version('radiogs-bench')}")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for declare in (
+        run.add_to, status.add_to, rehearse.add_to, stored.add_to, export.add_to, stored.add_gate, methods.add_to,
+        model.add_to, probe.add_to, view.add_to, score.add_to, datasets.add_to, bench.add_to, _add_completion,
+    ):  # fmt: skip
+        declare(commands)
+    return parser
+
+
+SHELLS = ("bash", "zsh", "fish")
+
+COMPLETION_HELP = """Write it where the shell looks for such scripts:
+  bash  radiogs-bench completion bash > ~/.local/share/bash-completion/completions/radiogs-bench
+  zsh   radiogs-bench completion zsh > DIR/_radiogs-bench   (DIR: one of $fpath)
+  fish  radiogs-bench completion fish > ~/.config/fish/completions/radiogs-bench.fish
+It has the names of suites, scenes and methods that are installed now: write it again when they change."""
+
+
+def _add_completion(commands: "Commands") -> None:
+    """Declare ``completion``."""
+    parser = commands.add_parser(
+        "completion",
+        help="write a script with which a shell completes commands, options and names",
+        epilog=COMPLETION_HELP,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.set_defaults(command=completion)
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
+    add_verbose(parser)
+
+
+def completion(options: argparse.Namespace) -> int:
+    """Print the script with which a shell completes commands, options, names and paths."""
+    import shtab
+
+    parser = build_parser()
+    words, or_paths = _words(), _words_or_paths()
+    for action in _actions(parser):
+        if action.dest in words and action.choices is None:
+            action.choices = words[action.dest]
+        elif action.dest in or_paths:
+            action.complete = {shell: _function(action.dest) for shell in SHELLS} | {"fish": shtab.FILE["fish"]}
+        elif action.type is Path:
+            action.complete = shtab.FILE
+    functions = "\n".join(_DEFINED[options.shell](_function(name), found) for name, found in or_paths.items())
+    sys.stdout.write(shtab.complete(parser, options.shell, preamble=functions))
+    return 0
+
+
+def _words() -> dict[str, list[str]]:
+    """What options may be given that take one of some names, by the options' own names."""
+    from ..scoring.metrics import PROTOCOLS
+
+    return {"protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"]}
+
+
+def _words_or_paths() -> dict[str, list[str]]:
+    """The names of what may also be given as a path."""
+    from radiogs_datasets import known_names
+
+    from ..methods import method_names
+    from ..suites.registry import SUITES
+
+    scenes = list(known_names())
+    return {"suite": list(SUITES), "scene": scenes, "scenes": scenes, "method": list(method_names())}
+
+
+def _function(name: str) -> str:
+    """The shell function that completes a name or a path."""
+    return f"_radiogs_bench_{name}"
+
+
+_DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
+    "bash": lambda name, words: f'{name}() {{ compgen -W \'{" ".join(words)}\' -- "$1"; compgen -f -- "$1"; }}',
+    "zsh": lambda name, words: f"{name}() {{ _alternative 'names:name:({' '.join(words)})' 'files:file:_files' }}",
+    "fish": lambda name, words: "",
+}
+"""How a shell defines such a function."""
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:
+    """All arguments of the parser and of the commands below it."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for below in action.choices.values():
+                yield from _actions(below)
+        else:
+            yield action

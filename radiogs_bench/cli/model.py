@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
+from .options import METHOD, add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
     import torch
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from .options import Commands
 
-METHOD = "radiogs"
 PAPER = "paper"
 """The profile of every method: its variant as it is."""
 

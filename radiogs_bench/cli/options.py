@@ -1,4 +1,4 @@
-"""Shared by the commands' options: the parser, and the types of values."""
+"""What the commands' options share: the parser, the types of values, and how a suite and scene options are read."""
 
 import argparse
 import re
@@ -14,8 +14,13 @@ if TYPE_CHECKING:
     from radiogs_core.transport.plan import Effects
     from radiogs_datasets.options import SceneOptions
 
+    from ..suites.suite import Suite
+
     Commands = argparse._SubParsersAction["ExplainingParser"]
 
+
+METHOD = "radiogs"
+"""Trained and probed where no method is named."""
 
 MOST_SEEDS = 10_000
 SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
@@ -132,6 +137,17 @@ def scene_options(options: argparse.Namespace) -> "SceneOptions":
     return SceneOptions(
         options.layout, options.hold_out, absolute(options.mask_folder), options.reduce, options.long_side
     )  # fmt: skip
+
+
+def suite_of(name_or_file: str) -> "Suite":
+    """A suite from the package, or from a file."""
+    if name_or_file.endswith(".toml"):
+        from ..suites.toml_file import read_suite
+
+        return read_suite(Path(name_or_file))
+    from ..suites.registry import suite
+
+    return suite(name_or_file)
 
 
 def part_of(text: str) -> tuple[int, int]:

@@ -6,8 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .model import METHOD
-from .options import add_scene_options, add_verbose, positive, scene_options
+from .options import METHOD, add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
     import torch

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import UsageError
 
-from .options import add_scene_options, add_verbose, names, positive, scene_options
+from .options import add_scene_options, add_verbose, names, positive, scene_options, suite_of
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -151,7 +151,6 @@ def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, in
     from ..suites.registry import SUITES
     from ..suites.scenes import load_scenes, own_scenes
     from ..suites.suite import Metric, Suite, of_methods
-    from .run import suite_of
 
     if options.subject in SUITES or options.subject.endswith(".toml"):
         suite = suite_of(options.subject)

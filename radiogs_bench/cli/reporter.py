@@ -1,10 +1,12 @@
-"""Prints for all commands: results to stdout, errors to stderr."""
+"""Prints for all commands: results to stdout, errors to stderr.
+
+On a terminal, sentences are wrapped between words: no number is cut, and no command that is to be copied.
+"""
 
 import shutil
 import sys
+import textwrap
 from typing import TYPE_CHECKING
-
-from .wrapping import wrapped
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -12,6 +14,9 @@ if TYPE_CHECKING:
 
 LOG_WIDTH = 160
 """Width in characters if stdout is a file or a pipe: a suite's table does not wrap."""
+
+BEFORE_COMMAND = "  radiogs-bench "
+"""How a command to copy follows a sentence."""
 
 
 def say(line: str) -> None:
@@ -35,6 +40,18 @@ def fitted(text: str, on_terminal: bool) -> str:
         return text
     columns = shutil.get_terminal_size().columns
     return "\n".join(wrapped(line, columns) for line in text.split("\n"))
+
+
+def wrapped(line: str, width: int) -> str:
+    """The line in lines of at most ``width`` characters; a longer word, and a command at the end, stay in one piece."""
+    if len(line) <= width:
+        return line
+    sentence, before, command = line.partition(BEFORE_COMMAND)
+    margin = line[: len(line) - len(line.lstrip())]
+    lines = textwrap.wrap(
+        sentence, width, subsequent_indent=margin, break_long_words=False, break_on_hyphens=False
+    )  # fmt: skip
+    return "\n".join([*lines, *([before + command] if before else [])])
 
 
 def show(table: "Table") -> None:

@@ -1,15 +1,41 @@
-"""``radiogs-bench run``: run a suite's cells, then write and print its table."""
+"""``radiogs-bench run``: run a suite's cells, or continue them, then write and print its table.
+
+The module is imported for ``--help``: what computes is imported by the functions that need it.
+"""
 
 import argparse
+from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from radiogs_core.errors import ExplainedError, UsageError
+from radiogs_core.errors import DataError, ExplainedError, UsageError
 
+from ..errors import explain, worst_exit_code
 from ..runs.engines.choice import ENGINES, choose
-from .options import add_effects, add_scene_options, add_verbose, names, part_of, positive, seeds, views_kept
+from .device import chosen_device
+from .options import (
+    add_effects,
+    add_scene_options,
+    add_verbose,
+    names,
+    part_of,
+    positive,
+    scene_options,
+    seeds,
+    suite_of,
+    views_kept,
+)
+from .reporter import complain, say
 
 if TYPE_CHECKING:
+    import torch
+
+    from radiogs_core.scene.scene import Scene
+
+    from ..runs.engines.choice import Engine
+    from ..runs.sweep import Request, Sweep
+    from ..store.folder import Store
     from ..suites.suite import Suite
     from .options import Commands
 
@@ -76,7 +102,6 @@ def _run(options: argparse.Namespace) -> int:
     folder = options.out or Path("out") / chosen.name
 
     from ..store.folder import Store
-    from .sweeping import run_request, say_repairs, show_request, wanted, work_along_with
 
     request, device = wanted(options, chosen)
     store = Store(folder)
@@ -86,6 +111,34 @@ def _run(options: argparse.Namespace) -> int:
     if options.dry_run:
         return show_request(request, store, engine, options.json)
     return run_request(request, store, device, engine, options)
+
+
+def _list(options: argparse.Namespace) -> int:
+    from ..suites.registry import SUITES
+
+    suites = [suite_of(options.suite)] if options.suite else list(SUITES.values())
+    if options.json:
+        from .events import emit_suite
+
+        for each in suites:
+            emit_suite(each)
+    else:
+        for each in suites:
+            for line in describe(each):
+                say(line)
+    return 0
+
+
+def describe(suite: "Suite") -> list[str]:
+    """A suite in a few lines: title, rows, columns, scenes and where to find them, and its protocol unless default."""
+    return [
+        f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
+        f"  rows: {', '.join(row.key for row in suite.rows)}",
+        f"  columns: {', '.join(metric.key for metric in suite.columns)}",
+        f"  scenes: {', '.join(suite.scenes)}",
+        *([f"  download: {suite.download}"] if suite.download else []),
+        *([f"  protocol: {suite.protocol}"] if suite.protocol != "default" else []),
+    ]
 
 
 def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
@@ -100,26 +153,169 @@ def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
     return suite
 
 
-def _list(options: argparse.Namespace) -> int:
-    from ..suites.registry import SUITES
-    from .planning import describe, emit_suite
-    from .reporter import say
+def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
+    """The request from the options. Raises UsageError or DataError before anything is run."""
+    from ..methods import method
+    from ..runs.sweep import Request
+    from ..scoring.metrics import protocol
+    from ..suites.scenes import load_scenes, own_scenes, place_of
 
-    for each in [suite_of(options.suite)] if options.suite else SUITES.values():
-        if options.json:
-            emit_suite(each)
-        else:
-            for line in describe(each):
+    device = chosen_device(options)
+    rules = protocol(options.protocol or suite.protocol).name
+    given = options.scenes or own_scenes(suite)
+    opened = scene_options(options)
+    scenes = load_scenes(given, opened)
+    places = dict(zip(scenes, map(place_of, given), strict=True))
+    request = Request(
+        suite,
+        scenes,
+        options.seeds,
+        options.preset,
+        rules,
+        options.device,
+        options.shard,
+        places,
+        cache(method),
+        opened,
+        options.arguments,
+    )
+    request.cells()  # a method or preset that is not there shows now
+    return request, device
+
+
+def say_repairs(scenes: Mapping[str, "Scene"], as_json: bool) -> None:
+    """Print what was set right, or assumed, as scenes were read: lines for people, or events."""
+    from .events import emit
+
+    for name, scene in scenes.items():
+        for repair in scene.repairs:
+            line = f"{name}: {repair}"
+            if as_json:
+                emit("message", text=line)
+            else:
                 say(line)
+
+
+def show_request(request: "Request", store: "Store", engine: "Engine", as_json: bool) -> int:
+    """Print the cells and estimates of their time and memory."""
+    from radiogs_core.kernels.runtime import workers
+
+    from ..runs.engines.run import CPU
+    from .showing import emit_plan, show_plan
+
+    if as_json:
+        emit_plan(request, store)
+    else:
+        show_plan(request, store, *engine.cells_and_threads(workers(CPU)))
     return 0
 
 
-def suite_of(name_or_file: str) -> "Suite":
-    """A suite from the package, or from a file."""
-    if name_or_file.endswith(".toml"):
-        from ..suites.toml_file import read_suite
+def run_request(
+    request: "Request", store: "Store", device: "torch.device", engine: "Engine", options: argparse.Namespace
+) -> int:
+    """Run the missing cells; write and print the reports. Returns the exit code."""
+    from ..runs.engines.run import bring_to_end
+    from ..runs.interruption import Interruption
+    from ..runs.progress import SweepProgress, progress_for_stderr
+    from ..runs.scene_digest import checksum_now
+    from ..runs.stages import Bench
+    from ..runs.sweep import steps_to_take
+    from .events import EventProgress, emit
 
-        return read_suite(Path(name_or_file))
-    from ..suites.registry import suite
+    manifest = write_manifest(request, store)
+    cells = request.own_cells()
+    unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
+    shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
+    titles = {stage.title for _, cell in cells for stage in cell.stages}
+    bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
+    with bars as progress, Interruption() as interruption:
+        ended = bring_to_end(
+            request,
+            Bench(store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views),
+            engine,
+            options.arguments,
+        )
+        reported = report_failures(ended.failures)
+        code = ended.code or reported
+    manifest = entered_meanwhile(request, store, manifest)
+    from .showing import write, write_and_show  # not before there are results: errors need not wait for its tables
 
-    return suite(name_or_file)
+    if options.json:
+        for path in write(store, manifest)[1]:
+            emit("written", path=str(path))
+    else:
+        write_and_show(store, manifest)
+        say_other_run(store, manifest)
+    return code
+
+
+def write_manifest(request: "Request", store: "Store") -> "Sweep":
+    """Write what is asked for, with the rows of the folder that were scored from files and can be compared with it."""
+    from ..runs.rows_from_files import with_rows_from_files
+    from ..runs.sweep import changing_sweep
+    from .earlier import keep_reports
+
+    with changing_sweep(store) as write_it:
+        manifest = request.manifest([place for place, _ in request.cells()])
+        manifest, outdated = with_rows_from_files(store, manifest, checksums_of(request))
+        kept = keep_reports(store, manifest)
+        write_it(manifest)
+    if kept is not None:
+        complain(f"the reports of the folder's last run, which was another one, are kept in {kept}")
+    for name in outdated:
+        complain(
+            f"row '{name}' was scored from files by another version of the code and is left out."
+            f" Score it again:  radiogs-bench score FOLDER --scene SCENE --into {store.folder} --row '{name}'"
+        )
+    return manifest
+
+
+def entered_meanwhile(request: "Request", store: "Store", manifest: "Sweep") -> "Sweep":
+    """The run's manifest as it ends: rows scored from files may have been added while it ran."""
+    from ..runs.rows_from_files import with_rows_from_files
+
+    return with_rows_from_files(store, manifest, checksums_of(request))[0]
+
+
+def checksums_of(request: "Request") -> dict[str, str]:
+    """The scenes' checksums, by the names that the run has for them."""
+    return {name: scene.checksum for name, scene in request.scenes.items()}
+
+
+def say_other_run(store: "Store", manifest: "Sweep") -> None:
+    """Say so where another run was started in the folder meanwhile: what `report` rebuilds is that one's."""
+    from ..runs.sweep import read_sweep
+    from ..store.seal import sealed
+
+    try:
+        last = read_sweep(store.folder)
+    except DataError as error:
+        complain(f"{error.what} {error.remedy}")
+        return
+    if last != sealed(manifest):
+        say(
+            f"Meanwhile suite '{last['suite']}' was started in {store.folder}: the reports above are of this run,"
+            " `report` and `status` show that one."
+        )
+
+
+def work_along_with(request: "Request", store: "Store", device: "torch.device", options: argparse.Namespace) -> int:
+    """Run as one worker of several (``--worker``); returns its exit code."""
+    from ..runs.engines.run import work_along
+    from ..runs.interruption import Interruption
+    from ..runs.progress import progress_for_stderr
+    from ..runs.scene_digest import checksum_now
+    from ..runs.stages import Bench
+
+    with progress_for_stderr() as progress, Interruption() as interruption:
+        bench = Bench(
+            store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
+        )
+        return report_failures(work_along(request, bench, *options.worker).failures)
+
+
+def report_failures(failures: Sequence[ExplainedError]) -> int:
+    """Explain each failure once; returns the exit code of the whole run."""
+    for message in dict.fromkeys(explain(failure) for failure in failures):
+        complain(message)
+    return worst_exit_code(failures)

@@ -1,23 +1,34 @@
-"""Writes a store's summary and reports, and prints its table."""
+"""Shows a run on the terminal: its reports and their table once it has results, or what it will take beforehand.
 
+A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
+from rich.cells import cell_len
+from rich.markup import escape
+from rich.table import Table
+
 from radiogs_baselines.published import published
 from radiogs_reports import write_reports
-from radiogs_reports.doubts import footnotes, remarks
-from radiogs_reports.summary import Summary
-from radiogs_reports.wording import count_of
+from radiogs_reports.doubts import footnotes, marks, remarks
+from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, beside
+from radiogs_reports.wording import ARROWS, count_of
 from radiogs_reports.write.caption import published_note
 
+from ..durations import duration
 from ..results.summary import summarise
+from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
-from ..runs.sweep import Sweep
+from ..runs.sweep import Request, Sweep, label, state_of
 from ..store.atomic import explained, write_atomically
 from ..store.folder import Store
 from ..store.seal import sealed, strict_json
 from .aside import say_aside
-from .fitting import tables_of
+from .events import emit
 from .reporter import console, say, show
 
 PAGE = "report.html"
@@ -81,3 +92,173 @@ def reasons(summary: Summary) -> list[str]:
             if reason is not None and column["label"] not in columns.setdefault(reason, []):
                 columns[reason].append(column["label"])
     return [f"missing in {', '.join(labels)}: {reason}" for reason, labels in columns.items()]
+
+
+LABEL = 24
+"""Characters of a row's label before it is wrapped; nothing else is."""
+
+
+Column = tuple[str, list[str]]
+"""A heading, and an entry for each row."""
+
+
+def tables_of(summary: Summary, width: int) -> list[Table]:
+    """The suite's table, cut between columns where ``width`` characters do not hold it; seconds of training come last.
+
+    A column that is too wide on its own is alone in its table.
+    """
+    label: Column = "", [row["text"] for row in summary["rows"]]
+    columns = [*(column_of(summary, column) for column in summary["columns"]), seconds_column(summary)]
+    tables = []
+    room = width - drawn(min(LABEL, lines_of(label))) - 1
+    while columns:
+        count = next((n for n in range(len(columns), 1, -1) if needed(columns[:n]) <= room), 1)
+        tables.append(table_part(label, columns[:count]))
+        columns = columns[count:]
+    tables[0].title = title_of(summary)
+    return tables
+
+
+def needed(columns: Sequence[Column]) -> int:
+    """Characters that columns take when nothing is wrapped."""
+    return sum(drawn(lines_of(column)) for column in columns)
+
+
+def drawn(width: int) -> int:
+    """Characters of a column with its margins and a line beside it."""
+    return width + 3
+
+
+def lines_of(column: Column) -> int:
+    """The longest line of a column."""
+    heading, entries = column
+    return max(cell_len(line) for text in (heading, *entries) for line in text.split("\n"))
+
+
+def title_of(summary: Summary) -> str:
+    """What the table is, of which scenes and seeds."""
+    seeds = ", ".join(map(str, summary["seeds"]))
+    return f"{summary['title']}: {', '.join(summary['scenes'])}, seeds {seeds}, preset {summary['preset']}"
+
+
+def table_part(label: Column, columns: Sequence[Column]) -> Table:
+    """Some of the columns behind the rows' labels, which alone may be wrapped."""
+    made = Table(show_lines=True)
+    made.add_column(label[0], max_width=LABEL)
+    for heading, _ in columns:
+        made.add_column(heading, no_wrap=True, justify="right")
+    for place, text in enumerate(label[1]):
+        made.add_row(escape(text), *(entries[place] for _, entries in columns))
+    return made
+
+
+def seconds_column(summary: Summary) -> Column:
+    """Mean seconds of training a cell; empty where nothing was trained."""
+    return "training\n(s)", ["" if row["seconds"] is None else f"{row['seconds']:.1f}" for row in summary["rows"]]
+
+
+def column_of(summary: Summary, column: ColumnSummary) -> Column:
+    """A metric's heading and entries."""
+    return heading(column), [entry_of(summary, row, column) for row in summary["rows"]]
+
+
+def heading(column: ColumnSummary) -> str:
+    """A column's label, a word or two a line, with the better direction and its unit."""
+    task, _, measure = column["label"].partition(" ")
+    unit = f"\n({column['unit']})" if column["unit"] else ""
+    return f"{task}\n{measure} {ARROWS[column['direction']]}{unit}"
+
+
+def entry_of(summary: Summary, row: RowSummary, column: ColumnSummary) -> str:
+    """The entry of a row in a column."""
+    cell = summary["cells"][row["key"]][column["key"]]
+    return entry(cell, beside(summary, row["key"], column), column, marks(summary, row["key"], column["key"]))
+
+
+def entry(cell: CellSummary, published: float | None, column: ColumnSummary, mark: str = "") -> str:
+    """Mean with its marks, paired difference with its interval, and the published value, each on a line."""
+    digits = column["decimals"]
+    lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}{mark}"]
+    difference = cell["difference"]
+    if difference is not None and difference["low"] is not None and difference["high"] is not None:
+        half_width = (difference["high"] - difference["low"]) / 2
+        lines.append(f"{difference['mean']:+.{digits}f} ± {half_width:.{digits}f}")
+    elif difference is not None:
+        lines.append(f"{difference['mean']:+.{digits}f}")
+    if published is not None:
+        lines.append(f"paper {published:.{digits}f}")
+    return "\n".join(lines)
+
+
+UNKNOWN = "unknown"
+"""Time or memory of a cell when the store has measured nothing like it."""
+
+
+def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> None:
+    """Print every cell, its state, and estimates from what the store has measured.
+
+    ``at_a_time`` cells run at the same time, each on ``threads`` threads.
+    """
+    cells = request.own_cells()
+    expected = forecast(store, [cell for _, cell in cells])
+    table = Table("cell", "key", "state", "time", "memory", title=f"{request.suite.title}, preset {request.preset}")
+    for (place, _), each in zip(cells, expected, strict=True):
+        row = ("", "") if each is None else (UNKNOWN if each.seconds is None else duration(each.seconds), memory(each))
+        table.add_row(label(place), place["key"], state_of(store, place), *row)
+    show(table)
+    missing = sum(each is not None for each in expected)
+    say(f"{missing} of {len(cells)} cells to run")
+    if missing:
+        say(f"time, one after the other: {whole_time(expected)}{how_measured(store, threads)}")
+        if at_a_time > 1:
+            say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
+        say(f"memory of one process: {whole_memory(expected)}")
+
+
+def emit_plan(request: Request, store: Store) -> None:
+    """The plan as events, one per cell, with null for unknown values."""
+    cells = request.own_cells()
+    for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
+        rest = {} if each is None else asdict(each)
+        emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
+
+
+def how_measured(store: Store, threads: int) -> str:
+    """A remark if the store's cells ran on another number of threads: their seconds are then not comparable."""
+    seen = {
+        session["machine"]["threads"]
+        for result in store.results()
+        for sessions in result["sessions"].values()
+        for session in sessions
+    }
+    if seen <= {threads}:
+        return ""
+    return f" (measured on {' or '.join(map(str, sorted(seen)))} threads a cell; here a cell has {threads})"
+
+
+def whole_time(expected: Sequence[Expected | None], at_a_time: int = 1) -> str:
+    """Time of all missing cells; cells run at a time share the work evenly, or the longest one decides."""
+    seconds, unknown = total(expected)
+    longest = max((each.seconds or 0.0 for each in expected if each is not None), default=0.0)
+    seconds = max(seconds / at_a_time, longest)
+    missing = sum(each is not None for each in expected)
+    if unknown == missing:
+        return f"{UNKNOWN} (the store has measured nothing like it)"
+    return f"about {duration(seconds)}" + (f", and {unknown} cells of which it is {UNKNOWN}" if unknown else "")
+
+
+def whole_memory(expected: Sequence[Expected | None]) -> str:
+    """Largest memory estimate of any missing cell."""
+    known = [each for each in expected if each is not None and each.host_bytes is not None]
+    if not known:
+        return UNKNOWN
+    most = max(known, key=lambda each: (each.host_bytes or 0, each.device_bytes or 0))
+    return f"up to {memory(most)}"
+
+
+def memory(expected: Expected) -> str:
+    """Memory of the host, and of the GPU if one was used."""
+    if expected.host_bytes is None:
+        return UNKNOWN
+    device = "" if expected.device_bytes is None else f", GPU {expected.device_bytes / 2**30:.2f} GiB"
+    return f"{expected.host_bytes / 2**30:.2f} GiB{device}"

@@ -1,9 +1,13 @@
-"""``radiogs-bench status``: where a run stands, now or until it has ended."""
+"""``radiogs-bench status``: where a run stands, now or until it has ended.
+
+Where no run has left its manifest, it says how far the training is that fills the folder.
+"""
 
 import argparse
 import json
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +20,7 @@ if TYPE_CHECKING:
     from ..results.standing import CellStanding, Standing
     from ..runs.sweep import Sweep
     from ..store.folder import Store
+    from ..store.pace import Pace
     from .options import Commands
 
 EVERY_SECONDS = 2
@@ -44,7 +49,6 @@ def status(options: argparse.Namespace) -> int:
     from ..runs.sweep import has_sweep, read_sweep
     from ..store.folder import Store
     from .aside import say_aside
-    from .training_status import is_training, show_training
 
     if not has_sweep(options.out) and is_training(options.out):
         show_training(options.out, options.json, options.watch)
@@ -160,3 +164,37 @@ def _pace(cell: "CellStanding") -> tuple[str, str, str]:
         "" if speed is None else f"{speed:.3g}",
         "" if left is None else time_left(left),
     )
+
+
+def is_training(folder: Path) -> bool:
+    """Whether ``train`` works in a folder, or has left a model there."""
+    from ..store.folder import Store
+    from ..store.pace import paces
+
+    return bool(paces(Store(folder))) or (folder / "trained.json").exists()
+
+
+def show_training(folder: Path, plain: bool, every: int | None) -> None:
+    """How far a training is: a line, or with ``plain`` a JSON object; one every so many seconds until it has ended."""
+    from ..store.folder import Store
+    from ..store.pace import paces
+    from .reporter import say, say_whole
+
+    while True:
+        working = paces(Store(folder))
+        if plain:
+            say_whole(json.dumps({"training": [asdict(pace) for pace in working]}, allow_nan=False))
+        else:
+            for pace in working:
+                say(line_of(pace))
+            if not working:
+                say(f"trained: see {folder / 'trained.json'}" if (folder / "trained.json").exists() else "stopped")
+        if every is None or not working:
+            return
+        time.sleep(every)
+
+
+def line_of(pace: "Pace") -> str:
+    """A training's pace, such as ``stage 2, inverse rendering: 466 of 3,000, about 41 min left``."""
+    left = "" if pace.seconds_left is None else f", about {time_left(pace.seconds_left)} left of it"
+    return f"{pace.task}: {pace.done:,} of {pace.total:,}{left}"

@@ -1,4 +1,4 @@
-"""``radiogs-bench verify``, ``report``, ``export``: a folder's damage, reports, metrics or model."""
+"""``radiogs-bench verify``, ``report``, ``gate``: a run's damage, its reports, and how it compares with a baseline."""
 
 import argparse
 from collections.abc import Callable
@@ -8,20 +8,16 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import DataError
 
 from ..errors import exit_code
-from . import layout, mesh, splats
 from .options import add_verbose
 
 if TYPE_CHECKING:
     from .options import Commands
 
-
-TABLES = ("csv", "json", "parquet")
-LOGS = ("tensorboard", "wandb")
-"""The course of training, for a logger."""
+REGRESSION = 1
 
 
 def add_to(commands: "Commands") -> None:
-    """Declare the commands."""
+    """Declare ``verify`` and ``report``."""
     _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
     reporting = _declare(commands, "report", "rebuild tables and figures from stored results", report)
     reporting.add_argument(
@@ -29,25 +25,6 @@ def add_to(commands: "Commands") -> None:
         action="store_true",
         help="report.html as a single file: of pictures above 20 MiB it has fewer views, then smaller ones",
     )
-    exporting = _declare(
-        commands, "export", "a run's metrics as one table; a trained model as a mesh or images", export
-    )
-    exporting.add_argument(
-        "--to",
-        choices=(*TABLES, *LOGS, *splats.FORMS),
-        default="csv",
-        help="metrics; their course; surfels (default: csv)",
-    )
-    exporting.add_argument(
-        "--file",
-        type=Path,
-        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb, OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE)",
-    )
-    exporting.add_argument(
-        "--row", metavar="ROW", help="of a run: the row whose surfels are written (default: the first)"
-    )
-    mesh.add_options(exporting)
-    layout.add_options(exporting)
 
 
 def _declare(
@@ -97,36 +74,37 @@ def report(options: argparse.Namespace) -> int:
     return 0
 
 
-def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store, the course of its training, or a trained model in some form."""
-    if options.mesh:
-        return mesh.export_mesh(options)
-    if options.layout_of is not None:
-        return layout.export_layout(options)
-    if options.to in splats.FORMS:
-        return splats.export_splats(options)
-    from ..export.records import export as write
+def add_gate(commands: "Commands") -> None:
+    """Declare ``gate``, which stands behind ``export`` in ``--help``."""
+    parser = commands.add_parser("gate", help="compare a run with a stored baseline", allow_abbrev=False)
+    parser.set_defaults(command=gate)
+    parser.add_argument("out", type=Path, metavar="OUT", help="folder of the run")
+    parser.add_argument("--baseline", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--update", action="store_true", help="make the run the new baseline")
+    add_verbose(parser)
+
+
+def gate(options: argparse.Namespace) -> int:
+    """Print every change from the baseline; the exit code is 1 if any is a regression."""
+    from ..results.baseline import baseline_of, read_baseline
+    from ..results.gate import compare
     from ..runs.sweep import read_sweep
+    from ..store.atomic import write_atomically
     from ..store.folder import Store
+    from ..store.seal import sealed, strict_json
     from .aside import say_aside
     from .reporter import say
 
-    sweep = read_sweep(options.out)  # says what to do where there is no run
-    store = Store(options.out)
-    if options.to == "tensorboard":
-        from ..export.event_files import write_event_files
-
-        folder = options.file or options.out / options.to
-        say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
+    store, sweep = Store(options.out), read_sweep(options.out)
+    if options.update:
+        write_atomically(options.baseline, strict_json(sealed(baseline_of(store, sweep))))
+        say(f"{options.baseline}: {len(sweep['cells'])} cells")
         return 0
-    if options.to == "wandb":
-        from ..export.wandb_runs import write_wandb_runs
-
-        folder = options.file or options.out
-        count = write_wandb_runs(store, sweep, folder)
-        say(f"{folder / 'wandb'}: progress of {count} cells; send it:  wandb sync {folder / 'wandb'}/offline-run-*")
-        return 0
-    path = options.file or options.out / f"export.{options.to}"
-    say(f"{path}: {write(store, path, options.to)} values")
+    changes = compare(store, sweep, read_baseline(options.baseline))
+    for each in changes:
+        say(f"{each.severity}: {each.cell}: {each.what}")
     say_aside(store)
-    return 0
+    regressions = sum(each.severity == "regression" for each in changes)
+    cells = len(sweep["cells"])
+    say(f"{cells} cells: " + (f"{regressions} regressions" if regressions else "as in the baseline"))
+    return REGRESSION if regressions else 0

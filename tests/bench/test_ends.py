@@ -13,8 +13,8 @@ import pytest
 
 from bench.fake_method import FAKE, FakeSweep, asked
 from radiogs_bench.cli import main, showing
+from radiogs_bench.cli.run import say_other_run
 from radiogs_bench.cli.showing import write
-from radiogs_bench.cli.sweeping import say_other_run
 from radiogs_bench.errors import UNEXPECTED, Killed, StoreError, exit_code, explain
 from radiogs_bench.methods import budget_of, substitutes, variant_of
 from radiogs_bench.runs.cell import Work, cell_of

@@ -14,7 +14,7 @@ import pytest
 from plyfile import PlyData
 
 from bench.fake_method import FakeSweep, asked
-from radiogs_bench.cli import main, splats
+from radiogs_bench.cli import export, main
 from radiogs_bench.export.trained_surfels import surfels_in
 from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
@@ -37,7 +37,7 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
-@pytest.mark.parametrize("form", splats.FORMS)
+@pytest.mark.parametrize("form", export.FORMS)
 def test_the_surfels_of_a_row_are_written(form: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(run), "--to", form, "--row", "no-rad"]) == 0
     file = run / f"{form.removesuffix('-ply')}.ply"
@@ -57,7 +57,7 @@ def test_what_cannot_be_written_is_explained(run: Path, capsys: pytest.CaptureFi
 
 
 def test_the_command_line_knows_every_form() -> None:
-    assert splats.FORMS == viewer_files.FORMS
+    assert export.FORMS == viewer_files.FORMS
 
 
 @needs_converter

@@ -6,7 +6,7 @@ import pytest
 from rich.console import Console
 
 from made_up_run import summary
-from radiogs_bench.cli.fitting import tables_of
+from radiogs_bench.cli.showing import tables_of
 from radiogs_reports.summary import Summary
 
 

@@ -9,7 +9,7 @@ import pytest
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs.budget import PRESETS
 from radiogs.variant import Variant
-from radiogs_bench.cli.planning import show_plan, whole_memory, whole_time
+from radiogs_bench.cli.showing import show_plan, whole_memory, whole_time
 from radiogs_bench.runs.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import yaml
 
-from radiogs_bench.cli.parser import build_parser
+from radiogs_bench.cli.main import build_parser
 
 ROOT = Path(__file__).parents[2]
 WORKFLOW = ROOT / "docs" / "examples" / "gate.yml"

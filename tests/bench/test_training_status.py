@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from radiogs_bench.cli import main
-from radiogs_bench.cli.training_status import line_of
+from radiogs_bench.cli.status import line_of
 from radiogs_bench.runs import kept_pace
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
@@ -41,7 +41,7 @@ def test_it_is_followed_until_it_ends(
         assert known is not None
         put_pace(store, KEY, pace(done=2)) if known.done == 1 else drop_pace(store, KEY)
 
-    monkeypatch.setattr("radiogs_bench.cli.training_status.time.sleep", goes_on)
+    monkeypatch.setattr("radiogs_bench.cli.status.time.sleep", goes_on)
     assert main(["status", str(tmp_path), "--watch", "7"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert [line.split(": ")[1].split(" ")[0] for line in said[:2]] == ["1", "2"]

@@ -4,8 +4,7 @@ import sys
 
 import pytest
 
-from radiogs_bench.cli.reporter import complain, say, say_whole
-from radiogs_bench.cli.wrapping import wrapped
+from radiogs_bench.cli.reporter import complain, say, say_whole, wrapped
 
 SENTENCE = (
     "changing the roughness of everything by 0.1 changes the error by 0.000 to 0.001 dB; that is less than 8 bits"

@@ -15,7 +15,7 @@ import torch
 from bench.chain_method import Chain, ChainPrepared, ChainStage, ChainTrained, Turned
 from radiogs_bench import methods
 from radiogs_bench.cli import main
-from radiogs_bench.cli.sweeping import report_failures
+from radiogs_bench.cli.run import report_failures
 from radiogs_bench.errors import MethodFailed, explain
 from radiogs_bench.method_calls import calling, lacking, losses_of, members, require, require_storable
 from radiogs_bench.runs.cell import Cell, Work, cell_of

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_bench.cli.parser import build_parser
+from radiogs_bench.cli.main import build_parser
 from radiogs_core.errors import UsageError
 
 ROOT = Path(__file__).parents[2]

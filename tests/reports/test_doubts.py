@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from made_up_run import summary
-from radiogs_bench.cli.fitting import tables_of
+from radiogs_bench.cli.showing import tables_of
 from radiogs_reports.doubts import footnotes, marks, remarks, texts_of
 from radiogs_reports.page.assemble import page
 from radiogs_reports.page.pictures import Album

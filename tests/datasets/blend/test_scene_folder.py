@@ -12,7 +12,7 @@ import torch
 
 from datasets.blend.multilayer import passes, write_multilayer
 from radiogs_bench.cli import main
-from radiogs_bench.cli.blend import remarks
+from radiogs_bench.cli.datasets import remarks
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.blend import Request, scene_folder, write_scene

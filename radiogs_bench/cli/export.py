@@ -1,0 +1,281 @@
+"""``radiogs-bench export``: a run's metrics as one table, the course of its training, or a trained model in some form.
+
+A trained model becomes a file of surfels as another program reads them (``--to``), a triangle mesh with its distance
+from the true shape (``--mesh``), or its test views as a public code writes its own (``--layout-of``).
+"""
+
+import argparse
+import math
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .device import chosen_device
+from .options import add_data, add_verbose, positive
+
+if TYPE_CHECKING:
+    from radiogs_core.scene.scene import Scene
+
+    from ..export.fusion import Lattice
+    from ..export.mesh import Mesh
+    from .options import Commands
+
+TABLES = ("csv", "json", "parquet")
+LOGS = ("tensorboard", "wandb")
+"""The course of training, for a logger."""
+
+FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
+"""Files of surfels: the forms of ``radiogs_core.surfels.viewer_files``, whose import takes too long for `--help`."""
+
+SCHEMA = "radiogs-bench/mesh/1"
+"""The schema of mesh.json."""
+
+
+def add_to(commands: "Commands") -> None:
+    """Declare the command."""
+    parser = commands.add_parser(
+        "export", help="a run's metrics as one table; a trained model as a mesh or images", allow_abbrev=False
+    )
+    parser.set_defaults(command=export)
+    parser.add_argument("out", type=Path, metavar="OUT")
+    add_verbose(parser)
+    parser.add_argument(
+        "--to",
+        choices=(*TABLES, *LOGS, *FORMS),
+        default="csv",
+        help="metrics; their course; surfels (default: csv)",
+    )
+    parser.add_argument(
+        "--file",
+        type=Path,
+        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb, OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE)",
+    )
+    parser.add_argument("--row", metavar="ROW", help="of a run: the row whose surfels are written (default: the first)")
+    _add_mesh(parser)
+    _add_layout(parser)
+
+
+def _add_mesh(parser: argparse.ArgumentParser) -> None:
+    """Add ``--mesh`` and what belongs to it."""
+    group = parser.add_argument_group("of a model that `train` made")
+    group.add_argument("--mesh", action="store_true", help="write the fused depth maps of its views as OUT/mesh.ply")
+    group.add_argument(
+        "--voxel", type=above_zero, metavar="SHARE",
+        help="size of a voxel as a share of the scene's extent (default: 1/512, or half a pixel if that is larger)",
+    )  # fmt: skip
+    group.add_argument(
+        "--truncation", type=above_zero, default=4.0, metavar="VOXELS",
+        help="how far from surfaces distances are kept (default: 4)",
+    )  # fmt: skip
+    group.add_argument(
+        "--memory", type=above_zero, default=2.0, metavar="GIB", help="that voxels may take (default: 2)"
+    )
+    group.add_argument("--views", choices=["train", "test"], default="train", help="that are fused (default: train)")
+    group.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="that renders them (default: cpu)")
+    add_data(group)
+    group.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+
+
+def _add_layout(parser: argparse.ArgumentParser) -> None:
+    """Add ``--layout-of`` and what belongs to it; device and data are those of ``_add_mesh``."""
+    group = parser.add_argument_group("the test views of a model that `train` made, as files (docs/scoring.md)")
+    group.add_argument(
+        "--layout-of", metavar="CODE",
+        help="write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg,"
+        " svg-ir, tensoir",
+    )  # fmt: skip
+    group.add_argument("--bits", type=int, choices=[8, 16], default=8, help="of these files (default: 8, as they have)")
+    group.add_argument(
+        "--protocol", default="default", help="whose factor of the albedo relit views have (default: default)"
+    )
+
+
+def export(options: argparse.Namespace) -> int:
+    """Write one table of every metric in the store, the course of its training, or a trained model in some form."""
+    if options.mesh:
+        return export_mesh(options)
+    if options.layout_of is not None:
+        return export_layout(options)
+    if options.to in FORMS:
+        return export_splats(options)
+    from ..export.records import export as write
+    from ..runs.sweep import read_sweep
+    from ..store.folder import Store
+    from .aside import say_aside
+    from .reporter import say
+
+    sweep = read_sweep(options.out)  # says what to do where there is no run
+    store = Store(options.out)
+    if options.to == "tensorboard":
+        from ..export.event_files import write_event_files
+
+        folder = options.file or options.out / options.to
+        say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
+        return 0
+    if options.to == "wandb":
+        from ..export.wandb_runs import write_wandb_runs
+
+        folder = options.file or options.out
+        count = write_wandb_runs(store, sweep, folder)
+        say(f"{folder / 'wandb'}: progress of {count} cells; send it:  wandb sync {folder / 'wandb'}/offline-run-*")
+        return 0
+    path = options.file or options.out / f"export.{options.to}"
+    say(f"{path}: {write(store, path, options.to)} values")
+    say_aside(store)
+    return 0
+
+
+def export_splats(options: argparse.Namespace) -> int:
+    """Write the surfels into OUT/FORM.ply, or the file of --file, and say how many surfels it has."""
+    import torch
+
+    from radiogs_core.errors import DataError
+    from radiogs_core.surfels.viewer_files import write_for_viewer
+
+    from ..export.trained_surfels import standpoint_in, surfels_in
+    from ..store.atomic import explained
+    from .reporter import say
+
+    surfels = surfels_in(options.out, options.row)
+    if not len(surfels):
+        raise DataError(f"the model in '{options.out}' has no surfels left", "There is nothing to write.")
+    seen_from = standpoint_in(options.out, options.row)
+    up = torch.tensor([0.0, 0.0, 1.0]) if seen_from is None else seen_from.up
+    path: Path = options.file or options.out / f"{options.to.removesuffix('-ply')}.ply"
+    with explained(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_for_viewer(surfels, options.to, up, path)
+    say(f"{path}: {len(surfels)} surfels, colours as on a display")
+    return 0
+
+
+def export_layout(options: argparse.Namespace) -> int:
+    """Write the test views' files into OUT/CODE, or into the folder of --file, and say how they are scored."""
+    from radiogs_baselines.outputs import LayoutWriter
+
+    from ..export.published_layout import checked, write_as_published
+    from ..runs.progress import progress_for_stderr
+    from ..runs.trained_folder import read_about, read_trained
+    from ..scoring.metrics import protocol
+    from ..store.folder import Store
+    from .reporter import say
+
+    folder: Path = options.file or options.out / options.layout_of
+    with Store(options.out).keeping_tracebacks(), progress_for_stderr() as progress:
+        about = read_about(options.out)
+        run, model = read_trained(options.out, chosen_device(options))
+        written = write_as_published(
+            model, run, LayoutWriter(folder, checked(options.layout_of), run.scene, options.bits), about["method"],
+            protocol(options.protocol),
+            lambda done, total: progress.advance(f"writing {folder}", done, total),
+        )  # fmt: skip
+    say(f"{written} files in {folder}")
+    say(f"Score them:  radiogs-bench score {folder} --scene {about['scene']} --from {options.layout_of}")
+    return 0
+
+
+def above_zero(text: str) -> float:
+    """A finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number above zero")
+    return value
+
+
+def export_mesh(options: argparse.Namespace) -> int:
+    """Write the mesh and, beside it, mesh.json: its settings, and its distances from the true shape if known."""
+    from ..export.mesh import write_mesh
+    from ..export.rendered import lattice_of, mesh_of
+    from ..runs.progress import progress_for_stderr
+    from ..runs.trained_folder import read_about, read_trained
+    from ..store.atomic import write_atomically
+    from ..store.folder import Store
+    from ..store.seal import sealed, strict_json
+    from .model import prepared
+    from .reporter import say
+
+    device = chosen_device(options)
+    with Store(options.out).keeping_tracebacks(), progress_for_stderr() as progress:
+        run, model = read_trained(options.out, device)
+        name, scene = read_about(options.out)["method"], run.scene
+        lattice = lattice_of(scene, options.voxel, options.truncation)
+        made = mesh_of(
+            prepared(name, model), scene.train if options.views == "train" else scene.test, lattice,
+            int(options.memory * 2**30), partial(progress.advance, "fusing depth maps"), device=device, method=name,
+        )  # fmt: skip
+        path: Path = options.file or options.out / "mesh.ply"
+        write_mesh(made, path)
+        say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
+        record = record_of(made, scene, lattice, options.views)
+    write_atomically(path.with_suffix(".json"), strict_json(sealed(record)))
+    for line in told(record["shape"]):
+        say(line)
+    return 0
+
+
+def record_of(mesh: "Mesh", scene: "Scene", lattice: "Lattice", views: str) -> dict[str, Any]:
+    """What a mesh was made with, in world units, and its distances from the true shape, in shares of the extent."""
+    return {
+        "schema": SCHEMA,
+        "scene": scene.name,
+        "checksum": scene.checksum,
+        "extent": scene.extent,
+        "views": views,
+        "voxel": lattice.voxel,
+        "truncation": lattice.truncation,
+        "farthest": lattice.farthest,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "shape": shape_of(mesh, scene),
+    }
+
+
+def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
+    """Accuracy, completeness and Chamfer distance, or the reason why there are none."""
+    from radiogs_core.errors import DataError, UsageError
+
+    from ..scoring.metrics.chamfer import chamfer
+    from ..scoring.metrics.surface_distance import surface_distance
+    from ..scoring.true_shape import true_shape
+
+    try:
+        truth = true_shape(scene)
+        found = surface_distance(mesh.vertices, mesh.faces, truth.points, truth.distance, scene.extent)
+    except DataError as unknown:
+        return {"reason": f"{unknown.what}: {unknown.why}"}
+    except UsageError as lacking:
+        return {"reason": f"{lacking.what}: {lacking.remedy}"}
+    shape = {
+        "truth": truth.source,
+        "accuracy": found.accuracy,
+        "completeness": found.completeness,
+        "chamfer": found.chamfer,
+        "samples": list(found.samples),
+        "seed": found.seed,
+    }
+    if truth.vertices is not None:
+        shape["stanford_orb_chamfer"] = chamfer(mesh.vertices, mesh.faces, truth.vertices)
+    return shape
+
+
+def told(shape: dict[str, Any]) -> list[str]:
+    """The record of a shape in sentences."""
+    if "reason" in shape:
+        return [f"Chamfer distance: n/a, {shape['reason']}"]
+    ours, theirs = shape["samples"]
+    lines = [
+        f"Chamfer distance {100 * shape['chamfer']:.3f} % of the scene's extent: accuracy"
+        f" {100 * shape['accuracy']:.3f} % ({ours} points on the mesh), completeness"
+        f" {100 * shape['completeness']:.3f} % ({theirs} true points); seed {shape['seed']}",
+        f"truth: {shape['truth']}",
+    ]
+    if "stanford_orb_chamfer" in shape:
+        lines.append(f"as Stanford-ORB has it, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
+    return lines
+
+
+if TYPE_CHECKING:
+    from pathlib import Path
