@@ -13,7 +13,7 @@ from bench import fake_method
 from bench.fake_method import FakeSweep, asked, fake_cell
 from radiogs_bench.cli import main, reporter
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
-from radiogs_bench.runs.engines.others import OthersProgress
+from radiogs_bench.runs.engines.run import OthersProgress
 from radiogs_bench.runs.kept_pace import KeptPace
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.sweep import Sweep, label, write_sweep

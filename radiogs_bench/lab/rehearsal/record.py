@@ -1,5 +1,6 @@
-"""A rehearsal as it is stored: what was measured, the forecast of the whole, and what does not fit."""
+"""A rehearsal as it is stored: what was measured, the forecast of the whole run, and what does not fit."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -14,7 +15,6 @@ from .growth import HOST, Rung, extended, peak
 from .limits import KNOWN_DEVICES, Speed, speed_of
 from .phases import Phase
 from .row import Row
-from .whole import whole_of
 
 SCHEMA = "radiogs-bench/rehearsal/1"
 
@@ -142,3 +142,23 @@ def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]
         "memory": known.memory,
         "fits": [amount <= known.memory for amount in peaks],
     }
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Seconds of a whole run with a model of one size. error: of the steps' measurement alone, one standard error."""
+
+    seconds: float
+    error: float
+
+
+def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> Whole:
+    """All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once."""
+    trained = {key for keys in rows.values() for key in keys if " " not in key}
+    shown = [key for keys in rows.values() for key in keys if " " in key]
+    times = {phase.key: 0 for phase in phases} | dict.fromkeys(trained, 1)
+    for key in shown:
+        times[key] = times.get(key, 0) + 1
+    seconds = math.fsum(times[phase.key] * phase.whole * phase.mean for phase in phases)
+    squares = math.fsum((times[phase.key] * phase.whole * phase.error) ** 2 for phase in phases)
+    return Whole(cells * seconds, cells * math.sqrt(squares))
