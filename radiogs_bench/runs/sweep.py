@@ -214,12 +214,6 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
     return sum(count for key, count in steps.items() if not store.has_tensors(product_name(key)))
 
 
-def write_sweep(store: Store, sweep: Sweep) -> None:
-    """Write the manifest beside the results."""
-    with changing_sweep(store) as write:
-        write(sweep)
-
-
 @contextmanager
 def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
     """Exclusive right to read the manifest and to write another one, which the function that is given does."""

@@ -11,7 +11,7 @@ from radiogs_core.scene.scene import Scene
 
 from ...store.provenance import session
 from .climb import Bounds, Climb
-from .growth import HOST, Rung, extended, peak
+from .growth import Rung, extended, peak
 from .limits import KNOWN_DEVICES, Speed, speed_of
 from .phases import Phase
 from .row import Row
@@ -127,8 +127,8 @@ def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]
     """
     known, here = KNOWN_DEVICES[name], speed_of(device)
     ratios = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
-    at = "device" if device.type == "cuda" else HOST
-    base = 0 if at == "device" else rungs[0].base[HOST]
+    at = "device" if device.type == "cuda" else "host"
+    base = 0 if at == "device" else rungs[0].base["host"]
     peaks = [each["peaks"][at]["bytes"] - base for each in forecast]
     return {
         "name": name,
