@@ -52,7 +52,7 @@ class Line(TypedDict):
     refused: NotRequired[str]
     """Why the row has no cells: the method does not take these parts."""
     files: NotRequired[str]
-    """The code whose layout was read, in rows that were scored from files (``suites.rows_from_files``)."""
+    """The code whose layout was read, in rows that were scored from files (``runs.rows_from_files``)."""
 
 
 class Sweep(TypedDict):

@@ -77,6 +77,6 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 }
 
 FROM_FILES = Experiment(
-    "from-files", trains=False, sources=("radiogs_bench.scoring.score", "radiogs_baselines.outputs")
+    "from-files", trains=False, sources=("radiogs_bench.scoring.score_files", "radiogs_baselines.outputs")
 )
 """Score images and maps that another program wrote (``score --into``); no suite runs it."""
