@@ -63,7 +63,9 @@ FORWARD_PARITY = "forward-parity"
 STABILITY = "stability"
 """Hard cases in float32 against float64."""
 
-_TRAIN, _PARITY, _HARD_CASES = (f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability"))
+_TRAIN, _PARITY, _HARD_CASES = (
+    f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability.experiment")
+)
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     each.name: each
