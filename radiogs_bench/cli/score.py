@@ -170,7 +170,7 @@ def _folder(options: argparse.Namespace) -> dict[str, Any]:
 
     from ..runs.progress import progress_for_stderr
     from ..scoring.record import record_of, scored
-    from ..scoring.score import score_predictions
+    from ..scoring.score_files import score_predictions
 
     if options.scene is None:
         raise UsageError(

@@ -1,7 +1,7 @@
 """Which values of a run are not to be taken at their word, and why, in sentences for the reports.
 
-Three kinds: the images do not determine the quantity (``evaluation.determined``); a map scores no better than the best
-one that is the same everywhere (``evaluation.constant_maps``); seeds find values that are far apart.
+Three kinds: the images do not determine the quantity (``scoring.determined``); a map scores no better than the best
+one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart.
 """
 
 import math
@@ -25,7 +25,7 @@ CHANGES: Mapping[str, str] = {
     "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
     " at each point that hides it best,",
 }
-"""What ``evaluation.determined`` changes, in words."""
+"""What ``scoring.determined`` changes, in words."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 

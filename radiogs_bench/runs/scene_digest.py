@@ -1,7 +1,7 @@
 """Opens a scene once more, for what its files digest to now.
 
-Apart from ``training``, which is handed it: every loader is imported here, and a change of one must not change the keys
-of cells on scenes that another one reads (see ``sources``).
+A bench is handed this function, so that ``stages`` need not import it: every loader is imported here, and a change of
+one must not change the keys of cells on scenes that another one reads (see ``sources``).
 """
 
 from radiogs_core.scene.scene import Scene

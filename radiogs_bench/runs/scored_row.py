@@ -1,8 +1,11 @@
-"""Puts what somebody's files score into a finished run, as a row beside the measured ones."""
+"""Puts what somebody's files score into a finished run, as a row beside the measured ones.
+
+The stored result also has the files' maps of one view, under the names of ``evaluate.Evaluation.arrays``.
+"""
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,9 +19,12 @@ from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
+from ..scoring.evaluate import LIGHTS_SHOWN, SHOWN
+from ..scoring.kept_views import KeptViews, views_to_keep
+from ..scoring.light_maps import light_maps
 from ..scoring.metrics import protocol
-from ..scoring.score import score_predictions
-from ..scoring.shown_files import shown_files
+from ..scoring.score_files import score_predictions
+from ..scoring.score_maps import coverage, lit_views, truth
 from ..sources import code_digest
 from ..store.folder import Store
 from ..store.keys import canonical, content_key
@@ -169,6 +175,63 @@ def scored_files(
     result["facts"], result["maps"] = facts_of(row, predictions), maps_of(predictions)
     add_stage(result, EVALUATE, instruments, seconds, [session(CPU)])
     return result, shown.arrays
+
+
+@dataclass(frozen=True)
+class ShownFiles:
+    """``arrays`` of the middle test view, under ``light`` for its relit map; None if no file shows that."""
+
+    view: str
+    light: str | None
+    arrays: dict[str, np.ndarray]
+
+
+def shown_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[float] | None) -> ShownFiles:
+    """``render/<map>`` and ``truth/<map>`` of the middle test view, float32 [height, width, channels], on black.
+
+    Albedo is linear and multiplied by ``albedo_scale``. ``views/...`` as ``KeptViews`` keeps them, as many as fit its
+    limit. Raises DataError for a damaged file.
+    """
+    view = scene.test[len(scene.test) // 2]
+    mask = coverage(view)
+    arrays = {f"truth/{name}": truth(view, name) for name in SHOWN if view.has(name)}
+    maps = predictions.read(view, mask)
+    arrays |= {f"render/{name}": maps[name] for name in (*SHOWN, "incident") if name in maps}
+    if "albedo" in maps and albedo_scale is not None:
+        arrays["render/albedo"] = maps["albedo"] * torch.tensor(albedo_scale, dtype=maps["albedo"].dtype)
+    lit = {} if scene.surrounded else lit_views(scene, scene.test)
+    first = next((light for light, views in lit.items() if view in views), None)
+    shown_light = None
+    for place, (light, views) in enumerate(lit.items()):
+        if view not in views or view.name not in predictions.relit.get(light, {}):
+            continue
+        image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
+        if light == first:
+            shown_light = light
+            arrays |= {"render/relit": image, "truth/relit": target}
+        if place < LIGHTS_SHOWN:
+            arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
+    found = predictions.read_light()
+    if found is not None and scene.training_light is not None:
+        arrays |= light_maps(found, scene.training_light)
+    shown = {name: image.cpu().numpy().astype(np.float32) for name, image in arrays.items()}
+    return ShownFiles(view.name, shown_light, shown | kept_files(predictions, scene, albedo_scale).codes)
+
+
+def kept_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[float] | None) -> KeptViews:
+    """Every map and light of as many test views as fit the limit."""
+    kept = views_to_keep(scene, None)
+    lit = {} if scene.surrounded else lit_views(scene, scene.test)
+    for view in (view for view in scene.test if view.name in kept.chosen):
+        maps = dict(predictions.read(view, coverage(view)))
+        if "albedo" in maps and albedo_scale is not None:
+            maps["albedo"] = maps["albedo"] * torch.tensor(albedo_scale, dtype=maps["albedo"].dtype)
+        kept.rendered(view, maps)
+        for light, views in lit.items():
+            if view in views and view.name in predictions.relit.get(light, {}):
+                image = predictions.read_relit(light, view, coverage(view))
+                kept.relit(view, light, image, truth(view, f"relit/{light}"))
+    return kept
 
 
 def comparable(metrics: dict[str, MetricValue], scene: Scene) -> dict[str, MetricValue]:

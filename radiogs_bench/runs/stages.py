@@ -36,7 +36,7 @@ class Bench:
     """Where and how cells are run; ``method`` finds a method by its name (``methods.method``).
 
     ``digest`` gives the checksum of a scene's files as they are now. ``kept_views``: of how many views every map is
-    kept with a result, as codes of 8 bits (``evaluation/kept_views.py``); None: of as many as fit its limit.
+    kept with a result, as codes of 8 bits (``scoring/kept_views.py``); None: of as many as fit its limit.
     """
 
     store: Store

@@ -52,7 +52,7 @@ class Line(TypedDict):
     refused: NotRequired[str]
     """Why the row has no cells: the method does not take these parts."""
     files: NotRequired[str]
-    """The code whose layout was read, in rows that were scored from files (``suites.rows_from_files``)."""
+    """The code whose layout was read, in rows that were scored from files (``runs.rows_from_files``)."""
 
 
 class Sweep(TypedDict):
@@ -212,12 +212,6 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
     """Steps of all stages that are not in the store; a stage that several cells share counts once."""
     steps = {stage.key: stage.steps for cell in cells for stage in cell.stages}
     return sum(count for key, count in steps.items() if not store.has_tensors(product_name(key)))
-
-
-def write_sweep(store: Store, sweep: Sweep) -> None:
-    """Write the manifest beside the results."""
-    with changing_sweep(store) as write:
-        write(sweep)
 
 
 @contextmanager

@@ -21,7 +21,7 @@ from .metrics import Protocol
 from .metrics.chamfer import chamfer
 from .metrics.conventions import Task
 from .metrics.mesh_library import pyvista
-from .metrics.stanford_orb_protocol import StanfordOrb
+from .metrics.stanford_orb import StanfordOrb
 from .metrics.values import Value
 
 SOLID = 0.5

@@ -49,7 +49,7 @@ class Session(TypedDict):
 
 
 class Determined(TypedDict):
-    """How well the training images determine a recovered quantity (see ``evaluation.determined``)."""
+    """How well the training images determine a recovered quantity (see ``scoring.determined``)."""
 
     value: float
     """As it was recovered (``radiogs_core.capabilities.Varying.values``)."""
@@ -134,7 +134,7 @@ class Result(TypedDict):
     losses: dict[str, dict[str, float]]
     """The last step's weighted losses, by stage and name."""
     trail: dict[str, list[TrailPoint]]
-    """How the losses fell, by stage, at geometrically spaced steps (see ``training.trail``)."""
+    """How the losses fell, by stage, at geometrically spaced steps (see ``runs.trail``)."""
     seconds: dict[str, float]
     """Wall-clock seconds by stage, and of ``evaluate``; work lost to a crash is not in them. A stage that several cells
     share counts in every one of them."""

@@ -48,7 +48,9 @@ FORWARD_PARITY = "forward-parity"
 STABILITY = "stability"
 """Hard cases in float32 against float64."""
 
-_TRAIN, _PARITY, _HARD_CASES = (f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability"))
+_TRAIN, _PARITY, _HARD_CASES = (
+    f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability.experiment")
+)
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     each.name: each
@@ -62,6 +64,6 @@ EXPERIMENTS: Mapping[str, Experiment] = {
 }
 
 FROM_FILES = Experiment(
-    "from-files", trains=False, sources=("radiogs_bench.scoring.score", "radiogs_baselines.outputs")
+    "from-files", trains=False, sources=("radiogs_bench.scoring.score_files", "radiogs_baselines.outputs")
 )
 """Score images and maps that another program wrote (``score --into``); no suite runs it."""

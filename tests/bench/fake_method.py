@@ -25,7 +25,7 @@ from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.sweep import Place, Request
+from radiogs_bench.runs.sweep import Place, Request, Sweep, changing_sweep
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
@@ -250,3 +250,9 @@ class FakeSweep:
     def run(self, cells: list[Cell]) -> list[ExplainedError]:
         tasks = [Task(cell, cell.key) for cell in cells]
         return run_cells(tasks, self.one, self.store, self.bench.progress, self.interruption)
+
+
+def write_sweep(store: Store, sweep: Sweep) -> None:
+    """Write a manifest beside the results."""
+    with changing_sweep(store) as write:
+        write(sweep)

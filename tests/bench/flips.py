@@ -21,12 +21,12 @@ from typing import Any
 
 import torch
 
-from bench.fake_method import CPU, FakeSweep, asked, fake_cell
+from bench.fake_method import CPU, FakeSweep, asked, fake_cell, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.errors import StoreError
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.runs.stages import trained
-from radiogs_bench.runs.sweep import read_sweep, write_sweep
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.runs.trained_folder import read_about, write_trained
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import Broken

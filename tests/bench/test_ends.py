@@ -11,7 +11,7 @@ from unittest.mock import patch
 
 import pytest
 
-from bench.fake_method import FAKE, FakeSweep, asked
+from bench.fake_method import FAKE, FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main, showing
 from radiogs_bench.cli.run import say_other_run
 from radiogs_bench.cli.showing import write
@@ -20,7 +20,7 @@ from radiogs_bench.methods import budget_of, substitutes, variant_of
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.engines import run as engines
 from radiogs_bench.runs.engines.choice import Engine
-from radiogs_bench.runs.sweep import Sweep, write_sweep
+from radiogs_bench.runs.sweep import Sweep
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.suite import Suite

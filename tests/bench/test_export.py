@@ -6,9 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.runs.sweep import write_sweep
 
 REQUEST = asked(2)
 

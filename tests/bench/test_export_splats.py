@@ -13,10 +13,9 @@ import pandas as pd
 import pytest
 from plyfile import PlyData
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import export, main
 from radiogs_bench.export.trained_surfels import surfels_in
-from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_core.surfels import viewer_files
 

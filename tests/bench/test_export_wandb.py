@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.export.scalars import course, end
-from radiogs_bench.runs.sweep import label, write_sweep
+from radiogs_bench.runs.sweep import label
 from radiogs_bench.store.schema import Result
 
 REQUEST = asked(1)

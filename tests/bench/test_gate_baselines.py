@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.results.baseline import read_baseline
 from radiogs_bench.results.gate import compare
-from radiogs_bench.runs.sweep import read_sweep, write_sweep
+from radiogs_bench.runs.sweep import read_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.errors import DataError

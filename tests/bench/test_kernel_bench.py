@@ -12,7 +12,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.bench import Row, measure
 from radiogs_bench.lab.kernels.cases import _camera, rasterize_case, shade_case, trace_case
 from radiogs_bench.lab.kernels.embree import missing_embree, support_quads
-from radiogs_bench.lab.kernels.plain_torch import rasterize_densely, shade_plainly
+from radiogs_bench.lab.kernels.plain import rasterize_densely, shade_plainly
 from radiogs_bench.lab.kernels.record import as_table
 from radiogs_bench.lab.kernels.scenes import SCENES, KernelScene, cloud
 from radiogs_core.errors import DataError

@@ -13,12 +13,11 @@ from jaxtyping import Float
 from torch import Tensor
 
 from bench.chain_method import ChainPrepared
-from radiogs_bench.export import marching
+from radiogs_bench.export import meshing
 from radiogs_bench.export.blocks import VoxelBlocks, key_of, place_of
 from radiogs_bench.export.fusion import Fusion, Lattice
-from radiogs_bench.export.marching import zero_level
 from radiogs_bench.export.mesh import Mesh, write_mesh
-from radiogs_bench.export.rendered import lattice_of, mesh_of
+from radiogs_bench.export.meshing import lattice_of, mesh_of, zero_level
 from radiogs_core.contract import MapKind, Maps, NotOffered
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera
@@ -93,7 +92,7 @@ def test_a_sphere_is_found_to_a_fiftieth_of_a_voxel(ball: Mesh) -> None:
 
 
 def test_a_sphere_is_closed_and_in_one_piece_across_the_cubes_that_it_is_extracted_in(ball: Mesh) -> None:
-    assert np.ptp(ball.vertices, axis=0).min() > marching.CELLS * LATTICE.voxel, "one cube of cells would hold it"
+    assert np.ptp(ball.vertices, axis=0).min() > meshing.CELLS * LATTICE.voxel, "one cube of cells would hold it"
     _, faces = edges_with_faces(ball)
     assert (faces == 2).all()
     assert euler_characteristic(ball) == 2

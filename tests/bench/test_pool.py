@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_bench.runs.engines.pool import run_pool, worker_commands
+from radiogs_bench.runs.engines.run import run_pool, worker_commands
 from radiogs_bench.runs.interruption import Interruption
 
 WAIT = """

@@ -27,8 +27,8 @@ from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
 from radiogs_bench.lab.rehearsal.growth import Rung, extended
 from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
+from radiogs_bench.lab.rehearsal.record import whole_of
 from radiogs_bench.lab.rehearsal.row import Row
-from radiogs_bench.lab.rehearsal.whole import whole_of
 from radiogs_bench.methods import substitutes
 from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages

@@ -13,7 +13,7 @@ from public_outputs import WRITERS, noisy, png
 from radiogs_baselines.outputs import CODES, likely_codes, read_predictions
 from radiogs_bench.cli import main
 from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
-from radiogs_bench.scoring.score import score_predictions
+from radiogs_bench.scoring.score_files import score_predictions
 from radiogs_bench.scoring.score_maps import coverage
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene

@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 
+from bench.fake_method import write_sweep
 from public_outputs import WRITERS, noisy
 from radiogs_bench.cli import main
 from radiogs_bench.runs.cell import Cell
 from radiogs_bench.runs.result import empty_result
 from radiogs_bench.runs.rows_from_files import measured, row_key, with_rows_from_files
-from radiogs_bench.runs.sweep import Request, read_sweep, write_sweep
+from radiogs_bench.runs.sweep import Request, read_sweep
 from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.experiment import TRAINING

@@ -12,7 +12,7 @@ from public_outputs import WRITERS, noisy, png, write_svg_ir
 from radiogs_baselines.outputs import likely_codes, read_predictions
 from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.psnr import psnr
-from radiogs_bench.scoring.score import score_predictions
+from radiogs_bench.scoring.score_files import score_predictions
 from radiogs_bench.scoring.score_maps import coverage, truth
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from bench.fake_method import CPU, FakeSweep, asked
+from bench.fake_method import CPU, FakeSweep, asked, write_sweep
 from made_up_run import summary
 from radiogs_bench.cli import main
-from radiogs_bench.runs.sweep import read_sweep, state_of, write_sweep
+from radiogs_bench.runs.sweep import read_sweep, state_of
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.store.seal import SEAL, Broken, OtherSchema, read_sealed, seal_of, sealed, strict_json

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from bench import fake_method
-from bench.fake_method import FakeSweep, asked, fake_cell
+from bench.fake_method import FakeSweep, asked, fake_cell, write_sweep
 from radiogs_bench.cli import main, reporter
 from radiogs_bench.results.standing import SILENT_AFTER_SECONDS, standing_of
-from radiogs_bench.runs.engines.others import OthersProgress
+from radiogs_bench.runs.engines.run import OthersProgress
 from radiogs_bench.runs.kept_pace import KeptPace
 from radiogs_bench.runs.progress import LogProgress
-from radiogs_bench.runs.sweep import Sweep, label, write_sweep
+from radiogs_bench.runs.sweep import Sweep, label
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.pace import Pace, drop_pace, pace_of, put_pace
 

@@ -22,10 +22,10 @@ from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.clock import processor_seconds
 from radiogs_bench.lab.kernels.scenes import OVERLAP, SPREAD, sphere_and_plane
 from radiogs_bench.lab.steps import yardsticks
-from radiogs_bench.lab.steps.counting import counting
 from radiogs_bench.lab.steps.document import table_of, with_tables
 from radiogs_bench.lab.steps.estimates import exponent_of, median_of, ratio_of_medians
 from radiogs_bench.lab.steps.history import append, read_history
+from radiogs_bench.lab.steps.measure import counting
 from radiogs_bench.lab.steps.passes import one_pass
 from radiogs_bench.lab.steps.ratios import as_table, compared, read_record, require_comparable
 from radiogs_bench.lab.steps.record import parts_said

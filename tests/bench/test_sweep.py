@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of
+from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, write_sweep
 from radiogs.budget import PRESETS
 from radiogs_bench.results.summary import summarise
-from radiogs_bench.runs.sweep import Request, read_sweep, state_of, steps_to_take, write_sweep
+from radiogs_bench.runs.sweep import Request, read_sweep, state_of, steps_to_take
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed
 from radiogs_bench.suites.paper import ABLATIONS

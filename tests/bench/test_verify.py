@@ -7,11 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.cli.score import write_record
 from radiogs_bench.results.verify import verify
-from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.seal import sealed, strict_json
 

@@ -9,11 +9,10 @@ import pytest
 import torch
 from PIL import Image
 
-from bench.fake_method import FakeSweep, asked
+from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
 from radiogs_bench.cli.view import disks_of
 from radiogs_bench.export.trained_surfels import surfels_in
-from radiogs_bench.runs.sweep import write_sweep
 from radiogs_bench.store.folder import Store
 from radiogs_core.errors import DataError, UsageError
 from radiogs_reports.figures import surfel_view

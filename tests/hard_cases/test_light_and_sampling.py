@@ -8,7 +8,7 @@ from torch.nn.functional import normalize
 
 from hard_cases.constructions import seeded, unit
 from hard_cases.ref64 import EPS
-from radiogs_bench.lab.kernels import plain_split_sum as dense
+from radiogs_bench.lab.kernels import plain as dense
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles

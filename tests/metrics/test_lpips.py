@@ -10,9 +10,8 @@ from torch import nn
 
 from metrics.images import example
 from radiogs_bench.scoring.metrics import protocol
-from radiogs_bench.scoring.metrics.backbones import BACKBONES
 from radiogs_bench.scoring.metrics.conventions import Lpips, Net
-from radiogs_bench.scoring.metrics.lpips import SMALLEST_SIDE, distance, lpips
+from radiogs_bench.scoring.metrics.lpips import BACKBONES, SMALLEST_SIDE, distance, lpips
 from radiogs_bench.scoring.metrics.weights import FILES, lacking, missing_weights
 from radiogs_core.errors import DataError
 

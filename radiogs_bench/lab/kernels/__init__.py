@@ -1,1 +1,1 @@
-"""Measures the kernels on this machine beside yardsticks in the same process (``bench kernels``)."""
+"""Measures kernels beside yardsticks in the same process, and relit frames (``bench kernels``, ``bench frames``)."""

@@ -1,4 +1,4 @@
-"""Measures the cases: every repetition runs a kernel and its yardstick in turn, so that both see the same load."""
+"""Measures the kernels: every repetition runs a kernel and its yardstick in turn, so that both see the same load."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

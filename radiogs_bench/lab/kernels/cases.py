@@ -17,9 +17,8 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
-from . import plain_split_sum
 from .embree import closest_hits, missing_embree
-from .plain_torch import harmonics_plainly, rasterize_densely, shade_plainly
+from .plain import harmonics_plainly, rasterize_densely, shade_plainly, split_sum_plainly
 from .scenes import KernelScene
 
 SHADED_SURFELS, SHADED_SAMPLES = 4000, 64
@@ -148,7 +147,7 @@ def split_sum_case(dtype: torch.dtype, device: torch.device) -> Case:
     def plainly(values: list[Tensor]) -> Tensor:
         normal, albedo, roughness, outgoing, radiance = values
         light = PrefilteredLight(radiance)
-        return torch.cat(plain_split_sum.split_sum_radiance(normal, albedo, roughness, outgoing, light)).sum()
+        return torch.cat(split_sum_plainly(normal, albedo, roughness, outgoing, light)).sum()
 
     yardstick = Yardstick("plain PyTorch", *_passes(plainly, leaves))
     name = f"{SEEN_SURFELS} x 1"

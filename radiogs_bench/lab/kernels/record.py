@@ -1,4 +1,4 @@
-"""The measurements as a table and as JSON."""
+"""Measurements of kernels as a table and as JSON."""
 
 from collections.abc import Sequence
 from dataclasses import asdict

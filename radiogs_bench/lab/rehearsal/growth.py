@@ -6,8 +6,6 @@ from dataclasses import dataclass
 
 from .phases import Phase
 
-HOST, DEVICE = "host", "device"
-
 
 @dataclass(frozen=True)
 class Rung:

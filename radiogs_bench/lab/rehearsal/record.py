@@ -1,5 +1,6 @@
-"""A rehearsal as it is stored: what was measured, the forecast of the whole, and what does not fit."""
+"""A rehearsal as it is stored: what was measured, the forecast of the whole run, and what does not fit."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -10,11 +11,10 @@ from radiogs_core.scene.scene import Scene
 
 from ...store.provenance import session
 from .climb import Bounds, Climb
-from .growth import HOST, Rung, extended, peak
+from .growth import Rung, extended, peak
 from .limits import KNOWN_DEVICES, Speed, speed_of
 from .phases import Phase
 from .row import Row
-from .whole import whole_of
 
 SCHEMA = "radiogs-bench/rehearsal/1"
 
@@ -127,8 +127,8 @@ def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]
     """
     known, here = KNOWN_DEVICES[name], speed_of(device)
     ratios = sorted((here.operations / known.speed.operations, here.bytes / known.speed.bytes))
-    at = "device" if device.type == "cuda" else HOST
-    base = 0 if at == "device" else rungs[0].base[HOST]
+    at = "device" if device.type == "cuda" else "host"
+    base = 0 if at == "device" else rungs[0].base["host"]
     peaks = [each["peaks"][at]["bytes"] - base for each in forecast]
     return {
         "name": name,
@@ -142,3 +142,23 @@ def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]
         "memory": known.memory,
         "fits": [amount <= known.memory for amount in peaks],
     }
+
+
+@dataclass(frozen=True)
+class Whole:
+    """Seconds of a whole run with a model of one size. error: of the steps' measurement alone, one standard error."""
+
+    seconds: float
+    error: float
+
+
+def whole_of(phases: Sequence[Phase], rows: Mapping[str, Sequence[str]], cells: int) -> Whole:
+    """All rows, each on ``cells`` scenes and seeds; stages that rows share are trained once."""
+    trained = {key for keys in rows.values() for key in keys if " " not in key}
+    shown = [key for keys in rows.values() for key in keys if " " in key]
+    times = {phase.key: 0 for phase in phases} | dict.fromkeys(trained, 1)
+    for key in shown:
+        times[key] = times.get(key, 0) + 1
+    seconds = math.fsum(times[phase.key] * phase.whole * phase.mean for phase in phases)
+    squares = math.fsum((times[phase.key] * phase.whole * phase.error) ** 2 for phase in phases)
+    return Whole(cells * seconds, cells * math.sqrt(squares))

@@ -1,4 +1,4 @@
-"""Writes the tables of measurements into a document, from what was stored; nothing in them is typed by hand.
+"""Writes the tables of measured steps into a document, from what was stored; nothing in them is typed by hand.
 
     python -m radiogs_bench.lab.steps.document docs/performance.md docs/performance/*.json*
 

@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 
@@ -18,7 +18,6 @@ from .estimates import exponent_of
 from .passes import one_pass
 from .sizes import WARM_UP, Size
 from .subject import subject_of
-from .watching import Watching
 
 SCHEMA = "radiogs-bench/growth/1"
 
@@ -120,3 +119,45 @@ def _rows(axis: Axis, found: Mapping[str, Sequence[tuple[float, int]]]) -> Itera
             "bytes exponent": None if by_bytes is None else by_bytes._asdict(),
             "at most": axis.at_most,
         }
+
+
+Result = TypeVar("Result")
+
+
+class Watching:
+    """Seconds of every time that something was done, by title, and peak bytes of the first time.
+
+    To find a peak, memory is given back first, and getting it again takes time: such seconds count only where there are
+    no others.
+    """
+
+    def __init__(self, device: torch.device) -> None:
+        self.device = device
+        self.bytes: dict[str, int] = {}
+        self.first: dict[str, float] = {}
+        self.seconds: defaultdict[str, list[float]] = defaultdict(list)
+
+    def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
+        """Watch the work, unless it counts as nothing."""
+        if not titles:
+            return work()
+        results: list[Result] = []
+        taken: list[float] = []
+
+        def do() -> None:
+            taken.append(seconds(lambda: results.append(work()), self.device))
+
+        if all(title in self.bytes for title in titles):
+            do()
+            for title in titles:
+                self.seconds[title].extend(taken)
+            return results[0]
+        peak = peak_bytes(do, self.device)
+        for title in titles:
+            self.bytes.setdefault(title, peak)
+            self.first.setdefault(title, taken[0])
+        return results[0]
+
+    def found(self) -> dict[str, tuple[float, int]]:
+        """Median seconds and peak bytes by title."""
+        return {title: (median(self.seconds[title] or [self.first[title]]), peak) for title, peak in self.bytes.items()}

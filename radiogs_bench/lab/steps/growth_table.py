@@ -1,4 +1,4 @@
-"""Exponents on the terminal, and whether they are what is expected."""
+"""Exponents of growth on the terminal, and whether they are what is expected."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

@@ -1,13 +1,27 @@
-"""Passes over a method at one size, as plain values that a process can hand to another."""
+"""Passes over a method at one size, as plain values that a process can hand to another.
+
+For each piece of work: its seconds, the parts of the code that took them, PyTorch's operations, launches of our own
+kernels, and work counters.
+"""
 
 import gc
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any, Protocol, TypeVar, runtime_checkable
+from unittest.mock import patch
 
+import torch
+import warp as wp
+from torch.utils._python_dispatch import TorchDispatchMode
+
+from radiogs_core.instruments import recording
+
+from ..kernels.clock import seconds
 from .estimates import median_of
-from .observing import Times
 from .passes import one_pass
-from .sampling import shares_of
+from .sampling import Looking, shares_of
 from .sizes import WARM_UP, Size
 from .subject import Subject
 
@@ -57,19 +71,127 @@ def measured(sides: Sequence[Passing], size: Size, passes: int, announce: Callab
 
 def _rows(passes: Sequence[Plain]) -> Iterator[Plain]:
     for title, counted in passes[0]["counts"].items():
-        seconds = [each["seconds"][title] for each in passes if title in each["seconds"]]
+        taken = [each["seconds"][title] for each in passes if title in each["seconds"]]
         parts: dict[str, float] = {}
         for each in passes:
             for part, value in each["parts"].get(title, {}).items():
                 parts[part] = parts.get(part, 0.0) + value
-        seconds = seconds or [[passes[0]["counted seconds"][title]]]
-        middle = median_of(seconds)
+        taken = taken or [[passes[0]["counted seconds"][title]]]
+        middle = median_of(taken)
         yield {
             "title": title,
-            "passes": seconds,
+            "passes": taken,
             "median": middle.value,
             "low": middle.low,
             "high": middle.high,
             **counted,
             "parts": shares_of(parts),
         }
+
+
+Result = TypeVar("Result")
+
+SHOWN_WORK = ("rays", "hits", "blended_pairs", "shaded_samples")
+"""Counters that tell whether two measurements did the same work."""
+
+
+@dataclass(frozen=True)
+class Counted:
+    """Of one piece of work: PyTorch's operations, launches of own kernels, and work counters."""
+
+    operations: int
+    launches: int
+    work: Mapping[str, int]
+
+
+class Times:
+    """Seconds of every time that something was done, by title, and seconds by part.
+
+    ``counts``: whether the first time of each title is counted as well. To count takes time: such seconds are kept
+    apart, in ``counted_seconds``, for titles that have no others.
+    """
+
+    def __init__(self, device: torch.device, counts: bool) -> None:
+        self.device, self.counts = device, counts
+        self.seconds: defaultdict[str, list[float]] = defaultdict(list)
+        self.counted_seconds: dict[str, float] = {}
+        self.counted: dict[str, Counted] = {}
+        self.parts: defaultdict[str, defaultdict[str, float]] = defaultdict(lambda: defaultdict(float))
+
+    def __call__(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
+        """Time the work, unless it counts as nothing."""
+        if not titles:
+            return work()
+        if self.counts and any(title not in self.counted for title in titles):
+            return self._count(titles, work)
+        found, taken, looking = self._timed(work)
+        for title in titles:
+            self.seconds[title].append(taken)
+            self._add_parts(title, looking)
+        return found
+
+    def _timed(self, work: Callable[[], Result]) -> tuple[Result, float, Looking]:
+        found: list[Result] = []
+        with Looking() as looking:
+            taken = seconds(lambda: found.append(work()), self.device)
+        return found[0], taken, looking
+
+    def _count(self, titles: tuple[str, ...], work: Callable[[], Result]) -> Result:
+        with recording() as instruments, counting() as counts:
+            found, taken, looking = self._timed(work)
+        done = {name: instruments.work[name] for name in SHOWN_WORK if instruments.work[name]}
+        for title in titles:
+            self.counted.setdefault(title, Counted(counts.operations, counts.launches, done))
+            self.counted_seconds.setdefault(title, taken)
+            self._add_parts(title, looking)
+        return found
+
+    def _add_parts(self, title: str, looking: Looking) -> None:
+        for (part, way), share in looking.seconds.items():
+            self.parts[title][f"{part}, {way}"] += share
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values that a process can hand to another."""
+        return {
+            "seconds": dict(self.seconds),
+            "counted seconds": self.counted_seconds,
+            "counts": {title: asdict(each) for title, each in self.counted.items()},
+            "parts": {title: dict(parts) for title, parts in self.parts.items()},
+        }
+
+
+@dataclass
+class Counts:
+    """operations: what PyTorch's dispatcher was asked for, backward passes and views included. launches: of Warp's
+    kernels."""
+
+    operations: int = 0
+    launches: int = 0
+
+
+class _Operations(TorchDispatchMode):
+    def __init__(self, counts: Counts) -> None:
+        super().__init__()
+        self.counts = counts
+
+    def __torch_dispatch__(self, func: Any, types: Any, args: Any = (), kwargs: Any = None) -> Any:
+        self.counts.operations += 1
+        return func(*args, **(kwargs or {}))
+
+
+@contextmanager
+def counting() -> Iterator[Counts]:
+    """Count what is done within, in this thread."""
+    counts = Counts()
+    launch, again = wp.launch, wp.Launch.launch
+
+    def launched(*args: Any, **kwargs: Any) -> Any:
+        counts.launches += not kwargs.get("record_cmd", False)
+        return launch(*args, **kwargs)
+
+    def launched_again(*args: Any, **kwargs: Any) -> Any:
+        counts.launches += 1
+        return again(*args, **kwargs)
+
+    with patch.object(wp, "launch", launched), patch.object(wp.Launch, "launch", launched_again), _Operations(counts):
+        yield counts

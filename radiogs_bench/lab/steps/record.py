@@ -1,4 +1,4 @@
-"""Measurements as JSON and as a table."""
+"""Measurements of steps as JSON and as a table."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any

@@ -1,9 +1,18 @@
-"""Runs the missing cells of a request with the chosen engine."""
+"""Runs the missing cells of a request with the chosen engine: in this process, in a pool of processes, or on a cluster.
+
+In a pool, each process runs the same sweep on the same store, and claims keep them apart. A worker is the command
+itself with one more option, so it does exactly what a run does. If a worker dies, the work since its last checkpoint is
+lost: its claim is released, and another worker continues the cell.
+"""
 
 import signal
-from collections.abc import Sequence
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from queue import Empty, SimpleQueue
 
 import torch
 
@@ -14,10 +23,14 @@ from radiogs_datasets import load_scene
 from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
 from ...scoring.metrics import protocol
 from ...scoring.metrics.weights import complaint
+from ...store.folder import Store
+from ...store.pace import Pace, pace_of
 from ...suites.experiment import EXPERIMENTS
 from ..cell import Cell
+from ..interruption import Interruption
 from ..kept_pace import KeptPace
 from ..preflight import read_everything
+from ..progress import Progress
 from ..stages import Bench
 from ..sweep import Place, Request, label
 from ..warm_up import compile_kernels
@@ -25,8 +38,6 @@ from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, run_on_cluster
 from .delegate import Recipe
 from .in_process import Task, run_cells
-from .others import OthersProgress
-from .pool import run_pool, worker_commands
 
 CPU = torch.device("cpu")
 
@@ -119,26 +130,86 @@ def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, 
     return Ended(killed(codes, left), worst_of(codes))
 
 
-def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
-    for _, cell in request.own_cells():
-        if any(stage.keeps_files for stage in bench.method(cell.found_as).stages(cell.variant, cell.budget)):
-            raise UsageError(
-                f"{cell.method} cannot run on a cluster",
-                "It keeps files between its stages, and stages run on any machine.",
-                "Leave --engine ray out.",
-            )
-    recipe = Recipe(
-        bench.method,
-        EXPERIMENTS[request.suite.experiment].run(),
-        load_scene,
-        COMPILED_ON,
-        request.options,
-        bench.kept_views,
-    )
-    with connected(engine.address) as ray:
-        threads = engine.threads or ONE_THREAD
-        cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)
-        return Ended(run_on_cluster(tasks, cluster, bench.store, bench.progress, bench.interruption))
+POLL_SECONDS = 0.2
+
+
+def run_pool(
+    commands: Sequence[Sequence[str]],
+    say: Callable[[str], None],
+    look: Callable[[], None],
+    interruption: Interruption,
+) -> list[int]:
+    """Run the commands side by side until all have ended; returns their exit codes.
+
+    Their stderr goes to ``say`` line by line; ``look`` is called at intervals. A requested stop is passed on once and
+    waited for, because workers write their state before they end.
+    """
+    lines: SimpleQueue[str] = SimpleQueue()
+    processes = [
+        subprocess.Popen(
+            command,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            start_new_session=True,  # Ctrl-C reaches this process alone; it asks the workers once
+        )
+        for command in commands
+    ]
+    readers = [threading.Thread(target=_relay, args=(each, lines), daemon=True) for each in processes]
+    for reader in readers:
+        reader.start()
+    asked = False
+    try:
+        while any(reader.is_alive() for reader in readers) or not lines.empty():
+            try:
+                say(lines.get(timeout=POLL_SECONDS))
+            except Empty:
+                look()
+            if interruption.requested and not asked:
+                asked = True
+                for each in processes:
+                    each.send_signal(signal.SIGTERM)
+    finally:
+        for each in processes:
+            if each.poll() is None:
+                each.terminate()
+    return [each.wait() for each in processes]
+
+
+def _relay(worker: "subprocess.Popen[str]", lines: "SimpleQueue[str]") -> None:
+    assert worker.stderr is not None
+    with worker.stderr as stream:
+        for line in stream:
+            lines.put(line.rstrip("\n"))
+
+
+def worker_commands(arguments: Sequence[str], count: int, threads: int) -> list[list[str]]:
+    """The command line of each worker: the user's, with the worker's number and its share of the threads."""
+    share = max(1, threads // count)
+    own = [sys.executable, "-m", "radiogs_bench", *arguments, "--threads", str(share)]
+    return [[*own, "--worker", f"{number}/{count}"] for number in range(count)]
+
+
+class OthersProgress:
+    """One task for each thing that is done for a cell: ``corner ours seed 0: stage 1, geometry``.
+
+    ``labels``: of the cells, by key.
+    """
+
+    def __init__(self, progress: Progress, store: Store, labels: Mapping[str, str]) -> None:
+        self.progress, self.store, self.labels = progress, store, labels
+        self.shown: dict[str, Pace] = {}
+
+    def look(self) -> None:
+        """Read how far every cell has come; what is no longer done for one ends."""
+        for key, name in self.labels.items():
+            before, now = self.shown.pop(key, None), pace_of(self.store, key)
+            if before is not None and (now is None or now.task != before.task):
+                self.progress.advance(f"{name}: {before.task}", before.total, before.total)
+            if now is not None and now.done < now.total:
+                self.progress.advance(f"{name}: {now.task}", now.done, now.total)
+                self.shown[key] = now
 
 
 def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
@@ -166,3 +237,25 @@ def worst_of(codes: Sequence[int]) -> int:
     """The exit code of a run with unfinished cells: the worst that its workers gave a reason for."""
     known = [code for _, code in EXIT_CODES]
     return min((code for code in codes if code in known), key=known.index, default=UNEXPECTED)
+
+
+def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: Engine) -> Ended:
+    for _, cell in request.own_cells():
+        if any(stage.keeps_files for stage in bench.method(cell.found_as).stages(cell.variant, cell.budget)):
+            raise UsageError(
+                f"{cell.method} cannot run on a cluster",
+                "It keeps files between its stages, and stages run on any machine.",
+                "Leave --engine ray out.",
+            )
+    recipe = Recipe(
+        bench.method,
+        EXPERIMENTS[request.suite.experiment].run(),
+        load_scene,
+        COMPILED_ON,
+        request.options,
+        bench.kept_views,
+    )
+    with connected(engine.address) as ray:
+        threads = engine.threads or ONE_THREAD
+        cluster = Cluster(ray, recipe, request.places, threads, request.device, bench.store)
+        return Ended(run_on_cluster(tasks, cluster, bench.store, bench.progress, bench.interruption))

@@ -1,12 +1,17 @@
-"""Runs a cell of suite ``stability``: the curves of one axis."""
+"""Runs a cell of suite ``stability``: the curves of one axis.
+
+``AXES`` holds all axes, in the order of the suite's rows.
+"""
 
 import math
 import time
 from collections import Counter
+from collections.abc import Mapping
+from difflib import get_close_matches
 
 import numpy as np
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
@@ -17,8 +22,12 @@ from ..cell import Cell
 from ..result import EVALUATE, add_stage, empty_result
 from ..scene_files import require_unchanged
 from ..stages import Bench
-from .axes import axis_and_points
 from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
+from .light import LIGHT_AXES
+from .placement import PLACEMENT_AXES
+from .surfels import SURFEL_AXES
+
+AXES: Mapping[str, Axis] = {axis.key: axis for axis in (*SURFEL_AXES, *PLACEMENT_AXES, *LIGHT_AXES)}
 
 Curves = dict[str, list[Errors]]
 """Errors under each condition, by kernel."""
@@ -49,6 +58,28 @@ def run_stability(bench: Bench, cell: Cell, scene: Scene) -> None:
     add_stage(result, EVALUATE, instruments, time.perf_counter() - started, [session(bench.device)])
     require_unchanged(scene, bench.digest)
     bench.store.put_result(result, arrays_of(axis, conditions, curves))
+
+
+def axis_and_points(settings: Mapping[str, float]) -> tuple[Axis, int]:
+    """The axis that a row's settings name, and the number of points of its curves.
+
+    Raises UsageError for anything else.
+    """
+    if len(settings) != 1:
+        raise UsageError(
+            f"a row of experiment 'stability' has the settings {dict(settings)}",
+            "It has one: the name of an axis, and how many points its curves have.",
+            "Such as:  settings = { roughness = 25 }",
+        )
+    ((name, points),) = settings.items()
+    if name not in AXES:
+        near = get_close_matches(name, AXES, 1)
+        raise UsageError(
+            f"there is no axis '{name}'", f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(AXES)}."
+        )
+    if points < 2 or points != int(points):
+        raise UsageError(f"curves of {points:g} points", "A curve has two ends, and whole points.")
+    return AXES[name], int(points)
 
 
 def stand_of(scene: Scene, seed: int) -> Stand:

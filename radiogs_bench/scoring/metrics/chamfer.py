@@ -9,9 +9,6 @@ from radiogs_core.errors import DataError
 SAMPLES = 30_000
 """Points that Stanford-ORB draws from the recovered surface."""
 
-PUBLISHED_FACTOR = 2e3
-"""Stanford-ORB's tables print the distance times this."""
-
 Triangles = Int[np.ndarray, "faces 3"]
 
 
@@ -25,7 +22,8 @@ def chamfer(
     """Half the sum of both mean squared distances, world units squared: recovered surface against true points.
 
     The recovered mesh is sampled uniformly by area; ``truth`` are the true mesh's vertices, as the benchmark has it.
-    Nothing is aligned. Raises DataError for a shape without surface or points.
+    Nothing is aligned. Stanford-ORB's tables print this distance times 2000. Raises DataError for a shape without
+    surface or points.
     """
     if not len(truth):
         raise DataError("the true shape has no vertices")

@@ -8,7 +8,7 @@ from radiogs_core.errors import UsageError
 
 from .conventions import Albedo, Bits, DepthOffset, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
 from .protocol import Protocol
-from .stanford_orb_protocol import STANFORD_ORB
+from .stanford_orb import STANFORD_ORB
 
 BYTES: Bits = "8 bit rounded"
 CUT_BYTES: Bits = "8 bit truncated"

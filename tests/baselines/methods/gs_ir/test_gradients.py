@@ -19,7 +19,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.rendering import View
 from radiogs_baselines.methods.gs_ir.variant import TexelAreas
 from radiogs_baselines.methods.split_sum import SplitSumLight
-from radiogs_bench.lab.kernels import plain_split_sum
+from radiogs_bench.lab.kernels import plain
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -165,9 +165,9 @@ def dense_image(values: Values) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     cosine = (normal * outgoing).sum(-1)
     assert bool((cosine > 0).all())
     mirrored = 2 * cosine[:, None] * normal - outgoing
-    scale, bias = plain_split_sum.brdf_integral(cosine, roughness)
+    scale, bias = plain.brdf_integral(cosine, roughness)
     fresnel = 0.04 * (1 - metal) + metal * albedo
-    specular = plain_split_sum.glossy(light, mirrored, roughness) * (fresnel * scale[:, None] + bias[:, None])
+    specular = plain.glossy(light, mirrored, roughness) * (fresnel * scale[:, None] + bias[:, None])
     opened = torch.tensor([dense_openness(*each) for each in zip(place, normal, strict=True)], dtype=F64)[:, None]
     arriving = torch.stack([
         sum(share * values["irradiance"][number] for number, share, _ in corners(point, -1.9, 3.8 / 3, 4))

@@ -17,7 +17,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import (
 from radiogs_baselines.methods.gs_ir.shading import shade_points
 from radiogs_baselines.methods.seen_points import SeenPoints
 from radiogs_baselines.methods.split_sum import SplitSumLight, metallic_factor
-from radiogs_bench.lab.kernels import plain_split_sum
+from radiogs_bench.lab.kernels import plain
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.transport.sampling import GOLDEN_ANGLE
 
@@ -123,7 +123,7 @@ def test_metals_have_the_lobe_of_their_albedo(metal: float, roughness: float, vi
     points = SeenPoints(0 * normal, normal, albedo, rough, outgoing, rough)
     light = SplitSumLight(filtered_light(torch.ones(16, 32, 3, dtype=F64), "exact"))
     found = shade_points(points, light, metallic=torch.tensor([metal], dtype=F64)).direct
-    scale, bias = plain_split_sum.brdf_integral(torch.tensor([view], dtype=F64), rough)
+    scale, bias = plain.brdf_integral(torch.tensor([view], dtype=F64), rough)
     expected = albedo + (0.04 * (1 - metal) + metal * albedo) * scale + bias
     torch.testing.assert_close(found, expected, rtol=1e-5, atol=0)
 

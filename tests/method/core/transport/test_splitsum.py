@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_bench.lab.kernels import plain_split_sum as dense
+from radiogs_bench.lab.kernels import plain as dense
 from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL, specular
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.transport.light_filters import LEVELS
@@ -137,7 +137,7 @@ def test_float64_equals_the_dense_expression_and_its_gradients(height: int) -> N
     pulls = torch.randn(2, 300, 3, dtype=F64)
     pulls[0, 50:150] = pulls[1, 100:200] = 0.0  # one part alone, and nothing
     found = []
-    for function in (split_sum_radiance, dense.split_sum_radiance):
+    for function in (split_sum_radiance, dense.split_sum_plainly):
         leaves = [value.clone().requires_grad_() for value in (radiance, *surface)]
         value = torch.stack(function(*leaves[1:], PrefilteredLight(leaves[0])))
         # On a level, and at the ends of the table, the slope to roughness is one side's: not compared.
