@@ -107,13 +107,13 @@ def export(options: argparse.Namespace) -> int:
     sweep = read_sweep(options.out)  # says what to do where there is no run
     store = Store(options.out)
     if options.to == "tensorboard":
-        from ..export.event_files import write_event_files
+        from ..export.loggers import write_event_files
 
         folder = options.file or options.out / options.to
         say(f"{folder}: progress of {write_event_files(store, sweep, folder)} cells")
         return 0
     if options.to == "wandb":
-        from ..export.wandb_runs import write_wandb_runs
+        from ..export.loggers import write_wandb_runs
 
         folder = options.file or options.out
         count = write_wandb_runs(store, sweep, folder)

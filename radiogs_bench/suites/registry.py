@@ -7,10 +7,8 @@ from radiogs_core.errors import UsageError
 
 from .baseline_ablations import BASELINE_ABLATIONS
 from .baselines import BASELINES
-from .cost import COST_OF_ACCURACY, FINETUNE
 from .data_sets import DATA_SET_SUITES
-from .effects import EFFECTS_SUITE
-from .oracles import ORACLES
+from .own import COST_OF_ACCURACY, EFFECTS_SUITE, FINETUNE, ORACLES
 from .paper import (
     ABLATIONS,
     EFFICIENCY,

@@ -25,8 +25,7 @@ from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.schema import MetricValue
-from radiogs_bench.suites.cost import COST_OF_ACCURACY
-from radiogs_bench.suites.effects import EFFECTS_SUITE
+from radiogs_bench.suites.own import COST_OF_ACCURACY, EFFECTS_SUITE
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene

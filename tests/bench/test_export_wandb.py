@@ -11,7 +11,7 @@ import pytest
 
 from bench.fake_method import FakeSweep, asked, write_sweep
 from radiogs_bench.cli import main
-from radiogs_bench.export.scalars import course, end
+from radiogs_bench.export.loggers import course, end
 from radiogs_bench.runs.sweep import label
 from radiogs_bench.store.schema import Result
 

@@ -25,11 +25,10 @@ from radiogs_bench.lab.steps import yardsticks
 from radiogs_bench.lab.steps.document import table_of, with_tables
 from radiogs_bench.lab.steps.estimates import exponent_of, median_of, ratio_of_medians
 from radiogs_bench.lab.steps.history import append, read_history
-from radiogs_bench.lab.steps.measure import counting
+from radiogs_bench.lab.steps.measure import PARTS, Looking, counting, placed
 from radiogs_bench.lab.steps.passes import one_pass
 from radiogs_bench.lab.steps.ratios import as_table, compared, read_record, require_comparable
 from radiogs_bench.lab.steps.record import parts_said
-from radiogs_bench.lab.steps.sampling import PARTS, Looking, placed
 from radiogs_bench.lab.steps.sizes import SIZES
 from radiogs_bench.lab.steps.subject import ON_SURFACES, OWN_START, lay_on_surfaces, subject_of, surfels_over
 from radiogs_bench.methods import method, substitutes

@@ -1,0 +1,133 @@
+"""Finished cells for loggers: TensorBoard's event files, and runs of Weights & Biases.
+
+Runs of Weights & Biases are written offline, for `wandb sync`, unless WANDB_MODE says otherwise.
+"""
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..extras import extra_library
+from ..runs.sweep import Place, Sweep, label
+from ..store.folder import Store
+from ..store.schema import Result
+
+
+@dataclass(frozen=True)
+class Scalars:
+    """Values at one step of a stage, by ``loss/NAME`` and, where the model was scored then, ``TASK/MEASURE``."""
+
+    stage: str
+    step: int
+    values: dict[str, float]
+
+
+def course(result: Result) -> Iterator[Scalars]:
+    """Every point of the trail, stage by stage."""
+    for stage, points in result["trail"].items():
+        for point in points:
+            losses = {f"loss/{name}": value for name, value in point["losses"].items()}
+            yield Scalars(stage, point["iteration"], losses | point["metrics"])
+
+
+def end(result: Result) -> dict[str, float]:
+    """The finished model's metrics that have a value."""
+    return {name: each["value"] for name, each in result["metrics"].items() if each["value"] is not None}
+
+
+END = "end"
+"""The group of the finished model's metrics, at the last step of the last stage."""
+
+
+def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
+    """Write a folder ROW/SCENE-seed-N for each finished cell of the run; returns how many.
+
+    Scalars are ``STAGE/loss/NAME``, ``STAGE/TASK/MEASURE`` where the model was scored during training, both by the
+    steps of their stage, and ``end/TASK/MEASURE``. Raises UsageError without the library `tensorboard`.
+    """
+    writer = extra_library("torch.utils.tensorboard", "event files need tensorboard", "tensorboard").SummaryWriter
+    finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
+    for place, result in finished:
+        cell = f"{place['scene']}-seed-{place['seed']}"
+        with writer(log_dir=str(folder / _plain(place["row"], place) / _plain(cell, place))) as events:
+            _write(events, result)
+    return len(finished)
+
+
+def _plain(name: str, place: Place) -> str:
+    """A name of a folder; one that had to be changed gets the cell's key, so that no two are the same."""
+    changed = re.sub(r"[^\w-]", "_", name)[:80]
+    return name if changed == name else f"{changed}-{place['key'][:8]}"
+
+
+def _write(events: Any, result: Result) -> None:
+    last = 0
+    for point in course(result):
+        last = point.step
+        for name, value in point.values.items():
+            events.add_scalar(f"{point.stage}/{name}", value, last)
+    for name, value in end(result).items():
+        events.add_scalar(f"{END}/{name}", value, last)
+
+
+PROJECT = "radiogs-bench"
+
+
+def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
+    """Write a run for each finished cell into ``folder``/wandb, where wandb keeps runs; returns how many.
+
+    A run's id is the cell's key, so that a cell that is sent again is not there twice. Its group is the suite, its
+    config the cell's settings. Values are ``STAGE/loss/NAME`` and ``STAGE/TASK/MEASURE`` by ``STAGE/step``; its summary
+    has the finished model's metrics. Raises UsageError without the library `wandb`.
+    """
+    wandb = extra_library("wandb", "runs of Weights & Biases need wandb", "wandb")
+    finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
+    folder.mkdir(parents=True, exist_ok=True)
+    for place, result in finished:
+        with wandb.init(
+            project=os.environ.get("WANDB_PROJECT", PROJECT),
+            dir=str(folder),
+            id=place["key"],
+            name=label(place),
+            group=sweep["suite"],
+            config=_settings(place, result),
+            resume="allow",
+            mode=os.environ.get("WANDB_MODE", "offline"),
+            settings=wandb.Settings(
+                console="off",
+                silent=True,
+                disable_code=True,
+                disable_git=True,
+                x_disable_stats=True,
+                x_disable_meta=True,
+            ),
+        ) as run:
+            _log(run, result)
+    return len(finished)
+
+
+def _log(run: Any, result: Result) -> None:
+    """The steps of each stage begin anew, so each has an axis of its own."""
+    for stage in result["trail"]:
+        run.define_metric(f"{stage}/*", step_metric=f"{stage}/step")
+    for point in course(result):
+        run.log({f"{point.stage}/{name}": value for name, value in {"step": point.step, **point.values}.items()})
+    run.summary.update(end(result))
+
+
+def _settings(place: Place, result: Result) -> dict[str, Any]:
+    """What the run's table is sorted and filtered by."""
+    cell = result["cell"]
+    return {
+        "scene": place["scene"],
+        "row": place["row"],
+        "seed": place["seed"],
+        "method": cell["method"],
+        "preset": cell["budget"]["name"],
+        "variant": cell["variant"],
+        "protocol": result["protocol"]["name"],
+        "device": cell["device"],
+    }

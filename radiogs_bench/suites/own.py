@@ -1,0 +1,155 @@
+"""Suites without a table in the paper: cost, the audit of effect plans, and the oracle ladder.
+
+``cost`` and ``finetune`` turn the knobs of training and of fine-tuning one at a time. ``effects`` trains with only the
+effects that a scene needs, against training with all. ``oracles`` replaces parts of what a method finds by the truth,
+to see what each is responsible for.
+"""
+
+from collections.abc import Sequence
+
+from radiogs_core.capabilities import PARTS, Part
+from radiogs_core.transport.plan import EFFECTS
+
+from .experiment import AUDIT, COST
+from .suite import Metric, Row, Suite
+
+
+def _parts(factor: float) -> str:
+    """A factor in words, for keys: ``1/8`` is ``eighth``."""
+    return {0.125: "eighth", 0.25: "quarter", 0.5: "half", 1.0: "whole", 2.0: "double", 4.0: "fourfold"}[factor]
+
+
+ITERATIONS = "<finetune_iterations>"
+
+FINETUNED: tuple[tuple[str, str], ...] = (("finetuned", "PBR finetuned"), ("surfels", "Surfel finetuned"))
+
+FINETUNE = Suite(
+    name="finetune",
+    title="Fine-tuning under a new light: quality by iterations, and when it pays",
+    published=None,
+    reference="split-sum",
+    rows=(
+        Row("split-sum", "PBR split-sum", "PBR split-sum", {}),
+        *(
+            Row(
+                f"{mode}-{_parts(factor)}",
+                f"{text}, {ITERATIONS} it.", f"{text}, {ITERATIONS} iterations (x {factor:g})",
+                {"relighting": mode}, {"finetune_iterations": factor},
+            )
+            for mode, text in FINETUNED
+            for factor in (0.125, 0.25, 0.5, 1.0)
+        ),
+    ),
+    columns=(
+        *(Metric("relight", measure) for measure in ("psnr", "ssim", "lpips")),
+        Metric("render", "ms"), Metric("prepare", "ms"),
+    ),
+)  # fmt: skip
+
+
+def _knob(key: str, latex: str, text: str, field: str, factors: Sequence[float]) -> tuple[Row, ...]:
+    """One row for each factor of a field of the budget."""
+    return tuple(
+        Row(
+            f"{key}-{_parts(factor)}",
+            rf"{latex} $\times{factor:g}=<{field}>$",
+            f"{text} x {factor:g} = <{field}>",
+            {},
+            {field: factor},
+        )
+        for factor in factors
+    )
+
+
+COST_OF_ACCURACY = Suite(
+    name="cost",
+    title="What accuracy costs in time",
+    published=None,
+    reference="reference",
+    rows=(
+        Row("reference", "All of the preset", "The preset as it is", {}),
+        *_knob("iterations", "Iterations", "iterations", "inverse_iterations", (0.125, 0.25, 0.5)),
+        *_knob("ns", "$N_s$", "N_s", "incident_samples", (0.25, 0.5, 2.0)),
+        *_knob("ng", "$N_g$", "N_g", "consistency_surfels", (0.25, 0.5, 2.0)),
+        *_knob("refresh", "Refresh interval", "refresh interval", "refresh_interval", (0.25, 4.0)),
+        Row(
+            "draft", "Draft",
+            "draft, half of all: <inverse_iterations> iterations, N_s <incident_samples>, N_g <consistency_surfels>",
+            {},
+            {"inverse_iterations": 0.5, "incident_samples": 0.5, "consistency_surfels": 0.5},
+        ),
+        Row("split-sum", "Split-sum", "no visibility, no indirect light (split sum)", {"shading": "split-sum"}),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("relight", "psnr"),
+        Metric("indirect", "psnr"),
+    ),
+    experiment=COST,
+)  # fmt: skip
+
+
+def _all_but(*left_out: str) -> dict[str, tuple[str, ...]]:
+    return {"effects": tuple(name for name in EFFECTS if name not in left_out)}
+
+
+EFFECTS_SUITE = Suite(
+    name="effects",
+    title="Simulating only the effects that a scene needs",
+    published=None,
+    reference="everything",
+    rows=(
+        Row("everything", "Everything", "everything", {}),
+        Row("auto", "By evidence (auto)", "by evidence (effects: auto)", {"effects": "auto"}),
+        Row("no-rays", "No rays", "no visibility, no indirect light", _all_but("visibility", "indirect")),
+        Row("no-indirect", "No indirect light", "no indirect light", _all_but("indirect")),
+        Row("no-specular", "No specular", "no specular part", _all_but("specular")),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("albedo", "psnr"), Metric("roughness", "mse"), Metric("relight", "psnr"),
+        Metric("plan", "bound"), Metric("plan", "worst"), Metric("stage2", "rays"),
+        Metric("stage2", "seconds"), Metric("training", "seconds"),
+    ),
+    scenes=(
+        "convex", "patchwork", "occluder", "wire", "corner", "red_white", "bowl", "glossy", "mirror",
+        "niche", "knot", "print",
+    ),
+    experiment=AUDIT,
+)  # fmt: skip
+"""The rows after ``auto`` switch effects off by hand, to show what that costs where they matter."""
+
+
+def _row(key: str, text: str, *given: Part) -> Row:
+    return Row(key, "", text, given=given)
+
+
+def _without(*left: Part) -> Row:
+    return _row(f"all-but-{'-'.join(left)}", f"all but {' and '.join(left)}", *(p for p in PARTS if p not in left))
+
+
+ORACLES = Suite(
+    name="oracles",
+    title="What each part of the truth is worth",
+    published=None,
+    reference="none",
+    rows=(
+        _row("none", "nothing given"),
+        *(_row(part, f"{part} given", part) for part in PARTS),
+        _row("geometry-light", "geometry and light", "geometry", "light"),
+        _row("geometry-indirect", "geometry and indirect light", "geometry", "indirect"),
+        _row("light-albedo", "light and albedo", "light", "albedo"),
+        _row("geometry-light-indirect", "geometry, light and indirect light", "geometry", "light", "indirect"),
+        *(_without("albedo", other) for other in ("geometry", "light", "indirect")),
+        *(_without("light", other) for other in ("geometry", "roughness", "indirect")),
+        *(_without(part) for part in PARTS),
+        _row("all", "everything given", *PARTS),
+    ),
+    columns=(
+        Metric("nvs", "psnr"), Metric("normal", "mae"), Metric("albedo", "psnr"), Metric("roughness", "mse"),
+        Metric("relight", "psnr"), Metric("indirect", "psnr"), Metric("environment", "error_scaled"),
+    ),
+)  # fmt: skip
+"""Besides each part alone, and all but each: what shape and light leave to the materials, with and without indirect
+light; shape and indirect light, which go together; light and albedo, which images cannot tell apart by themselves.
+
+All but two: giving albedo settles the metric of albedo, so what another part is worth to it last out is seen only
+between rows without albedo. Likewise for light; for roughness and normals as far as these rows go."""
