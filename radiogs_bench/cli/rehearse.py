@@ -71,7 +71,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from ..lab.rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
     from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from ..lab.rehearsal.record import Asked, fits, record_of
-    from ..runs.engines.run import COMPILED_ON
+    from ..runs.preflight import COMPILED_ON
     from ..runs.progress import LogProgress
     from ..runs.warm_up import compile_kernels
     from ..store.atomic import write_atomically

@@ -20,6 +20,7 @@ from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..suites.experiment import EXPERIMENTS
 from ..suites.suite import Row, Suite, with_numbers
 from .cell import Cell, Work, cell_of
 
@@ -99,6 +100,10 @@ class Request:
     method: Callable[[str], Method] = find_method
     options: SceneOptions = AS_STORED
     command: Sequence[str] = ()
+
+    def experiment(self) -> Callable[..., None]:
+        """The function that runs one of the cells, given a bench, the cell and its scene."""
+        return EXPERIMENTS[self.suite.experiment].run()
 
     def cells(self) -> list[tuple[Place, Cell]]:
         """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.

@@ -48,9 +48,7 @@ FORWARD_PARITY = "forward-parity"
 STABILITY = "stability"
 """Hard cases in float32 against float64."""
 
-_TRAIN, _PARITY, _HARD_CASES = (
-    f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "stability.experiment")
-)
+_TRAIN, _PARITY, _HARD_CASES = (f"radiogs_bench.runs.{name}" for name in ("train", "forward_parity", "hard_cases"))
 
 EXPERIMENTS: Mapping[str, Experiment] = {
     each.name: each

@@ -11,7 +11,6 @@ import sys
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from queue import Empty, SimpleQueue
 
 import torch
@@ -21,28 +20,21 @@ from radiogs_core.kernels.runtime import workers
 from radiogs_datasets import load_scene
 
 from ...errors import DONE, EXIT_CODES, UNEXPECTED, Killed
-from ...scoring.metrics import protocol
-from ...scoring.metrics.weights import complaint
 from ...store.folder import Store
 from ...store.pace import Pace, pace_of
-from ...suites.experiment import EXPERIMENTS
 from ..cell import Cell
 from ..interruption import Interruption
 from ..kept_pace import KeptPace
-from ..preflight import read_everything
+from ..preflight import COMPILED_ON, make_ready
 from ..progress import Progress
 from ..stages import Bench
 from ..sweep import Place, Request, label
-from ..warm_up import compile_kernels
 from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, run_on_cluster
 from .delegate import Recipe
 from .in_process import Task, run_cells
 
 CPU = torch.device("cpu")
-
-COMPILED_ON = "convex"
-"""The scene on which kernels are compiled: one with images, because some experiments have scenes without."""
 
 
 @dataclass(frozen=True)
@@ -85,29 +77,13 @@ def work_along(request: Request, bench: Bench, number: int, count: int) -> Ended
 
 def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[ExplainedError]:
     """Run cells in this process; returns the errors of those that failed."""
-    experiment = EXPERIMENTS[request.suite.experiment].run()
+    experiment = request.experiment()
 
     def run(cell: Cell) -> None:
         with KeptPace(bench.progress, bench.store, cell.key) as progress:
             experiment(replace(bench, progress=progress), cell, request.scenes[cell.scene])
 
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
-
-
-def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
-    """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
-    scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
-    progress = bench.progress
-    for scene in scenes:
-        read_everything(scene, partial(progress.advance, f"reading {scene.name}"))
-    if scenes:
-        if any(column.measure.startswith("lpips") for column in request.suite.columns):
-            for rules in protocol(request.protocol).lpips:
-                if complaint(rules.net):
-                    progress.say(complaint(rules.net))
-        progress.say("compiling kernels (kept for the next run)")
-        work = ((bench.method(cell.found_as), cell.variant) for cell in unfinished if cell.stages)
-        compile_kernels(load_scene(COMPILED_ON), bench.device, work)
 
 
 def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
@@ -249,7 +225,7 @@ def _on_cluster(request: Request, tasks: Sequence[Task], bench: Bench, engine: E
             )
     recipe = Recipe(
         bench.method,
-        EXPERIMENTS[request.suite.experiment].run(),
+        request.experiment(),
         load_scene,
         COMPILED_ON,
         request.options,

@@ -15,17 +15,17 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
-from ...scoring.metrics import Value, protocol
-from ...scoring.metrics_by_view import MetricsByView
-from ...store.provenance import reset_peaks, session
-from ..cell import Cell
-from ..result import EVALUATE, add_stage, empty_result
-from ..scene_files import require_unchanged
-from ..stages import Bench
-from .curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
-from .light import LIGHT_AXES
-from .placement import PLACEMENT_AXES
-from .surfels import SURFEL_AXES
+from ..scoring.metrics import Value, protocol
+from ..scoring.metrics_by_view import MetricsByView
+from ..store.provenance import reset_peaks, session
+from .cell import Cell
+from .result import EVALUATE, add_stage, empty_result
+from .scene_files import require_unchanged
+from .stability.curve import EPS, SAFE, TASKS, Axis, Errors, Stand, Task, measure
+from .stability.light import LIGHT_AXES
+from .stability.placement import PLACEMENT_AXES
+from .stability.surfels import SURFEL_AXES
+from .stages import Bench
 
 AXES: Mapping[str, Axis] = {axis.key: axis for axis in (*SURFEL_AXES, *PLACEMENT_AXES, *LIGHT_AXES)}
 
