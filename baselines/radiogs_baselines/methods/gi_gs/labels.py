@@ -1,7 +1,6 @@
 """What stands between a run and the published method, as labels that go with its results."""
 
-from .budget import PRESETS, Budget
-from .variant import Variant
+from .variant import PRESETS, Budget, Variant
 
 PAPER = PRESETS["paper"]
 

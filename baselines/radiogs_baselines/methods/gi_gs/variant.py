@@ -1,4 +1,11 @@
-"""What an ablation of GI-GS changes."""
+"""What an ablation of GI-GS changes.
+
+How GI-GS learns materials and light: every weight, rate and starting value as data.
+
+Defaults are those of its script, which are GS-IR's, where nothing else is said; shares are of the stage's iterations.
+
+The knobs of GI-GS's cost, as presets.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -6,8 +13,112 @@ from typing import Any, Literal
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 
+from ..material_start import LightAndPaint
 from ..split_sum import Frame
-from .learning import MaterialLearning
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a run may do.
+
+    Stage 1, shared with other methods: see ``radiogs_core.learning.fit_geometry.GeometryBudget``. Stage 2:
+    ``inverse_iterations`` steps; each frame looks around from every pixel along the directions of a grid of
+    ``azimuths`` by ``heights`` (see ``grid``), and at ``march_steps`` places a radius along each. ``light_height`` is
+    the height of the learnt environment map. Frames that are shown have a grid of ``render_azimuths`` by
+    ``render_heights``.
+    """
+
+    name: str
+    initialise_iterations: int
+    initial_surfels: int
+    maximum_surfels: int
+    densify_interval: int
+    geometry_rate: float
+    inverse_iterations: int
+    azimuths: int
+    heights: int
+    march_steps: int
+    light_height: int
+    render_azimuths: int
+    render_heights: int
+
+    def __post_init__(self) -> None:
+        for name in ("heights", "render_heights"):
+            if getattr(self, name) < 3:
+                raise UsageError(
+                    f"{name}: {getattr(self, name)} is less than 3",
+                    "The first one is the normal and the last one the horizon; neither counts.",
+                )
+
+
+BUDGET_SHOWN_ONLY = ("render_azimuths", "render_heights")
+"""Fields that training does not read."""
+
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Budget("smoke", 60, 400, 600, 20, 12.0, 20, 8, 5, 8, 8, 8, 5),
+        Budget("tiny", 2000, 6000, 6000, 100, 12.0, 600, 8, 5, 16, 16, 16, 9),
+        Budget("small", 5000, 20_000, 50_000, 200, 5.0, 3000, 16, 9, 16, 32, 32, 17),
+        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 5000, 32, 17, 16, 64, 32, 17),
+    )
+}
+"""Stage 1 and the size of the light are RadioGS's, so that both methods' rows have the same."""
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses; 0 leaves one out."""
+
+    shaded: float = 1.0
+    """L1 between the shaded image and the training image, display sRGB."""
+    variation: float = 1.0
+    """Squared differences of neighbouring pixels' albedo, roughness and metallic."""
+    plainness: float = 0.001
+    """Distance of roughness from 1 and of metallic from 0."""
+    light_smoothness: float = 0.01
+    """Squared differences of neighbouring texels' log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates."""
+
+    albedo: float = 0.05
+    """Rate of the albedo's logits at the start."""
+    albedo_end: float = 0.05 * 10**-0.5
+    """The same at the end, geometric in between: the script falls to a tenth in 10,000 steps and stops after 5,000."""
+    roughness: float = 0.05
+    """Rate of the roughness' logits."""
+    metallic: float = 0.05
+    """Rate of the metallic's logits."""
+    light: float = 0.05
+    """Rate of the light's log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialStart(LightAndPaint):
+    """What materials and light start as."""
+
+    albedo: float = 0.73
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.73
+    """Perceptual roughness r."""
+    metallic: float = 0.73
+    """Share of metal, where it is learnt."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials and light."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""
+
 
 Sum = Literal["display", "linear"]
 """Where direct and indirect light are added up: as display sRGB, each encoded by itself, or as linear radiance."""

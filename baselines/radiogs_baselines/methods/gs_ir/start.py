@@ -11,8 +11,7 @@ from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 
 from ..material_start import GEOMETRY, first_light_and_albedo
-from .budget import Budget
-from .variant import Variant
+from .variant import Budget, Variant
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,11 @@
-"""What an ablation of GS-IR changes."""
+"""What an ablation of GS-IR changes.
+
+How GS-IR learns materials, light and irradiance: every weight, rate and starting value as data.
+
+Defaults are those of its scripts for TensoIR's scenes where nothing else is said.
+
+The knobs of GS-IR's cost, as presets.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
@@ -6,8 +13,100 @@ from typing import Any, Literal
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 
+from ..material_start import LightAndPaint
 from ..split_sum import Frame
-from .learning import MaterialLearning
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a run may do.
+
+    Stage 1, shared with other methods: see ``radiogs_core.learning.fit_geometry.GeometryBudget``. Between the stages
+    occlusion is baked on a lattice of ``occlusion_corners`` corners an edge by ``occlusion_directions`` rays from each
+    corner near a surface. Stage 2: ``inverse_iterations`` steps, of all pixels of one view; the occlusion of each is a
+    mean over ``occlusion_samples`` directions. ``irradiance_corners``: corners an edge of the volume of indirect
+    irradiance. ``light_height``: height of the learnt environment map.
+    """
+
+    name: str
+    initialise_iterations: int
+    initial_surfels: int
+    maximum_surfels: int
+    densify_interval: int
+    geometry_rate: float
+    inverse_iterations: int
+    occlusion_corners: int
+    occlusion_directions: int
+    occlusion_samples: int
+    irradiance_corners: int
+    light_height: int
+
+
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Budget("smoke", 60, 400, 600, 20, 12.0, 20, 8, 64, 16, 6, 8),
+        Budget("tiny", 2000, 6000, 6000, 100, 12.0, 600, 32, 256, 32, 32, 16),
+        Budget("small", 5000, 20_000, 50_000, 200, 5.0, 2500, 64, 1024, 128, 32, 32),
+        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 5000, 128, 4096, 256, 64, 32),
+    )
+}
+"""Stage 1 is RadioGS's, so that both methods' rows have the same."""
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses; 0 leaves one out."""
+
+    shaded: float = 1.0
+    """L1 between the shaded image and the training image, display sRGB."""
+    smoothness: float = 1.0
+    """Squared differences of neighbouring pixels' albedo, roughness and metalness, less at edges of the image."""
+    prior: float = 0.001
+    """Mean of 1 - roughness, and of the metalness: materials are rough and not metallic."""
+    light_smoothness: float = 0.01
+    """Squared differences of neighbouring texels' log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates; all are the script's rate of opacities."""
+
+    albedo: float = 0.05
+    """Rate of the albedo's logits."""
+    roughness: float = 0.05
+    """Rate of the roughness' logits."""
+    metallic: float = 0.05
+    """Rate of the metalness' logits."""
+    light: float = 0.05
+    """Rate of the light's log-radiance."""
+    irradiance: float = 0.05
+    """Rate of the irradiance's harmonics."""
+
+
+@dataclass(frozen=True)
+class MaterialStart(LightAndPaint):
+    """What materials and light start as; irradiance starts at zero."""
+
+    albedo: float = 0.731
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.742
+    """Perceptual roughness r."""
+    metallic: float = 0.731
+    """Metalness, where there is one."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials, light and irradiance."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""
+
 
 TexelAreas = Literal["exact", "approximate"]
 """Solid angles of texels in the diffuse pre-filter: as they are, or those of GS-IR's code, 8 % too large."""

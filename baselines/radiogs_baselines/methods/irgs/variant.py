@@ -1,12 +1,127 @@
-"""What an ablation of IRGS changes."""
+"""What an ablation of IRGS changes.
+
+How IRGS learns materials and light: every weight, rate and starting value as data.
+
+Defaults are those of its scripts for TensoIR's scenes where nothing else is said; shares are of the stage's iterations.
+
+The knobs of IRGS's cost, as presets.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 
-from .learning import MaterialLearning
+from ..material_start import LightAndPaint
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a run may do.
+
+    Stage 1, shared with other methods: see ``radiogs_core.learning.fit_geometry.GeometryBudget``. Stage 2:
+    ``inverse_iterations`` steps; each shades ``pixels`` pixels of one view by ``incident_samples`` rays (N_s).
+    ``light_height`` is the height of the learnt environment map. Images under the recovered light take
+    ``render_samples`` rays a pixel; relit ones so many spread over the hemisphere and drawn from the light.
+    """
+
+    name: str
+    initialise_iterations: int
+    initial_surfels: int
+    maximum_surfels: int
+    densify_interval: int
+    geometry_rate: float
+    inverse_iterations: int
+    pixels: int
+    incident_samples: int
+    light_height: int
+    render_samples: int
+    relight_hemisphere_samples: int
+    relight_light_samples: int
+
+
+BUDGET_SHOWN_ONLY = ("render_samples", "relight_hemisphere_samples", "relight_light_samples")
+"""Fields that training does not read."""
+
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Budget("smoke", 60, 400, 600, 20, 12.0, 20, 64, 8, 8, 8, 8, 8),
+        Budget("tiny", 2000, 6000, 6000, 100, 12.0, 600, 256, 32, 16, 64, 64, 64),
+        Budget("small", 5000, 20_000, 50_000, 200, 5.0, 3000, 512, 64, 32, 128, 128, 64),
+        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 1024, 256, 64, 512, 512, 256),
+    )
+}
+"""Stage 1 and the size of the light are RadioGS's, so that both methods' rows have the same."""
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses; 0 leaves one out. The last three act on geometry alone: only where it is learnt."""
+
+    shaded: float = 1.0
+    """L1 between the shaded pixels and the training image, display sRGB."""
+    absolute: float = ABSOLUTE_WEIGHT
+    """L1 between the image of the surfels' own radiance and the training image, display sRGB."""
+    similarity: float = SIMILARITY_WEIGHT
+    """1 - SSIM between these two."""
+    albedo_smoothness: float = 2.0
+    """Slopes of the albedo where the image has no edges."""
+    roughness_smoothness: float = 2.0
+    """Slopes of the roughness where the image has no edges."""
+    light_prior: float = 0.1
+    """Distance of the direct light's channels from their mean at the shaded pixels: light is nearly white."""
+    light_smoothness: float = 0.0005
+    """Squared differences of neighbouring texels' log-radiance."""
+    normal: float = 0.05
+    """Distance between the surfels' normals and those of the depth map."""
+    mask: float = 0.01
+    """Cross-entropy between coverage and the mask."""
+    normal_smoothness: float = 0.01
+    """Slopes of the normals where the image has no edges."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates."""
+
+    albedo: float = 0.0075
+    """Rate of the albedo's logits."""
+    roughness: float = 0.005
+    """Rate of the roughness' logits."""
+    light: float = 0.01
+    """Rate of the light's log-radiance."""
+    radiance: float = 0.0075
+    """Rate of the surfels' harmonics of degree 0."""
+    radiance_rest: float = 0.0075 / 20
+    """Rate of the harmonics of higher degrees."""
+
+
+@dataclass(frozen=True)
+class MaterialStart(LightAndPaint):
+    """What materials and light start as."""
+
+    albedo: float = 0.3
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.6
+    """Perceptual roughness r."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials and light."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""
+    normal_from: float = 1_000 / 20_000
+    """Share of the stage after which normals are held to the depth map, where geometry is learnt."""
+
 
 Indirect = Literal["traced", "detached", "none"]
 """L_ind in training: traced with gradient to the harmonics of the surfels that rays meet, without, or zero."""

@@ -14,7 +14,7 @@ from radiogs_core.learning.losses import (
 )
 from radiogs_core.transport.splatting import Splat
 
-from .learning import MaterialWeights
+from .variant import MaterialWeights
 
 
 def image_losses(

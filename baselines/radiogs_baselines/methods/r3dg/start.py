@@ -10,10 +10,9 @@ from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels
 
 from ..material_start import first_light_and_albedo
-from .budget import Budget
 from .materials import learnt_from
 from .model import before_softplus
-from .variant import Variant
+from .variant import Budget, Variant
 
 LEARNT = ("albedo_logit", "roughness_logit")
 """Raw parameters of surfels that stage 2 learns; all others, the harmonics among them, stay as stage 1 left them."""

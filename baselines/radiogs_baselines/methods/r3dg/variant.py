@@ -1,12 +1,119 @@
-"""What an ablation of R3DG changes."""
+"""What an ablation of R3DG changes.
+
+How R3DG learns materials and light: every weight, rate and starting value as data.
+
+Defaults are those of its script for Synthetic4Relight where nothing else is said.
+
+The knobs of R3DG's cost, as presets.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
 
-from .learning import MaterialLearning
+from ..material_start import LightAndPaint
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a run may do.
+
+    Stage 1, shared with other methods: see ``radiogs_core.learning.fit_geometry.GeometryBudget``. Stage 2:
+    ``inverse_iterations`` steps; each shades all surfels by ``incident_samples`` directions (S), along which visibility
+    was traced before, or, with ``Variant.visibility`` "retraced", is traced anew at ``retraced_surfels`` surfels a
+    step. ``local_rate`` multiplies the rates of the local light (short runs take longer steps). ``light_height`` is
+    the height of the learnt environment map. ``relight_samples``: directions of each surfel under another light.
+    """
+
+    name: str
+    initialise_iterations: int
+    initial_surfels: int
+    maximum_surfels: int
+    densify_interval: int
+    geometry_rate: float
+    inverse_iterations: int
+    incident_samples: int
+    retraced_surfels: int
+    local_rate: float
+    light_height: int
+    relight_samples: int
+
+
+BUDGET_SHOWN_ONLY = ("relight_samples",)
+"""Fields that training does not read."""
+
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Budget("smoke", 60, 400, 600, 20, 12.0, 20, 8, 64, 4.0, 8, 16),
+        Budget("tiny", 2000, 6000, 6000, 100, 12.0, 600, 32, 256, 4.0, 16, 128),
+        Budget("small", 5000, 20_000, 50_000, 200, 5.0, 3000, 64, 1024, 2.0, 16, 192),
+        Budget("paper", 40_000, 100_000, 2_000_000, 500, 1.0, 20_000, 64, 4096, 1.0, 16, 384),
+    )
+}
+"""Stage 1 is RadioGS's, so that both methods' rows have the same."""
+
+
+@dataclass(frozen=True)
+class MaterialWeights:
+    """Weights of the losses; 0 leaves one out."""
+
+    absolute: float = ABSOLUTE_WEIGHT
+    """L1 between the shaded image and the training image, display sRGB."""
+    similarity: float = SIMILARITY_WEIGHT
+    """1 - SSIM between these two."""
+    albedo_smoothness: float = 1.0
+    """Slopes of the albedo, encoded for display, where the image has no edges."""
+    roughness_smoothness: float = 0.5
+    """Slopes of the roughness where the image has no edges."""
+    irradiance_smoothness: float = 1.0
+    """Slopes of the irradiance, encoded for display, where the normals have no edges."""
+    light_prior: float = 0.01
+    """Distance of the channels of every surfel's irradiance from their mean: light is nearly white."""
+    light_smoothness: float = 0.01
+    """Squared differences of neighbouring texels' log-radiance."""
+
+
+@dataclass(frozen=True)
+class MaterialRates:
+    """Adam's learning rates."""
+
+    albedo: float = 0.01
+    """Rate of the albedo's logits."""
+    roughness: float = 0.01
+    """Rate of the roughness' logits."""
+    light: float = 0.1
+    """Rate of the environment map before its softplus."""
+    local: float = 0.001
+    """Rate of the local light's harmonics of degree 0."""
+    local_rest: float = 0.001 / 10
+    """Rate of its harmonics of higher degrees."""
+
+
+@dataclass(frozen=True)
+class MaterialStart(LightAndPaint):
+    """What materials and light start as; the local light starts at zero."""
+
+    albedo: float = 0.415
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.54
+    """Perceptual roughness r."""
+
+
+@dataclass(frozen=True)
+class MaterialLearning:
+    """How stage 2 learns materials and light."""
+
+    weights: MaterialWeights = field(default_factory=MaterialWeights)
+    """Weights of the losses."""
+    rates: MaterialRates = field(default_factory=MaterialRates)
+    """Learning rates."""
+    start: MaterialStart = field(default_factory=MaterialStart)
+    """What materials and light start as."""
+
 
 LocalLight = Literal["free", "gated", "none"]
 """The light of a surfel's own harmonics: added as it is, multiplied by 1 - V, or zero."""

@@ -6,9 +6,8 @@ from radiogs_core.learning.views import TrainingView
 from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
 
 from ..material_start import first_light_and_albedo
-from .learning import MaterialRates
 from .model import Model
-from .variant import Variant
+from .variant import MaterialRates, Variant
 
 FROZEN = ("centre", "rotation", "log_scale", "albedo_logit", "roughness_logit")
 """Raw parameters of surfels that stage 2 leaves alone: where they are, and what their vertices have instead."""

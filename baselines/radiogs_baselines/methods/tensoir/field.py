@@ -9,9 +9,9 @@ from torch import Tensor
 from torch.nn.functional import softplus
 
 from .box import Box, cell_centres, widened
-from .budget import Budget
 from .interpolation import finer_lines, finer_planes, nodes_around, products, slope_of_sum
 from .networks import answer, network_start
+from .variant import Budget
 
 DENSITY_SHIFT = -10.0
 """Added to the sum of factors inside the softplus: space starts nearly empty."""

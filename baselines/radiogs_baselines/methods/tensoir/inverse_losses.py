@@ -6,7 +6,6 @@ from torch import Tensor
 
 from radiogs_core.scene.colour import srgb_encode
 
-from .budget import Budget
 from .drawing import Drawn
 from .field import Field
 from .lighting import RecoveredLight
@@ -15,7 +14,7 @@ from .marching import Rays, march
 from .model import Model
 from .seen import Seen, seen_along
 from .shading import surface_points
-from .variant import Variant
+from .variant import Budget, Variant
 
 
 def inverse_losses(

@@ -1,9 +1,8 @@
 """What stands between a run and the published method, as labels that go with its results."""
 
-from .budget import PRESETS, Budget
 from .field import UNITS
 from .secondary import NEAR, NEAREST_SPACINGS
-from .variant import Variant
+from .variant import PRESETS, Budget, Variant
 
 PAPER = PRESETS["paper"]
 

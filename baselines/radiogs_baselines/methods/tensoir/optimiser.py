@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from .field import GRIDS
-from .learning import Rates
+from .variant import Rates
 
 MOMENTS = (0.9, 0.99)
 """Decay of Adam's moments."""

@@ -1,11 +1,150 @@
-"""What an ablation of TensoIR changes."""
+"""What an ablation of TensoIR changes.
+
+How TensoIR learns: every weight, rate and moment as data; defaults are those of its configurations for one light.
+
+Shares are of the second stage's iterations.
+
+The knobs of TensoIR's cost, as presets.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 from radiogs_core.errors import UsageError
 
-from .learning import Learning
+
+@dataclass(frozen=True)
+class Budget:
+    """How much work a run may do.
+
+    ``rays`` of ``views`` training views are marched a step, first for ``field_iterations`` steps of the radiance field
+    alone, then for ``inverse_iterations``. The grid has ``grid_start`` nodes an edge at first and ``grid_end`` in the
+    end; the box is known to be empty or not by ``cells`` an edge. ``light_rows`` rows of twice as many directions are
+    looked along for light, with ``secondary_samples`` samples each; relighting draws ``relight_samples`` from the
+    light. ``network_rate`` multiplies the rates of networks and light: short runs take longer steps.
+    """
+
+    name: str
+    field_iterations: int
+    inverse_iterations: int
+    rays: int
+    views: int
+    grid_start: int
+    grid_end: int
+    cells: int
+    density_components: int
+    appearance_components: int
+    features: int
+    hidden: int
+    lobes: int
+    light_rows: int
+    secondary_samples: int
+    relight_samples: int
+    network_rate: float
+
+
+BUDGET_SHOWN_ONLY = ("relight_samples",)
+"""Fields that training does not read."""
+
+BUDGET_INVERSE_ONLY = ("grid_end", "lobes", "light_rows", "secondary_samples", *BUDGET_SHOWN_ONLY)
+"""Fields that the stage of the radiance field does not read; of the other stage's length its rates depend."""
+
+PRESETS = {
+    preset.name: preset
+    for preset in (
+        Budget("smoke", 20, 20, 64, 4, 12, 16, 16, 4, 6, 8, 16, 8, 4, 8, 8, 3.0),
+        Budget("tiny", 1500, 1500, 256, 8, 32, 40, 64, 8, 12, 12, 32, 32, 4, 16, 64, 3.0),
+        Budget("small", 5000, 10_000, 1024, 8, 64, 128, 96, 12, 24, 18, 64, 64, 8, 48, 128, 2.0),
+        Budget("paper", 10_000, 70_000, 4096, 32, 128, 300, 256, 16, 48, 27, 128, 128, 16, 96, 512, 1.0),
+    )
+}
+
+
+@dataclass(frozen=True)
+class FieldWeights:
+    """Weights of the losses of the radiance field alone; 0 leaves one out."""
+
+    radiance: float = 1.0
+    """Mean squared error of marched pixels, display values."""
+    sparsity: float = 8e-5
+    """Mean absolute entry of the density's planes and lines, summed over them."""
+    density_variation: float = 0.05
+    """A fiftieth of the mean squared differences of neighbouring entries of the density's planes."""
+    appearance_variation: float = 0.005
+    """The same of the appearance's planes."""
+
+
+@dataclass(frozen=True)
+class InverseWeights:
+    """Weights of the losses of inverse rendering; 0 leaves one out."""
+
+    radiance: float = 1.0
+    """Mean squared error of marched pixels, display sRGB of linear radiance."""
+    shaded: float = 0.2
+    """Mean squared error of shaded pixels, display sRGB."""
+    normal_difference: float = 0.002
+    """Squared distance between predicted and derived normals along rays. Published: 0.0005 to 0.005, by scene."""
+    orientation: float = 0.001
+    """Squared cosine of predicted normals that face away along rays. Published: 0.001 to 0.005, by scene."""
+    albedo_smoothness: float = 0.001
+    """Squared relative difference between albedo here and nearby, along rays."""
+    roughness_smoothness: float = 0.001
+    """The same of roughness."""
+    sparsity: float = 4e-5
+    """As in ``FieldWeights``."""
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Adam's learning rates; both fall to ``end`` of themselves over both stages, and start anew with each grid."""
+
+    grid: float = 0.02
+    """Rate of planes and lines."""
+    network: float = 0.001
+    """Rate of the networks, the basis and the light, times the budget's ``network_rate``."""
+    end: float = 0.1
+    """What is left of them at the end."""
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """When the second stage does what, as shares of its iterations."""
+
+    finer_at: tuple[float, ...] = (0.0, 1 / 7, 2 / 7, 3 / 7)
+    """When the grid becomes finer, by the same factor each time."""
+    emptied_at: tuple[float, ...] = (0.0, 1 / 14, 2 / 14, 3 / 14, 4 / 14, 5 / 14)
+    """When cells without density are left out from then on."""
+
+
+@dataclass(frozen=True)
+class LightStart:
+    """What the spherical Gaussians start as."""
+
+    mean: float = 0.4
+    """Radiance averaged over all directions (published: an energy of 1.6 pi)."""
+    sharpness: float = 10.0
+    """Least sharpness."""
+    spread: float = 20.0
+    """Scale of the half-normal that is added to it."""
+
+
+@dataclass(frozen=True)
+class Learning:
+    """How both stages learn."""
+
+    radiance_field: FieldWeights = field(default_factory=FieldWeights)
+    """Losses of the radiance field alone."""
+    inverse: InverseWeights = field(default_factory=InverseWeights)
+    """Losses of inverse rendering."""
+    rates: Rates = field(default_factory=Rates)
+    """Learning rates."""
+    schedule: Schedule = field(default_factory=Schedule)
+    """Moments of the second stage."""
+    light: LightStart = field(default_factory=LightStart)
+    """What the light starts as."""
+    nearby: float = 0.01 / 1.5
+    """Standard deviation of the displacement at which smoothness compares materials, half edges of the box."""
+
 
 SHOWN_ONLY = ("shown", "relight_visibility")
 """Fields that training does not read."""

@@ -18,11 +18,10 @@ from baselines.methods.gi_gs.training import (
     variant,
 )
 from known_ball import BALL, COLOUR, SCENE, noise
-from radiogs_baselines.methods.gi_gs.budget import Budget
 from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.stage import InverseRendering
-from radiogs_baselines.methods.gi_gs.variant import README_START, Variant
+from radiogs_baselines.methods.gi_gs.variant import README_START, Budget, Variant
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.errors import UsageError
 from radiogs_core.surfels.surfels import Surfels

@@ -10,13 +10,12 @@ from baselines.methods.tensoir.world import BUDGET, run_of
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.tensoir.box import box_of, cell_centres
 from radiogs_baselines.methods.tensoir.drawing import Drawn
-from radiogs_baselines.methods.tensoir.learning import InverseWeights, Learning, Schedule
 from radiogs_baselines.methods.tensoir.marching import Rays
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import LIGHT
 from radiogs_baselines.methods.tensoir.optimiser import Optimiser
 from radiogs_baselines.methods.tensoir.stage import InverseRendering, RadianceField
-from radiogs_baselines.methods.tensoir.variant import Variant
+from radiogs_baselines.methods.tensoir.variant import InverseWeights, Learning, Schedule, Variant
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
