@@ -1,9 +1,16 @@
-"""Stage 2 of GI-GS: materials and light from images of whole frames, shaded with what each frame shows of itself."""
+"""Stage 2 of GI-GS: materials and light from images of whole frames, shaded with what each frame shows of itself.
+
+The losses of stage 2, all of one frame; weights are ``learning.MaterialWeights``.
+
+What stage 2 starts from: surfels of stage 1, new materials, a new light, and the rates of them all.
+"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
@@ -12,16 +19,17 @@ from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from ..split_sum import SplitSumLight
 from .gbuffer import GBuffer, gbuffer, seen_materials
 from .grid import Grid
-from .losses import image_loss, plainness, variation
 from .marching import March
 from .model import Model
 from .shading import Shader
-from .start import frozen, rates_of, start_of
+from .variant import Variant
 
 
 class InverseRendering:
@@ -92,3 +100,72 @@ class InverseRendering:
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
+
+
+def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
+    """Mean L1 between the shaded image and the training image on black, display sRGB.
+
+    Where the target is saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    """
+    found = torch.where(target >= 1, image.clamp(max=1), image)
+    return (found - target).abs().mean()
+
+
+def variation(
+    maps: Float[Tensor, "height width channels"],
+    target: Float[Tensor, "height width 3"],
+    solid: Bool[Tensor, "height width"],
+) -> Float[Tensor, ""]:
+    """Squared differences of neighbouring pixels, where both are solid, down and across; averaged over all pixels.
+
+    They count as exp(-d), where d is the mean distance of the channels of ``target`` (display sRGB) between the two.
+    """
+    total = maps.new_zeros(())
+    for dim in (0, 1):
+        if maps.shape[dim] > 1:
+            change, edge = maps.diff(dim=dim).square(), torch.exp(-target.diff(dim=dim).abs().mean(-1))
+            length = maps.shape[dim] - 1
+            both = solid.narrow(dim, 0, length) & solid.narrow(dim, 1, length)
+            total = total + (change * torch.where(both, edge, 0.0)[..., None]).mean()
+    return total
+
+
+def plainness(buffer: GBuffer, metallic: bool) -> Float[Tensor, ""]:
+    """Mean of 1 - roughness over the points, and of the share of metal where it is learnt; 0 for no points."""
+    if not len(buffer):
+        return buffer.roughness.new_zeros(())
+    rough = (1 - buffer.roughness).mean()
+    return rough + buffer.metallic.mean() if metallic else rough
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    metal = torch.full_like(surfels.roughness_logit, inverse_sigmoid(start.metallic)) if variant.metallic else None
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metal)
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter, at the start; ``extent``: the scene's, world units."""
+    rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
+    return {
+        "centre": scale * (before.position_end * extent),
+        "rotation": scale * before.end_share * before.rotation,
+        "log_scale": scale * before.end_share * before.scale,
+        "opacity_logit": scale * before.end_share * before.opacity,
+        "sh": 0.0,
+        "sh_rest": 0.0,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "metallic_logit": rates.metallic,
+        "log_environment": rates.light,
+    }
+
+
+def frozen(surfels: Surfels, moves: bool) -> Surfels:
+    """The surfels whose radiance has no gradient, nor, unless it ``moves``, their geometry."""
+    return surfels.held("sh") if moves else surfels.held("sh", *GEOMETRY)

@@ -1,30 +1,36 @@
-"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading, under occlusion baked before."""
+"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading, under occlusion baked before.
+
+The losses of GS-IR's stage 2 that no other method has; that of the light is in ``radiogs_core.learning.losses``.
+
+What stage 2 starts from: surfels of stage 1, new materials and light, no irradiance yet, and the rates of them.
+"""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.geometry import turning
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from ..split_sum import SplitSumLight
 from .baking import Reach, bake
 from .irradiance import IrradianceVolume
 from .lattice import Lattice
-from .losses import image_loss, material_prior, material_smoothness
 from .model import Model
 from .prefilter import filtered_light
 from .rendering import View
-from .start import frozen, rates_of, start_of
-from .variant import Variant
+from .variant import Budget, Variant
 
 MATERIALS = ("albedo", "roughness", "metallic")
 """Blended maps that are kept smooth; the last where there is one."""
@@ -109,3 +115,83 @@ class InverseRendering:
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
+
+
+CHANNELS = 5
+"""Albedo, roughness and metalness: what the published smoothness is a mean over, whether metalness is learnt or not."""
+
+
+def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
+    """Mean L1 between display-sRGB images. What is brighter than 1 is cut off, and has no gradient."""
+    return (image.clamp(0, 1) - target).abs().mean()
+
+
+def material_smoothness(
+    materials: Float[Tensor, "height width channels"],
+    guide: Float[Tensor, "height width 3"],
+    covered: Bool[Tensor, "height width"],
+) -> Float[Tensor, ""]:
+    """Mean squared difference of neighbouring covered pixels, times exp(-|difference of ``guide``|).
+
+    The mean is over all pairs of pixels along x and along y, and ``CHANNELS`` channels; ``guide`` is the training image
+    in display sRGB, whose channels' differences are averaged.
+    """
+    total = materials.new_zeros(())
+    for axis in (0, 1):
+        pairs = covered.narrow(axis, 1, covered.shape[axis] - 1) & covered.narrow(axis, 0, covered.shape[axis] - 1)
+        if pairs.numel():
+            allowed = torch.exp(-guide.diff(dim=axis).abs().mean(-1)) * pairs
+            total = total + (materials.diff(dim=axis).square().sum(-1) * allowed).mean() / CHANNELS
+    return total
+
+
+def material_prior(roughness: Float[Tensor, " points"], metallic: Float[Tensor, " points"] | None) -> Float[Tensor, ""]:
+    """Mean of 1 - roughness plus that of the metalness; 0 for no points."""
+    smooth = 1 - roughness if metallic is None else 1 - roughness + metallic
+    return smooth.sum() / max(1, len(smooth))
+
+
+@dataclass(frozen=True)
+class Start:
+    """Surfels with starting materials, the logarithm of the light, and the metalness' logits where there are any."""
+
+    surfels: Surfels
+    log_environment: Float[Tensor, "height width 3"]
+    metallic_logit: Float[Tensor, " surfels"] | None
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Start:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    metallic = None
+    if variant.metallic:
+        metallic = torch.full_like(learnt.roughness_logit, inverse_sigmoid(start.metallic))
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Start(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metallic)
+
+
+def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter; those of geometry are what stage 1 ends with. ``extent``: the scene's."""
+    rates, before = variant.materials.rates, variant.geometry.rates
+    late = variant.lr_scale * before.end_share
+    return {
+        "centre": variant.lr_scale * budget.geometry_rate * before.position_end * extent,
+        "rotation": late * turning(budget.geometry_rate) * before.rotation,
+        "log_scale": late * before.scale,
+        "opacity_logit": late * before.opacity,
+        "sh": 0.0,
+        "sh_rest": 0.0,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "metallic_logit": rates.metallic,
+        "log_environment": rates.light,
+        "irradiance": rates.irradiance,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    return surfels.held(*GEOMETRY)

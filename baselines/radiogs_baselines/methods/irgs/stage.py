@@ -1,9 +1,16 @@
-"""Stage 2 of IRGS: materials and light by shading random pixels, with rays through the surfels' harmonics."""
+"""Stage 2 of IRGS: materials and light by shading random pixels, with rays through the surfels' harmonics.
+
+The losses of shaded pixels; those of whole maps are in ``radiogs_core.learning.losses``.
+
+What stage 2 starts from: surfels and radiance of stage 1, new materials, a new light, and the rates of them all.
+"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
@@ -13,6 +20,7 @@ from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
     environment_smoothness,
+    light_prior,
     mask_entropy,
     normal_consistency,
     reconstruction,
@@ -20,16 +28,17 @@ from radiogs_core.learning.losses import (
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
+from ..material_start import GEOMETRY, first_light_and_albedo
 from ..seen_points import covered_pixels, seen_points, seen_surfels
-from .losses import neutrality, pixel_loss
 from .model import Model
 from .rays import Rays
-from .shading import shade_points
-from .start import frozen, rates_of, start_of
+from .shading import mean_direct_light, shade_points
+from .variant import Variant
 
 
 class InverseRendering:
@@ -155,3 +164,57 @@ class InverseRendering:
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
+
+
+def pixel_loss(
+    radiance: Float[Tensor, "pixels 3"],
+    alpha: Float[Tensor, " pixels"],
+    target: Float[Tensor, "pixels 3"],
+    straight: bool = True,
+) -> Float[Tensor, ""]:
+    """Mean L1 between shaded pixels and the training image on black, display sRGB; 0 for no pixels.
+
+    radiance: linear, of the covered part of each pixel. straight: see ``splatting.displayed``. Where the target is
+    saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    """
+    found = displayed((radiance * alpha[:, None])[None], alpha[None], straight)[0]
+    found = torch.where(target >= 1, found.clamp(max=1), found)
+    return (found - target).abs().sum() / max(1, target.numel())
+
+
+def neutrality(incident: Incident, environment: Float[Tensor, "rows columns 3"]) -> Float[Tensor, ""]:
+    """Mean distance of the channels of V L_env, averaged over each point's hemisphere, from their mean; 0 for none."""
+    if not len(incident.weight):
+        return environment.new_zeros(())
+    return light_prior(mean_direct_light(incident, environment))
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
+    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter; ``extent``: the scene's, world units."""
+    rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
+    return {
+        "centre": scale * (before.position * extent),
+        "rotation": scale * before.rotation,
+        "log_scale": scale * before.scale,
+        "opacity_logit": scale * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    return surfels.held(*GEOMETRY)

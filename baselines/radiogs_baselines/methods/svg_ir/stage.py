@@ -1,9 +1,15 @@
-"""Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once."""
+"""Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
+
+SVG-IR's own loss: materials are fitted to the radiance that is kept.
+
+What stage 2 starts from: surfels and radiance of stage 1, new materials, a new light, and the rates of them all.
+"""
 
 from collections.abc import Mapping
 from typing import Any
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.contract import Run
@@ -19,13 +25,14 @@ from radiogs_core.learning.losses import (
 )
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
 from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
 
-from .losses import radiance_consistency
+from ..material_start import first_light_and_albedo
 from .model import LEARNT, Model
-from .shading import limited, materials_of, shade_vertices
-from .start import frozen, rates_of, start_of
-from .table import Walk, table_of
+from .shading import limited, materials_of, mirrored, one_bounce, shade_vertices
+from .table import Table, Walk, table_of
+from .variant import MaterialRates, Variant
 from .vertices import blend_vertices
 
 
@@ -139,3 +146,64 @@ class InverseRendering:
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
+
+
+def radiance_consistency(
+    model: Model,
+    table: Table,
+    index: Int[Tensor, " chosen"],
+    eye: Float[Tensor, "3"],
+    environment: Float[Tensor, "rows columns 3"],
+    distance: float,
+) -> Float[Tensor, ""]:
+    """Mean L1, over ``index``, between one bounce at a ray's first hit and the ray's kept radiance times the ratio.
+
+    One ray a surfel, see ``mirrored``; a surfel without one counts as zero. Gradient to the materials of what is met,
+    seen by a camera or not, to ``environment`` and to the ratio.
+    """
+    surfel, sample = mirrored(table, model.surfels, index, eye)
+    if not len(surfel):
+        return environment.new_zeros(())
+    bounce = one_bounce(materials_of(model, model.albedo), table, surfel, sample, environment, distance)
+    kept = model.ratio * table.radiance[surfel, sample]
+    return (bounce - kept).abs().sum() / (3 * len(index))
+
+
+FROZEN = ("centre", "rotation", "log_scale", "albedo_logit", "roughness_logit")
+"""Raw parameters of surfels that stage 2 leaves alone: where they are, and what their vertices have instead."""
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Model(
+        surfels=learnt,
+        cached=learnt,
+        vertex_albedo_logit=torch.logit(albedo)[:, None].repeat(1, vertices, 1),
+        vertex_roughness_logit=like.new_full((len(learnt), vertices), roughness_to_logit(start.roughness)),
+        vertex_offset=like.new_zeros(len(learnt), vertices, 3),
+        log_environment=light.log(),
+        ratio=like.new_ones(()),
+    )
+
+
+def rates_of(rates: MaterialRates) -> dict[str, float]:
+    """Learning rates by raw parameter."""
+    return dict.fromkeys(FROZEN, 0.0) | {
+        "opacity_logit": rates.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "vertex_albedo_logit": rates.albedo,
+        "vertex_roughness_logit": rates.roughness,
+        "vertex_offset": rates.offset,
+        "log_environment": rates.light,
+        "ratio": rates.ratio,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels without gradient to what stays: it is neither computed nor stepped on."""
+    return surfels.held(*FROZEN)

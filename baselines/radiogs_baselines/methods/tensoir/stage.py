@@ -1,24 +1,33 @@
-"""The stages of TensoIR: a radiance field from the training images, then its materials and the light beside it."""
+"""The stages of TensoIR: a radiance field from the training images, then its materials and the light beside it.
+
+The losses of inverse rendering: marched pixels, shaded pixels, and what ties normals and materials down.
+
+Adam on named parameters whose shapes may change, with a state that resumes bit for bit.
+"""
 
 from collections.abc import Mapping
 from typing import Any
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.views import chosen_views, load
+from radiogs_core.scene.colour import srgb_encode
 
 from .box import Box, box_of
 from .drawing import Drawn, drawn_rays
-from .field import Field, field_start
-from .inverse_losses import inverse_losses
+from .field import GRIDS, Field, field_start
 from .light import SphericalGaussians, light_start
-from .losses import on_background, sparsity, squared_error, variation
-from .marching import march
+from .lighting import RecoveredLight
+from .losses import facing_away, mean_along_rays, on_background, relative_difference, sparsity, squared_error, variation
+from .marching import Rays, march
 from .model import LIGHT, Model
-from .optimiser import Optimiser
+from .seen import Seen, seen_along
+from .shading import surface_points
+from .variant import Budget, Rates, Variant
 
 
 class _Learning:
@@ -156,3 +165,111 @@ class InverseRendering(_Learning):
     def product(self) -> dict[str, Any]:
         """The model as plain values (see ``Model.tensors``)."""
         return self.model.tensors()
+
+
+def inverse_losses(
+    model: Model, drawn: Drawn, variant: Variant, budget: Budget, generator: torch.Generator
+) -> dict[str, Tensor]:
+    """The weighted losses of some rays by name; ``generator`` displaces samples, directions and neighbours."""
+    weights, field, rays = variant.learning.inverse, model.field, drawn.rays
+    marched = march(field, rays, generator)
+    seen = seen_along(field, rays, marched)
+    marched_pixels = on_background(marched.blended(seen.radiance), marched.alpha, drawn.background, linear=True)
+    light = RecoveredLight(model.light, variant, budget.light_rows, budget.secondary_samples, displaced=True)
+    shaded_pixels = shaded_on_background(field, drawn, seen, light, generator)
+    return {
+        "radiance": weights.radiance * squared_error(marched_pixels, drawn.target),
+        "shaded": weights.shaded * squared_error(shaded_pixels, drawn.target),
+        "sparsity": weights.sparsity * sparsity(field),
+        **_normal_losses(seen, rays, variant),
+        **_smoothness(field, seen, variant, generator),
+    }
+
+
+def shaded_on_background(
+    field: Field, drawn: Drawn, seen: Seen, light: RecoveredLight, generator: torch.Generator
+) -> Float[Tensor, "rays 3"]:
+    """Shaded pixels as display sRGB: clipped to [0, 1] before they are encoded; the background elsewhere."""
+    points = surface_points(drawn.rays, seen.marched, seen.materials(light.variant.normals))
+    shaded = light.on(field, points, generator)
+    colour = srgb_encode((shaded.direct + shaded.indirect).clamp(0, 1))
+    return drawn.background.expand(-1, 3).index_copy(0, points.ray, colour)
+
+
+def _normal_losses(seen: Seen, rays: Rays, variant: Variant) -> dict[str, Tensor]:
+    """Normals that are shaded with face the camera; predicted ones are those of the density."""
+    weights, direction = variant.learning.inverse, rays.direction[seen.marched.ray]
+    if variant.normals == "derived":
+        away = facing_away(seen.derived, direction)
+        return {"orientation": weights.orientation * mean_along_rays(seen.marched, away)}
+    apart = (seen.predicted - seen.derived).square().sum(-1)
+    away = facing_away(seen.predicted, direction)
+    return {
+        "normal difference": weights.normal_difference * mean_along_rays(seen.marched, apart),
+        "orientation": weights.orientation * mean_along_rays(seen.marched, away),
+    }
+
+
+def _smoothness(field: Field, seen: Seen, variant: Variant, generator: torch.Generator) -> dict[str, Tensor]:
+    """Materials here and a little beside."""
+    weights, place = variant.learning.inverse, seen.marched.places
+    drawn = torch.randn(place.shape, generator=generator, dtype=place.dtype, device=place.device)
+    beside = place + variant.learning.nearby * drawn
+    albedo, roughness = field.materials(field.features(beside), beside)
+    of_albedo = relative_difference(seen.albedo, albedo)
+    of_roughness = relative_difference(seen.roughness[:, None], roughness[:, None])
+    return {
+        "albedo smoothness": weights.albedo_smoothness * mean_along_rays(seen.marched, of_albedo),
+        "roughness smoothness": weights.roughness_smoothness * mean_along_rays(seen.marched, of_roughness),
+    }
+
+
+MOMENTS = (0.9, 0.99)
+"""Decay of Adam's moments."""
+
+
+class Optimiser:
+    """Grids step at one rate, networks and light at another; both fall from where the grid was last made finer.
+
+    ``total``: steps over which they fall to ``rates.end``.
+    """
+
+    def __init__(self, parameters: Mapping[str, Tensor], rates: Rates, network_rate: float, total: int) -> None:
+        self.rates, self.network_rate, self.total = rates, network_rate, total
+        self.since = 0
+        self.replace(parameters)
+
+    def replace(self, parameters: Mapping[str, Tensor]) -> None:
+        """Begin anew with other parameters: without moments, and at the first rates."""
+        self.since = 0
+        self.tensors = {name: value.detach().clone().requires_grad_() for name, value in parameters.items()}
+        groups = [{"params": [value], "name": name} for name, value in self.tensors.items()]
+        self.adam = torch.optim.Adam(groups, betas=MOMENTS)
+
+    def step(self) -> None:
+        """One step; gradients are gone afterwards."""
+        left = self.rates.end ** (self.since / self.total)
+        for group in self.adam.param_groups:
+            on_grid = group["name"] in GRIDS
+            group["lr"] = left * (self.rates.grid if on_grid else self.rates.network * self.network_rate)
+        self.adam.step()
+        self.adam.zero_grad()
+        self.since += 1
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        moments = {
+            name: dict(self.adam.state[value]) for name, value in self.tensors.items() if value in self.adam.state
+        }
+        return {"tensors": self.plain(), "moments": moments, "since": self.since}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.replace(state["tensors"])
+        self.since = state["since"]
+        for name, moments in state["moments"].items():
+            self.adam.state[self.tensors[name]] = {key: value.clone() for key, value in moments.items()}
+
+    def plain(self) -> dict[str, Tensor]:
+        """The parameters without gradient history."""
+        return {name: value.detach() for name, value in self.tensors.items()}

@@ -10,9 +10,9 @@ from baselines.methods.gi_gs.training import BUDGET, STANDING, run_of, variant
 from baselines.methods.irgs.world import grey
 from baselines.methods.trained_models import gi_gs as trained
 from known_ball import SCENE
-from radiogs_baselines.methods.gi_gs.labels import labels_of
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.model import Model
+from radiogs_baselines.methods.gi_gs.trained import labels_of
 from radiogs_baselines.methods.gi_gs.variant import PRESETS, Variant
 from radiogs_core.scene.colour import srgb_encode
 

@@ -14,9 +14,8 @@ from baselines.methods.trained_models import LOW_ROOF as ROOFED
 from baselines.methods.trained_models import gs_ir as trained
 from baselines.methods.trained_models import gs_ir_model as model
 from known_ball import SCENE
-from radiogs_baselines.methods.gs_ir.labels import labels_of
 from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
-from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR
+from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR, labels_of
 from radiogs_baselines.methods.gs_ir.variant import PRESETS, Variant
 from radiogs_core.errors import DataError
 

@@ -10,9 +10,9 @@ from baselines.methods.irgs.world import DOWN, grey, sheet, together
 from baselines.methods.trained_models import HIGH_ROOF as ROOFED
 from baselines.methods.trained_models import irgs as trained
 from known_ball import BALL, SCENE
-from radiogs_baselines.methods.irgs.labels import labels_of
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.model import Model
+from radiogs_baselines.methods.irgs.trained import labels_of
 from radiogs_baselines.methods.irgs.variant import PRESETS, Variant
 
 CAMERA = SCENE.test[0].camera

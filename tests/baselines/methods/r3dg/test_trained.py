@@ -12,9 +12,9 @@ from baselines.methods.r3dg.world import around
 from baselines.methods.trained_models import HIGH_ROOF as ROOFED
 from baselines.methods.trained_models import r3dg as trained
 from known_ball import SCENE
-from radiogs_baselines.methods.r3dg.labels import labels_of
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model
+from radiogs_baselines.methods.r3dg.trained import labels_of
 from radiogs_baselines.methods.r3dg.variant import PRESETS, Variant
 from radiogs_core.surfels.ply import read_ply
 

@@ -9,8 +9,7 @@ from baselines.methods.irgs.training import product_of
 from baselines.methods.svg_ir.training import BUDGET, UNSEEN, only, run_of, stage_of, tensors_of, variant
 from known_ball import COLOUR, SCENE
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
-from radiogs_baselines.methods.svg_ir.stage import InverseRendering
-from radiogs_baselines.methods.svg_ir.start import FROZEN
+from radiogs_baselines.methods.svg_ir.stage import FROZEN, InverseRendering
 from radiogs_baselines.methods.svg_ir.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.views import load

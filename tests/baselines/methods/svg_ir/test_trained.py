@@ -11,9 +11,9 @@ from baselines.methods.svg_ir.world import model_of
 from baselines.methods.trained_models import LOW_ROOF as ROOFED
 from baselines.methods.trained_models import svg_ir as trained
 from known_ball import SCENE
-from radiogs_baselines.methods.svg_ir.labels import labels_of
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
 from radiogs_baselines.methods.svg_ir.shading import reduced
+from radiogs_baselines.methods.svg_ir.trained import labels_of
 from radiogs_baselines.methods.svg_ir.variant import PRESETS, Variant
 from radiogs_core.scene.light import EnvironmentMap
 

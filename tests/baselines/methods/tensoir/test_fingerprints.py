@@ -19,8 +19,7 @@ from baselines.methods.tensoir.world import (
     sum_of,
     whole_box,
 )
-from radiogs_baselines.methods.tensoir.field import Field
-from radiogs_baselines.methods.tensoir.interpolation import nodes_around, products
+from radiogs_baselines.methods.tensoir.field import Field, nodes_around, products
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start, stratified_directions
 from radiogs_baselines.methods.tensoir.lighting import NewLight, RecoveredLight
 from radiogs_baselines.methods.tensoir.marching import STEP, Rays, march

@@ -9,10 +9,10 @@ from torch import Tensor
 from baselines.methods.tensoir.world import BUDGET, random_field, whole_box
 from radiogs_baselines.methods.tensoir.drawing import Drawn
 from radiogs_baselines.methods.tensoir.field import Field
-from radiogs_baselines.methods.tensoir.inverse_losses import inverse_losses
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start
 from radiogs_baselines.methods.tensoir.marching import Rays, march
 from radiogs_baselines.methods.tensoir.model import LIGHT, Model
+from radiogs_baselines.methods.tensoir.stage import inverse_losses
 from radiogs_baselines.methods.tensoir.variant import LightStart, Variant
 
 STEP = 1e-6

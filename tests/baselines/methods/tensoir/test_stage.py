@@ -13,8 +13,7 @@ from radiogs_baselines.methods.tensoir.drawing import Drawn
 from radiogs_baselines.methods.tensoir.marching import Rays
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import LIGHT
-from radiogs_baselines.methods.tensoir.optimiser import Optimiser
-from radiogs_baselines.methods.tensoir.stage import InverseRendering, RadianceField
+from radiogs_baselines.methods.tensoir.stage import InverseRendering, Optimiser, RadianceField
 from radiogs_baselines.methods.tensoir.variant import InverseWeights, Learning, Schedule, Variant
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.learning.views import load

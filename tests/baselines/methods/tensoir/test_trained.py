@@ -9,10 +9,10 @@ import torch
 from baselines.methods.tensoir.world import BUDGET, grey, looking_down, run_of
 from baselines.methods.trained_models import FLOOR
 from baselines.methods.trained_models import tensoir as trained
-from radiogs_baselines.methods.tensoir.labels import labels_of
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.model import Model
+from radiogs_baselines.methods.tensoir.trained import labels_of
 from radiogs_baselines.methods.tensoir.variant import PRESETS, Variant
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import texel_directions
