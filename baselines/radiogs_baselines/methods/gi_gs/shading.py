@@ -1,10 +1,7 @@
-"""A whole frame, shaded under a light, with occlusion and one bounce that are found in the frame itself.
+"""A whole frame, shaded under a light: the split sum, with occlusion and one bounce that are found in the frame itself.
 
-What the marches of a frame come to: occlusion, and the light of other pixels.
-
-The sum of direct and gathered light as an image.
-
-What the points of a frame send towards the camera: the split sum of the light, and a bounce that was gathered.
+The marches of ``marching`` say which pixels each direction meets. From them come the open share of the hemisphere and
+the light of other pixels; the display image adds direct and gathered light up.
 """
 
 from dataclasses import dataclass
@@ -20,14 +17,14 @@ from ..split_sum import Reflected, SplitSumLight, normal_reflectance
 from .gbuffer import GBuffer
 from .grid import GATHERED, Grid
 from .marching import LOOKUPS_AT_ONCE, NOTHING, March
-from .variant import Sum
+from .settings import Sum
 
 
 @dataclass(frozen=True)
 class Shader:
     """How frames are shaded. occlusion, indirect: whether the frame hides light, and whether it sends a bounce.
 
-    sum, straight: see ``composition.summed``.
+    sum, straight: see ``summed``.
     """
 
     march: March

@@ -2,9 +2,9 @@
 
 from ..surfel_method import SurfelMethod
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedGSIR
-from .variant import PRESETS, Variant
+from .settings import PRESETS, Variant
+from .showing import TrainedGSIR
+from .training import InverseRendering
 
 GS_IR_METHOD = SurfelMethod(
     name="gs-ir",

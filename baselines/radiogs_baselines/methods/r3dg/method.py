@@ -2,9 +2,9 @@
 
 from ..surfel_method import SurfelMethod
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedR3DG
-from .variant import PRESETS, BUDGET_SHOWN_ONLY, Variant
+from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .showing import TrainedR3DG
+from .training import InverseRendering
 
 R3DG_METHOD = SurfelMethod(
     name="r3dg",

@@ -2,9 +2,9 @@
 
 from ..surfel_method import SurfelMethod
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedSVGIR
-from .variant import PRESETS, BUDGET_SHOWN_ONLY, Variant
+from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .showing import TrainedSVGIR
+from .training import InverseRendering
 
 SVG_IR_METHOD = SurfelMethod(
     name="svg-ir",

@@ -13,7 +13,7 @@ from radiogs_core.scene.camera import Camera
 
 from .box import Box
 from .marching import Rays
-from .variant import Budget
+from .settings import Budget
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,7 @@
 """The field: density and features of places by vector-matrix factors, and what the networks make of features.
 
-Vector-matrix factors on a cubic grid: values between the nodes, their slopes, and finer grids.
-
-Factor m is a plane over two axes times a line over the third; planes are bilinear, lines linear, nodes at both ends.
-
-The small networks that read features: two hidden layers, inputs beside sines and cosines of them.
+Factor m is a plane over two axes of a cubic grid times a line over the third. Planes are bilinear, lines linear, with
+nodes at both ends.
 """
 
 import math
@@ -17,7 +14,7 @@ from torch import Tensor
 from torch.nn.functional import embedding, interpolate, linear, softplus
 
 from .box import Box, cell_centres, widened
-from .variant import Budget
+from .settings import Budget
 
 DENSITY_SHIFT = -10.0
 """Added to the sum of factors inside the softplus: space starts nearly empty."""

@@ -6,9 +6,9 @@ from typing import Any
 from radiogs_core.contract import Run, StageSpec, values_but
 
 from .model import Model
-from .stage import InverseRendering, RadianceField
-from .trained import TrainedTensoIR
-from .variant import BUDGET_INVERSE_ONLY, PRESETS, BUDGET_SHOWN_ONLY, Budget, Variant
+from .settings import BUDGET_INVERSE_ONLY, BUDGET_SHOWN_ONLY, PRESETS, Budget, Variant
+from .showing import TrainedTensoIR
+from .training import InverseRendering, RadianceField
 
 
 class TensoIR:
@@ -18,11 +18,11 @@ class TensoIR:
     title = "TensoIR"
     variant = Variant
     presets: Mapping[str, Budget] = PRESETS
-    sources = ("radiogs_baselines.methods.tensoir.trained",)
+    sources = ("radiogs_baselines.methods.tensoir.showing",)
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
         """The radiance field, and inverse rendering."""
-        modules = ("radiogs_baselines.methods.tensoir.stage",)
+        modules = ("radiogs_baselines.methods.tensoir.training",)
         return (
             StageSpec(
                 name="field",

@@ -119,7 +119,7 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(rows: int) -> None:
 
 
 def test_case_33_a_black_light_is_black_and_a_sun_is_finite() -> None:
-    """A broken texel is refused by name: see ``test_trained``."""
+    """A broken texel is refused by name: see ``test_showing``."""
     floor = together(sheet(0.0), block(1.0, 0.1, 1.5))
     black = shown(floor, looking_down(3.0, 31), SplitSumLight(PrefilteredLight(grey(0.0).radiance)))
     assert all(not black[name].any() for name in ("image", "direct", "indirect"))

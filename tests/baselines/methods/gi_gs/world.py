@@ -12,9 +12,9 @@ from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_mater
 from radiogs_baselines.methods.gi_gs.grid import Grid
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_baselines.methods.gi_gs.model import Model
+from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
-from radiogs_baselines.methods.gi_gs.trained import Renderer
-from radiogs_baselines.methods.gi_gs.variant import PRESETS, Sum
+from radiogs_baselines.methods.gi_gs.showing import Renderer
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels

@@ -14,7 +14,7 @@ from radiogs_baselines.methods.gs_ir.prefilter import (
     cube_directions,
     filtered_light,
 )
-from radiogs_baselines.methods.gs_ir.rendering import shade_points
+from radiogs_baselines.methods.gs_ir.shading import shade_points
 from radiogs_baselines.methods.seen_points import SeenPoints
 from radiogs_baselines.methods.split_sum import SplitSumLight, metallic_factor
 from radiogs_bench.lab.kernels import plain_split_sum

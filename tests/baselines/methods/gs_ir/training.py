@@ -5,8 +5,7 @@ from typing import Any
 
 from baselines.methods.irgs.training import GEOMETRY, product_of, tensors_of
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.gs_ir.stage import InverseRendering
-from radiogs_baselines.methods.gs_ir.variant import (
+from radiogs_baselines.methods.gs_ir.settings import (
     PRESETS,
     Budget,
     MaterialLearning,
@@ -14,6 +13,7 @@ from radiogs_baselines.methods.gs_ir.variant import (
     MaterialWeights,
     Variant,
 )
+from radiogs_baselines.methods.gs_ir.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

@@ -6,8 +6,7 @@ from typing import Any
 import torch
 
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.irgs.stage import InverseRendering
-from radiogs_baselines.methods.irgs.variant import (
+from radiogs_baselines.methods.irgs.settings import (
     PRESETS,
     Budget,
     MaterialLearning,
@@ -15,6 +14,7 @@ from radiogs_baselines.methods.irgs.variant import (
     MaterialWeights,
     Variant,
 )
+from radiogs_baselines.methods.irgs.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

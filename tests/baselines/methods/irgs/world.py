@@ -7,8 +7,8 @@ from torch import Tensor
 
 from radiogs_baselines.methods.irgs.model import Model
 from radiogs_baselines.methods.irgs.rays import Rays
-from radiogs_baselines.methods.irgs.trained import NewLight, RecoveredLight, Renderer
-from radiogs_baselines.methods.irgs.variant import PRESETS, Indirect
+from radiogs_baselines.methods.irgs.settings import PRESETS, Indirect
+from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import COEFFICIENTS

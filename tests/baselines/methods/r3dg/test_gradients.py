@@ -8,10 +8,9 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, looking_down, sheet, together
 from radiogs_baselines.methods.r3dg.local_light import arriving, local_radiance
-from radiogs_baselines.methods.r3dg.materials import bounded
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
-from radiogs_baselines.methods.r3dg.stage import Lit, blended, image_losses, light_losses, light_surfels
-from radiogs_baselines.methods.r3dg.variant import LocalLight, MaterialWeights
+from radiogs_baselines.methods.r3dg.settings import LocalLight, MaterialWeights
+from radiogs_baselines.methods.r3dg.training import Lit, blended, bounded, image_losses, light_losses, light_surfels
 from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.learning.geometry import GeometryLearning

@@ -8,8 +8,7 @@ import torch
 from baselines.methods.irgs.training import product_of
 from baselines.methods.irgs.world import DOWN, sheet, together
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.svg_ir.stage import InverseRendering
-from radiogs_baselines.methods.svg_ir.variant import (
+from radiogs_baselines.methods.svg_ir.settings import (
     PRESETS,
     Budget,
     MaterialLearning,
@@ -17,6 +16,7 @@ from radiogs_baselines.methods.svg_ir.variant import (
     MaterialWeights,
     Variant,
 )
+from radiogs_baselines.methods.svg_ir.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

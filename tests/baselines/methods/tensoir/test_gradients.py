@@ -12,8 +12,8 @@ from radiogs_baselines.methods.tensoir.field import Field
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start
 from radiogs_baselines.methods.tensoir.marching import Rays, march
 from radiogs_baselines.methods.tensoir.model import LIGHT, Model
-from radiogs_baselines.methods.tensoir.stage import inverse_losses
-from radiogs_baselines.methods.tensoir.variant import LightStart, Variant
+from radiogs_baselines.methods.tensoir.settings import LightStart, Variant
+from radiogs_baselines.methods.tensoir.training import inverse_losses
 
 STEP = 1e-6
 

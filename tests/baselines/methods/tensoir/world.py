@@ -11,7 +11,7 @@ from radiogs_baselines.methods.tensoir.box import Box
 from radiogs_baselines.methods.tensoir.field import DENSITY_SCALE, DENSITY_SHIFT, UNITS, Field, field_start
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.model import Model
-from radiogs_baselines.methods.tensoir.variant import PRESETS, Budget, Variant
+from radiogs_baselines.methods.tensoir.settings import PRESETS, Budget, Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
