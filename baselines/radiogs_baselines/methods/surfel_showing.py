@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -32,6 +32,7 @@ INCIDENT = "incident"
 """The mean indirect radiance that arrives, which is kept where it is asked for; under the recovered light alone."""
 
 
+@runtime_checkable
 class LitSurfels(Protocol):
     """What is recovered: surfels, and the linear radiance of the light that they were seen under."""
 
@@ -100,6 +101,7 @@ class TrainedOnSurfels(ABC, Generic[Model]):
         """Under another light, which is finite and on the model's device; albedo is multiplied by ``albedo_scale``."""
 
 
+@runtime_checkable
 class Renderer(Protocol):
     """Draws all maps of a view."""
 

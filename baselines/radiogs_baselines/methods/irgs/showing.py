@@ -4,7 +4,7 @@ Every covered pixel is shaded by rays. Labels say where a run differs from the p
 results.
 """
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
@@ -61,6 +61,7 @@ class TrainedIRGS(TrainedOnSurfels[Model]):
         return Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight))
 
 
+@runtime_checkable
 class Light(Protocol):
     """What the points of an image are lit by."""
 

@@ -6,7 +6,7 @@ they go with its results.
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -34,6 +34,7 @@ RAYS_AT_ONCE = 2048
 PixelMaps = dict[str, Float[Tensor, "pixels _"]]
 
 
+@runtime_checkable
 class Light(Protocol):
     """What the points of an image are lit by."""
 
