@@ -16,8 +16,8 @@ SHARED_DATA = Path(os.environ.get("RADIOGS_SHARED_DATA", ROOT.parent / "shared" 
 
 def _checked_modules() -> list[str]:
     """Every module but packages (a hook on one takes all it holds) and Warp sources, which Warp itself types."""
-    rooms = ("method", "method", "datasets", ".")
-    packages = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_bench")
+    rooms = ("method", "method", "datasets", "baselines", ".")
+    packages = ("radiogs_core", "radiogs", "radiogs_datasets", "radiogs_baselines", "radiogs_bench")
     return [
         ".".join(path.relative_to(ROOT / room).with_suffix("").parts)
         for room, package in zip(rooms, packages, strict=True)

@@ -32,7 +32,6 @@ class Record:
     exit_code: int
     seconds: float
     peak_bytes: int | None
-    gpu_memory: str = "n/a"
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> "Record":

@@ -12,7 +12,7 @@ from radiogs_core.learning.fit_geometry import fit_geometry
 class SurfelMethod:
     """A method in two stages; see ``radiogs_core.contract.Method`` and docs/baselines.md.
 
-    package: the name of its package; its modules ``stage`` and ``trained`` and what they import decide its results.
+    package: the name of its package; its modules ``training`` and ``showing`` and what they import decide its results.
     begin: its inverse rendering, from a run and the surfels of the shared stage. trained: its model, from the product
     of that. shown_only: fields of the budget that training does not read.
     """
@@ -29,7 +29,7 @@ class SurfelMethod:
     @property
     def sources(self) -> tuple[str, ...]:
         """The module that shows models; see ``contract.Method``."""
-        return (f"{self.package}.trained",)
+        return (f"{self.package}.showing",)
 
     def stages(self, variant: Any, budget: Any) -> Sequence[StageSpec]:
         """The shared stage of geometry, and inverse rendering."""
@@ -41,7 +41,7 @@ class SurfelMethod:
                 steps=budget.inverse_iterations,
                 owner=self.name,
                 reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *self.shown_only)},
-                sources=(f"{self.package}.stage",),
+                sources=(f"{self.package}.training",),
                 begin=self.begin,
                 compiles=True,
             ),

@@ -9,7 +9,7 @@ as many of their parts as lead to a file. nvdiffrec writes ``val_<k>_opt.png`` b
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from radiogs_core.errors import DataError
 from radiogs_datasets.bounded_reading import read_json
@@ -85,7 +85,7 @@ def _validation_pairs(folder: Path) -> Iterator[Pair]:
 
 def _pairs_of(file: Path) -> Iterator[Pair]:
     try:
-        for capture, entries in _read(file)["info"].items():
+        for capture, entries in read_json(file)["info"].items():
             for kind, task in IMAGES.items():
                 for entry in entries.get(kind, []):
                     named = (entry["output_image"], entry["target_image"])
@@ -129,10 +129,6 @@ def _located(file: Path, path: str) -> Path | None:
 
 def _is_handed_in(file: Path) -> bool:
     try:
-        return isinstance(_read(file).get("info"), dict)
+        return isinstance(read_json(file).get("info"), dict)
     except (DataError, AttributeError):
         return False
-
-
-def _read(file: Path) -> Any:
-    return read_json(file)

@@ -75,8 +75,8 @@ def encode(
 ) -> Float[Tensor, "height width _"]:
     """The values of a file before they are clipped to [0, 1] and rounded; ``image`` is on black, ``alpha`` its own.
 
-    ``decoding.read_map`` reads them as ``image``. On white, what it takes away is the white beside the *true* coverage:
-    the difference from the truth is then that of both on white, which is how such a code compares them.
+    ``predictions.read_map`` reads them as ``image``. On white it takes away the white beside the *true* coverage: the
+    difference from the truth is then that of both on white, which is how such a code compares them.
     """
     if rule.encoding == "normal":
         return image / 2 + 0.5

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -23,7 +24,7 @@ TREE = Path(__file__).parents[3]
 
 @pytest.fixture(autouse=True)
 def _short_grace(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(process.Running.__init__, "__defaults__", (0.3,))
+    monkeypatch.setattr(task, "Running", partial(process.Running, grace=0.3))
 
 
 def lives(pid: int) -> bool:

@@ -13,6 +13,7 @@ from baselines.methods.irgs.world import grey
 from baselines.methods.tensoir.world import looking_down
 from known_ball import SCENE
 from radiogs_bench.methods import method
+from radiogs_bench.sources import installed
 from radiogs_bench.suites.baselines import PUBLISHED_METHODS
 from radiogs_bench.suites.registry import suite
 from radiogs_core.contract import Method, Prepared, Trained
@@ -49,6 +50,16 @@ def test_it_is_a_method_and_registered(name: str) -> None:
     if name != "tensoir":
         assert all(isinstance(budget, GeometryBudget) for budget in ours.presets.values()), "it has the shared stage 1"
     assert isinstance(MODELS[name](), Trained)
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_no_stage_depends_on_how_a_model_is_shown(name: str) -> None:
+    """A reworded label or one more map trains nothing anew: stages' sources and their imports hold no such module."""
+    ours, sources = method(name), installed()
+    shows = {module for module in sources.closure(*ours.sources) if module.endswith(("showing", "labels"))}
+    assert set(ours.sources) <= shows
+    for stage in ours.stages(ours.variant(), ours.presets["smoke"]):
+        assert not shows & set(sources.closure(*stage.sources)), stage.name
 
 
 @pytest.mark.parametrize("name", MODELS)

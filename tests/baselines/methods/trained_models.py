@@ -17,28 +17,28 @@ from baselines.methods.tensoir import world as tensoir_world
 from known_ball import BALL
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.model import Model as GIGSModel
-from radiogs_baselines.methods.gi_gs.trained import TrainedGIGS
-from radiogs_baselines.methods.gi_gs.variant import Variant as GIGSVariant
-from radiogs_baselines.methods.gs_ir.baking import Reach, bake
+from radiogs_baselines.methods.gi_gs.settings import Variant as GIGSVariant
+from radiogs_baselines.methods.gi_gs.showing import TrainedGIGS
 from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
 from radiogs_baselines.methods.gs_ir.model import Model as GSIRModel
-from radiogs_baselines.methods.gs_ir.trained import TrainedGSIR
-from radiogs_baselines.methods.gs_ir.variant import Variant as GSIRVariant
+from radiogs_baselines.methods.gs_ir.settings import Variant as GSIRVariant
+from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR
+from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
 from radiogs_baselines.methods.irgs.model import Model as IRGSModel
-from radiogs_baselines.methods.irgs.trained import TrainedIRGS
-from radiogs_baselines.methods.irgs.variant import Variant as IRGSVariant
+from radiogs_baselines.methods.irgs.settings import Variant as IRGSVariant
+from radiogs_baselines.methods.irgs.showing import TrainedIRGS
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model as R3DGModel
-from radiogs_baselines.methods.r3dg.trained import TrainedR3DG
-from radiogs_baselines.methods.r3dg.variant import Variant as R3DGVariant
+from radiogs_baselines.methods.r3dg.settings import Variant as R3DGVariant
+from radiogs_baselines.methods.r3dg.showing import TrainedR3DG
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
-from radiogs_baselines.methods.svg_ir.trained import TrainedSVGIR
-from radiogs_baselines.methods.svg_ir.variant import Variant as SVGIRVariant
+from radiogs_baselines.methods.svg_ir.settings import Variant as SVGIRVariant
+from radiogs_baselines.methods.svg_ir.showing import TrainedSVGIR
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
-from radiogs_baselines.methods.tensoir.trained import TrainedTensoIR
-from radiogs_baselines.methods.tensoir.variant import Variant as TensoIRVariant
+from radiogs_baselines.methods.tensoir.settings import Variant as TensoIRVariant
+from radiogs_baselines.methods.tensoir.showing import TrainedTensoIR
 
 WHITE = torch.zeros(8, 16, 3)
 """Logarithm of a radiance of 1 from everywhere."""

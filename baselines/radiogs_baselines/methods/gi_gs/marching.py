@@ -13,7 +13,7 @@ from radiogs_core.transport.sampling import tangent_frame
 
 from .gbuffer import GBuffer
 from .grid import Grid
-from .variant import WHOLE_MARCH, Variant
+from .settings import WHOLE_MARCH, Variant
 
 LOOKUPS_AT_ONCE = 1 << 20
 """Places that are looked up together: some 50 bytes each. Beside them, a frame keeps 4 bytes a point and direction:

@@ -1,11 +1,10 @@
 """GI-GS as the harness knows it: its stages, what each depends on, and its trained model."""
 
 from ..surfel_method import SurfelMethod
-from .budget import PRESETS, SHOWN_ONLY
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedGIGS
-from .variant import Variant
+from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .showing import TrainedGIGS
+from .training import InverseRendering
 
 GI_GS_METHOD = SurfelMethod(
     name="gi-gs",
@@ -15,5 +14,5 @@ GI_GS_METHOD = SurfelMethod(
     presets=PRESETS,
     begin=InverseRendering,
     trained=lambda tensors, run: TrainedGIGS(Model.of(tensors), run),
-    shown_only=SHOWN_ONLY,
+    shown_only=BUDGET_SHOWN_ONLY,
 )

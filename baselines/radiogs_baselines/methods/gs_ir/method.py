@@ -1,11 +1,10 @@
 """GS-IR as the harness knows it: its stages, what each depends on, and its trained model."""
 
 from ..surfel_method import SurfelMethod
-from .budget import PRESETS
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedGSIR
-from .variant import Variant
+from .settings import PRESETS, Variant
+from .showing import TrainedGSIR
+from .training import InverseRendering
 
 GS_IR_METHOD = SurfelMethod(
     name="gs-ir",

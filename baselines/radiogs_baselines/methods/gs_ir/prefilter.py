@@ -11,7 +11,7 @@ from radiogs_core.scene.light import bilinear_texels, texel_directions
 from radiogs_core.transport.light_filters import GRID_HEIGHT, GRID_WIDTH
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from .variant import TexelAreas
+from .settings import TexelAreas
 
 FACE = 16
 """Texels along an edge of the cube map that the code filters."""

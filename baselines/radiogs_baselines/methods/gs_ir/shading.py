@@ -1,16 +1,21 @@
-"""Deferred split-sum shading of seen points: L_o = a (O E(n) + (1 - O) I) + S (F0 A + B).
+"""What a camera sees of a model, shaded: materials blended into maps, and one split sum at each covered pixel.
 
-O occludes the diffuse part alone. Normals and places have no gradient.
+L_o = a (O E(n) + (1 - O) I) + S (F0 A + B): O occludes the diffuse part alone. Normals and places have no gradient.
 """
 
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
-from ..seen_points import SeenPoints
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.scene.camera import Camera
+from radiogs_core.transport.splatting import Splat
+
+from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from ..split_sum import SplitSumLight
+from .model import Model
 
 
 @dataclass(frozen=True)
@@ -46,3 +51,50 @@ def shade_points(
         return Shaded(direct, torch.zeros_like(direct))
     arriving = torch.where((normal * outgoing).sum(-1) > 0, (1 - openness) * irradiance, 0.0)
     return Shaded(direct, points.albedo * arriving[:, None])
+
+
+@dataclass(frozen=True)
+class View:
+    """The blended maps of a view, and the surface points of its covered pixels, row * width + column.
+
+    metallic: of the points; None where the model has none.
+    """
+
+    seen: Splat
+    pixels: Int[Tensor, " points"]
+    points: SeenPoints
+    metallic: Float[Tensor, " points"] | None
+
+    @classmethod
+    def of(cls, camera: Camera, model: Model, albedo: Float[Tensor, "surfels 3"], depth_unit: float = 1.0) -> "View":
+        """What ``camera`` sees; ``albedo`` is given apart, because relighting scales it."""
+        metallic = model.metallic
+        further = {} if metallic is None else {"metallic": metallic[:, None]}
+        seen = seen_surfels(camera, model.surfels, albedo, further, depth_unit)
+        pixels = covered_pixels(seen)
+        points = seen_points(camera, seen, pixels)
+        if metallic is None:
+            return cls(seen, pixels, points, None)
+        blended = seen.images["metallic"].flatten()[pixels] / seen.alpha.flatten()[pixels]
+        return cls(seen, pixels, points, blended)
+
+    def shaded(self, model: Model, light: SplitSumLight, samples: int) -> Shaded:
+        """The points under the model's own light, with its volumes; O from ``samples`` directions."""
+        place, normal = self.points.place.detach(), self.points.normal.detach()
+        openness = None if model.occlusion is None else model.occlusion.openness(place, normal, samples)
+        irradiance = None if model.irradiance is None else model.irradiance.at(place, normal)
+        return shade_points(self.points, light, openness, irradiance, self.metallic)
+
+    def relit(self, light: SplitSumLight) -> Shaded:
+        """The points under another light: neither occluded nor with indirect light."""
+        return shade_points(self.points, light, metallic=self.metallic)
+
+    def map_of(self, values: Float[Tensor, "points 3"]) -> Float[Tensor, "height width 3"]:
+        """Values of the points as a map, multiplied by coverage."""
+        alpha = self.seen.alpha
+        straight = values.new_zeros(alpha.numel(), 3).index_copy(0, self.pixels, values)
+        return straight.view(*alpha.shape, 3) * alpha[..., None]
+
+    def image(self, shaded: Shaded, straight: bool) -> Float[Tensor, "height width 3"]:
+        """Display sRGB on black, not clipped (see ``splatting.displayed``)."""
+        return displayed(self.map_of(shaded.radiance), self.seen.alpha, straight)

@@ -13,7 +13,7 @@ from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
 from ..seen_points import SeenPoints
-from .variant import Indirect, Variant
+from .settings import Indirect, Variant
 
 
 @dataclass(frozen=True)

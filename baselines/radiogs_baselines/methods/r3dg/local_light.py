@@ -7,7 +7,7 @@ from torch import Tensor
 from radiogs_core.kernels.surfel.harmonics import harmonic_sum
 from radiogs_core.transport.incident import Incident
 
-from .variant import LocalLight
+from .settings import LocalLight
 from .visibility import VisibilityTable
 
 

@@ -1,11 +1,10 @@
 """R3DG as the harness knows it: its stages, what each depends on, and its trained model."""
 
 from ..surfel_method import SurfelMethod
-from .budget import PRESETS, SHOWN_ONLY
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedR3DG
-from .variant import Variant
+from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .showing import TrainedR3DG
+from .training import InverseRendering
 
 R3DG_METHOD = SurfelMethod(
     name="r3dg",
@@ -15,5 +14,5 @@ R3DG_METHOD = SurfelMethod(
     presets=PRESETS,
     begin=InverseRendering,
     trained=lambda tensors, run: TrainedR3DG(Model.of(tensors), run),
-    shown_only=SHOWN_ONLY,
+    shown_only=BUDGET_SHOWN_ONLY,
 )

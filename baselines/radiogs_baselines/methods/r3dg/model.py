@@ -16,7 +16,7 @@ from radiogs_core.surfels.surfels import Surfels
 
 @dataclass(frozen=True)
 class Model:
-    """surfels: with materials within R3DG's ranges (``materials.bounded``). local: harmonics of the radiance that
+    """surfels: with materials within R3DG's ranges (``training.bounded``). local: harmonics of the radiance that
     arrives at each (``local_light``). raw_environment: the environment's radiance before its softplus.
     """
 

@@ -13,7 +13,7 @@ from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import BACK_OFFSET, RAYS_AT_ONCE, SELF_OFFSET, SurfelTracer
 
-from .variant import Variant
+from .settings import Variant
 
 
 @dataclass(frozen=True)

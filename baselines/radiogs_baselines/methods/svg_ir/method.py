@@ -1,11 +1,10 @@
 """SVG-IR as the harness knows it: its stages, what each depends on, and its trained model."""
 
 from ..surfel_method import SurfelMethod
-from .budget import PRESETS, SHOWN_ONLY
 from .model import Model
-from .stage import InverseRendering
-from .trained import TrainedSVGIR
-from .variant import Variant
+from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .showing import TrainedSVGIR
+from .training import InverseRendering
 
 SVG_IR_METHOD = SurfelMethod(
     name="svg-ir",
@@ -15,5 +14,5 @@ SVG_IR_METHOD = SurfelMethod(
     presets=PRESETS,
     begin=InverseRendering,
     trained=lambda tensors, run: TrainedSVGIR(Model.of(tensors), run),
-    shown_only=SHOWN_ONLY,
+    shown_only=BUDGET_SHOWN_ONLY,
 )

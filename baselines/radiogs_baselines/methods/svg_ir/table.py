@@ -18,7 +18,7 @@ from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SELF_OFFSET, SurfelTracer
 
-from .variant import Variant
+from .settings import Variant
 
 
 @dataclass(frozen=True)

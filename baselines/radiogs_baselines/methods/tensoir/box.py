@@ -63,7 +63,7 @@ class Box:
         return cls(tensors["centre"].to(device), tensors["radius"], tensors["occupied"].to(device))
 
 
-def cell_centres(cells: int, **like: Any) -> Float[Tensor, "cells*cells*cells 3"]:
+def cell_centres(cells: int, **like: Any) -> Float[Tensor, "{cells}*{cells}*{cells} 3"]:
     """Local places of the centres of all cells, in the order of ``Box.occupied`` flattened."""
     axis = (torch.arange(cells, **like) + 0.5) * (2 / cells) - 1
     return torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).flatten(0, 2)

@@ -12,8 +12,8 @@ from radiogs_core.learning.views import TrainingView, view_at
 from radiogs_core.scene.camera import Camera
 
 from .box import Box
-from .budget import Budget
 from .marching import Rays
+from .settings import Budget
 
 
 @dataclass(frozen=True)

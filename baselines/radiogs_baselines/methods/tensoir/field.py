@@ -1,17 +1,20 @@
-"""The field: density and features of places by vector-matrix factors, and what the networks make of features."""
+"""The field: density and features of places by vector-matrix factors, and what the networks make of features.
 
+Factor m is a plane over two axes of a cubic grid times a line over the third. Planes are bilinear, lines linear, with
+nodes at both ends.
+"""
+
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
-from torch.nn.functional import softplus
+from torch.nn.functional import embedding, interpolate, linear, softplus
 
 from .box import Box, cell_centres, widened
-from .budget import Budget
-from .interpolation import finer_lines, finer_planes, nodes_around, products, slope_of_sum
-from .networks import answer, network_start
+from .settings import Budget
 
 DENSITY_SHIFT = -10.0
 """Added to the sum of factors inside the softplus: space starts nearly empty."""
@@ -140,3 +143,128 @@ def field_start(box: Box, budget: Budget, generator: torch.Generator) -> Field:
         **network_start("normal", features + 3, hidden, 3, generator),
     }
     return Field(box, parameters)
+
+
+PLANES, LINES = ((0, 1), (0, 2), (1, 2)), (2, 1, 0)
+"""Axes of each factor's plane and line."""
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """The nodes around points, as rows of the flattened planes and lines, and their interpolation weights.
+
+    ``between``: how far the points are from the first node to the next, along the axes of each plane. ``per_unit``:
+    spacings of the grid in a local length of 1.
+    """
+
+    plane: Int[Tensor, "points 3 4"]
+    plane_weight: Float[Tensor, "points 3 4"]
+    line: Int[Tensor, "points 3 2"]
+    line_weight: Float[Tensor, "points 3 2"]
+    between: tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]
+    per_unit: float
+
+    def plane_slopes(self) -> tuple[Float[Tensor, "points 3 4"], Float[Tensor, "points 3 4"]]:
+        """Derivatives of ``plane_weight`` by the local coordinates of the plane's two axes."""
+        u, v = self.between
+        return (
+            self.per_unit * torch.stack([v - 1, -v, 1 - v, v], -1),
+            self.per_unit * torch.stack([u - 1, 1 - u, -u, u], -1),
+        )
+
+
+def nodes_around(place: Float[Tensor, "points 3"], size: int) -> Nodes:
+    """Around local places on grids of ``size`` nodes an edge; places outside of the cube are those on its surface."""
+    scaled = (place.clamp(-1, 1) + 1) * ((size - 1) / 2)
+    first = scaled.detach().floor().clamp(0, size - 2)
+    share, first = scaled - first, first.long()
+    u, v = (share[:, [axes[side] for axes in PLANES]] for side in (0, 1))
+    row, column = (first[:, [axes[side] for axes in PLANES]] for side in (0, 1))
+    factor = torch.arange(3, device=place.device)
+    corner = (factor * size + row) * size + column
+    start, along = factor * size + first[:, LINES], share[:, LINES]
+    return Nodes(
+        plane=torch.stack([corner, corner + 1, corner + size, corner + size + 1], -1),
+        plane_weight=torch.stack([(1 - u) * (1 - v), (1 - u) * v, u * (1 - v), u * v], -1),
+        line=torch.stack([start, start + 1], -1),
+        line_weight=torch.stack([1 - along, along], -1),
+        between=(u, v),
+        per_unit=(size - 1) / 2,
+    )
+
+
+def products(
+    planes: Float[Tensor, "3 size size components"], lines: Float[Tensor, "3 size components"], nodes: Nodes
+) -> Float[Tensor, "points 3 components"]:
+    """Plane times line of every component."""
+    plane = (embedding(nodes.plane, planes.flatten(0, 2)) * nodes.plane_weight[..., None]).sum(-2)
+    line = (embedding(nodes.line, lines.flatten(0, 1)) * nodes.line_weight[..., None]).sum(-2)
+    return plane * line
+
+
+def slope_of_sum(
+    planes: Float[Tensor, "3 size size components"], lines: Float[Tensor, "3 size components"], nodes: Nodes
+) -> Float[Tensor, "points 3"]:
+    """Gradient by the local coordinates of the sum of all ``products``."""
+    corners = embedding(nodes.plane, planes.flatten(0, 2))
+    ends = embedding(nodes.line, lines.flatten(0, 1))
+    plane, line = (corners * nodes.plane_weight[..., None]).sum(-2), (ends * nodes.line_weight[..., None]).sum(-2)
+    across = [(corners * slope[..., None]).sum(-2) * line for slope in nodes.plane_slopes()]
+    along = plane * (ends[:, :, 1] - ends[:, :, 0]) * nodes.per_unit
+    slope: list[Tensor] = [along.new_zeros(len(along))] * 3
+    for factor in range(3):
+        for axis, part in zip((*PLANES[factor], LINES[factor]), (*across, along), strict=True):
+            slope[axis] = slope[axis] + part[:, factor].sum(-1)
+    return torch.stack(slope, -1)
+
+
+def finer_planes(planes: Float[Tensor, "3 size size components"], size: int) -> Float[Tensor, "3 _ _ components"]:
+    """The planes on grids of another size; exactly the same functions where the old nodes are among the new ones."""
+    moved = planes.permute(0, 3, 1, 2)
+    return interpolate(moved, size=(size, size), mode="bilinear", align_corners=True).permute(0, 2, 3, 1).contiguous()
+
+
+def finer_lines(lines: Float[Tensor, "3 size components"], size: int) -> Float[Tensor, "3 _ components"]:
+    """As ``finer_planes``."""
+    moved = lines.permute(0, 2, 1)
+    return interpolate(moved, size=size, mode="linear", align_corners=True).permute(0, 2, 1).contiguous()
+
+
+FREQUENCIES = 2
+"""Sines and cosines of 1 and 2 times each input."""
+
+LAYERS = 3
+
+ENCODED = 1 + 2 * FREQUENCIES
+"""Values of each input."""
+
+
+def encoded(values: Float[Tensor, "points inputs"]) -> Float[Tensor, "points encoded"]:
+    """The values, and sines and cosines of 1, 2, ... times them."""
+    octaves = [values * 2.0**octave for octave in range(FREQUENCIES)]
+    return torch.cat([values, *(wave for each in octaves for wave in (each.sin(), each.cos()))], -1)
+
+
+def network_start(
+    name: str, inputs: int, hidden: int, outputs: int, generator: torch.Generator
+) -> dict[str, Float[Tensor, "..."]]:
+    """Weights uniform in +-1 / sqrt(inputs of the layer), biases zero, on the generator's device."""
+    widths = [inputs * ENCODED, hidden, hidden, outputs]
+    found: dict[str, Tensor] = {}
+    for layer in range(LAYERS):
+        bound = 1 / math.sqrt(widths[layer])
+        drawn = torch.rand(widths[layer + 1], widths[layer], generator=generator, device=generator.device)
+        found[f"{name}_weight_{layer}"] = (2 * drawn - 1) * bound
+        found[f"{name}_bias_{layer}"] = torch.zeros(widths[layer + 1], device=generator.device)
+    return found
+
+
+def answer(
+    name: str, parameters: Mapping[str, Tensor], inputs: Float[Tensor, "points inputs"]
+) -> Float[Tensor, "points outputs"]:
+    """The network's outputs before any activation of the last layer."""
+    values = encoded(inputs)
+    for layer in range(LAYERS):
+        values = linear(values, parameters[f"{name}_weight_{layer}"], parameters[f"{name}_bias_{layer}"])
+        values = values.relu() if layer < LAYERS - 1 else values
+    return values

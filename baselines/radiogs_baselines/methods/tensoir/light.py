@@ -11,7 +11,7 @@ from torch.nn.functional import normalize
 
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 
-from .learning import LightStart
+from .settings import LightStart
 
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
 

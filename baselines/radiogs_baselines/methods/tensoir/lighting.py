@@ -12,8 +12,8 @@ from radiogs_core.transport.sampling import LightSampler
 from .field import Field
 from .light import SphericalGaussians, stratified_directions
 from .secondary import Arriving, arriving
+from .settings import Variant
 from .shading import SurfacePoints, transport
-from .variant import Variant
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,10 @@ from typing import Any
 
 from radiogs_core.contract import Run, StageSpec, values_but
 
-from .budget import INVERSE_ONLY, PRESETS, SHOWN_ONLY, Budget
 from .model import Model
-from .stage import InverseRendering, RadianceField
-from .trained import TrainedTensoIR
-from .variant import Variant
+from .settings import BUDGET_INVERSE_ONLY, BUDGET_SHOWN_ONLY, PRESETS, Budget, Variant
+from .showing import TrainedTensoIR
+from .training import InverseRendering, RadianceField
 
 
 class TensoIR:
@@ -19,18 +18,18 @@ class TensoIR:
     title = "TensoIR"
     variant = Variant
     presets: Mapping[str, Budget] = PRESETS
-    sources = ("radiogs_baselines.methods.tensoir.trained",)
+    sources = ("radiogs_baselines.methods.tensoir.showing",)
 
     def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
         """The radiance field, and inverse rendering."""
-        modules = ("radiogs_baselines.methods.tensoir.stage",)
+        modules = ("radiogs_baselines.methods.tensoir.training",)
         return (
             StageSpec(
                 name="field",
                 title="stage 1, radiance field",
                 steps=budget.field_iterations,
                 owner=self.name,
-                reads={"variant": variant.of_field(), "budget": values_but(budget, "name", *INVERSE_ONLY)},
+                reads={"variant": variant.of_field(), "budget": values_but(budget, "name", *BUDGET_INVERSE_ONLY)},
                 sources=modules,
                 begin=RadianceField,
             ),
@@ -39,7 +38,7 @@ class TensoIR:
                 title="stage 2, inverse rendering",
                 steps=budget.inverse_iterations,
                 owner=self.name,
-                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *SHOWN_ONLY)},
+                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *BUDGET_SHOWN_ONLY)},
                 sources=modules,
                 begin=InverseRendering,
             ),

@@ -27,12 +27,10 @@ from baselines.methods.gi_gs.world import (
     shown,
 )
 from baselines.methods.irgs.world import sheet, together
-from radiogs_baselines.methods.gi_gs.around import gathered, mean_radiance, openness
-from radiogs_baselines.methods.gi_gs.composition import median, summed
 from radiogs_baselines.methods.gi_gs.grid import GATHERED, Grid
 from radiogs_baselines.methods.gi_gs.marching import NOTHING, March
-from radiogs_baselines.methods.gi_gs.reflection import bounce
-from radiogs_baselines.methods.gi_gs.variant import Variant
+from radiogs_baselines.methods.gi_gs.settings import Variant
+from radiogs_baselines.methods.gi_gs.shading import bounce, gathered, mean_radiance, median, openness, summed
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 

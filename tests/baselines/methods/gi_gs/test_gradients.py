@@ -9,12 +9,9 @@ from torch import Tensor
 from baselines.methods.gi_gs import dense
 from baselines.methods.gi_gs.world import buffer_of, march
 from baselines.methods.irgs.world import looking_down, sheet, together
-from radiogs_baselines.methods.gi_gs.around import gathered, openness
-from radiogs_baselines.methods.gi_gs.composition import median, summed
-from radiogs_baselines.methods.gi_gs.losses import image_loss, plainness, variation
 from radiogs_baselines.methods.gi_gs.marching import NOTHING
-from radiogs_baselines.methods.gi_gs.reflection import bounce, reflect
-from radiogs_baselines.methods.gi_gs.shading import Shader
+from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, gathered, median, openness, reflect, summed
+from radiogs_baselines.methods.gi_gs.training import image_loss, plainness, variation
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.learning.losses import environment_smoothness
 from radiogs_core.surfels.surfels import Surfels

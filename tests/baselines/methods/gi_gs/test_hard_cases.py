@@ -1,5 +1,7 @@
 """Hard cases of ``hard_cases.catalogue`` for GI-GS, each with its number there."""
 
+from dataclasses import replace
+
 import pytest
 import torch
 from torch import Tensor
@@ -12,6 +14,7 @@ from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.held_pixels import Whole
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 
@@ -55,16 +58,7 @@ def test_case_22_a_step_on_images_of_one_row() -> None:
     stage = stage_of()
     view = stage.views[0]
     row = Camera(view.camera.camera_to_world, view.camera.fx, view.camera.fy, view.camera.cx, 0.5, 24, 1)
-    image, mask = view.image[12:13], view.mask[12:13]
-
-    class Row:
-        camera = row
-
-        @staticmethod
-        def over(background: float) -> Tensor:
-            return image * mask[..., None] + background * (1 - mask[..., None])
-
-    losses = stage.losses(Row)  # type: ignore[arg-type]
+    losses = stage.losses(replace(view, camera=row, pixels=Whole(view.image[12:13]), covered=Whole(view.mask[12:13])))
     assert all(bool(torch.isfinite(value)) for value in losses.values())
 
 
@@ -119,7 +113,7 @@ def test_case_28_a_white_furnace_is_the_albedo_and_its_lobe(rows: int) -> None:
 
 
 def test_case_33_a_black_light_is_black_and_a_sun_is_finite() -> None:
-    """A broken texel is refused by name: see ``test_trained``."""
+    """A broken texel is refused by name: see ``test_showing``."""
     floor = together(sheet(0.0), block(1.0, 0.1, 1.5))
     black = shown(floor, looking_down(3.0, 31), SplitSumLight(PrefilteredLight(grey(0.0).radiance)))
     assert all(not black[name].any() for name in ("image", "direct", "indirect"))
@@ -169,7 +163,7 @@ def test_case_44_the_same_seed_gives_the_same_on_any_number_of_threads() -> None
 def test_a_frame_is_the_same_however_many_places_are_looked_up_together(monkeypatch: pytest.MonkeyPatch) -> None:
     surfels = Surfels.of(together(sheet(0.0), block(1.0, 0.1, 1.5)).parameters())
     whole = shown(surfels, looking_down(3.0, 31), random_light())
-    for module in ("marching", "around"):
+    for module in ("marching", "shading"):
         monkeypatch.setattr(f"radiogs_baselines.methods.gi_gs.{module}.LOOKUPS_AT_ONCE", 100)
     parts = shown(surfels, looking_down(3.0, 31), random_light())
     assert all(torch.equal(whole[name], parts[name]) for name in whole)

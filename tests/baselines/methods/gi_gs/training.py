@@ -6,10 +6,15 @@ from typing import Any
 import torch
 
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.gi_gs.budget import PRESETS, Budget
-from radiogs_baselines.methods.gi_gs.learning import MaterialLearning, MaterialStart, MaterialWeights
-from radiogs_baselines.methods.gi_gs.stage import InverseRendering
-from radiogs_baselines.methods.gi_gs.variant import Variant
+from radiogs_baselines.methods.gi_gs.settings import (
+    PRESETS,
+    Budget,
+    MaterialLearning,
+    MaterialStart,
+    MaterialWeights,
+    Variant,
+)
+from radiogs_baselines.methods.gi_gs.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 from scenes import surfels_facing

@@ -8,14 +8,13 @@ import torch
 from torch import Tensor
 
 from baselines.methods.irgs.world import UP, looking_down, sheet
-from radiogs_baselines.methods.gi_gs.budget import PRESETS
 from radiogs_baselines.methods.gi_gs.gbuffer import GBuffer, gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.grid import Grid
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_baselines.methods.gi_gs.model import Model
-from radiogs_baselines.methods.gi_gs.rendering import Renderer
+from radiogs_baselines.methods.gi_gs.settings import PRESETS, Sum
 from radiogs_baselines.methods.gi_gs.shading import Shader
-from radiogs_baselines.methods.gi_gs.variant import Sum
+from radiogs_baselines.methods.gi_gs.showing import Renderer
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels

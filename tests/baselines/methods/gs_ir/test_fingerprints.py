@@ -15,8 +15,8 @@ from baselines.methods.gs_ir.world import (
     trained,
 )
 from baselines.methods.irgs.world import grey, sheet, together
-from radiogs_baselines.methods.gs_ir.baking import Reach
 from radiogs_baselines.methods.gs_ir.model import Model
+from radiogs_baselines.methods.gs_ir.training import Reach
 
 FLOOR = sheet(0.0)
 NEAR = 0.3

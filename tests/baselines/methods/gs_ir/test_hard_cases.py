@@ -11,9 +11,9 @@ from baselines.methods.gs_ir.world import baked, lit, middle, model_of, trained
 from baselines.methods.irgs.world import DOWN, OPAQUE, UP, grey, looking_down, sheet, together
 from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.baking import Reach, bake
 from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
 from radiogs_baselines.methods.gs_ir.lattice import Lattice
+from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera

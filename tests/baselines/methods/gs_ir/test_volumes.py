@@ -8,7 +8,6 @@ import torch
 from baselines.methods.gs_ir.world import LATTICE, UPWARDS, baked, closed_form, lit
 from baselines.methods.irgs.world import UP, sheet, together
 from known_ball import BALL
-from radiogs_baselines.methods.gs_ir.baking import Reach, bake, corners_near, inherited
 from radiogs_baselines.methods.gs_ir.irradiance import IrradianceVolume
 from radiogs_baselines.methods.gs_ir.lattice import Lattice
 from radiogs_baselines.methods.gs_ir.occlusion import (
@@ -18,6 +17,7 @@ from radiogs_baselines.methods.gs_ir.occlusion import (
     projection,
     sphere_directions,
 )
+from radiogs_baselines.methods.gs_ir.training import Reach, bake, corners_near, inherited
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels
 

@@ -5,10 +5,15 @@ from typing import Any
 
 from baselines.methods.irgs.training import GEOMETRY, product_of, tensors_of
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.gs_ir.budget import PRESETS, Budget
-from radiogs_baselines.methods.gs_ir.learning import MaterialLearning, MaterialStart, MaterialWeights
-from radiogs_baselines.methods.gs_ir.stage import InverseRendering
-from radiogs_baselines.methods.gs_ir.variant import Variant
+from radiogs_baselines.methods.gs_ir.settings import (
+    PRESETS,
+    Budget,
+    MaterialLearning,
+    MaterialStart,
+    MaterialWeights,
+    Variant,
+)
+from radiogs_baselines.methods.gs_ir.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

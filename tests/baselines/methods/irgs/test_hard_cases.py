@@ -12,7 +12,7 @@ from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, ra
 from known_ball import BALL
 from radiogs_baselines.methods.irgs.model import Model
 from radiogs_baselines.methods.irgs.rays import Rays
-from radiogs_baselines.methods.irgs.rendering import NewLight, RecoveredLight, Renderer
+from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera

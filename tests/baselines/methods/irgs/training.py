@@ -6,10 +6,15 @@ from typing import Any
 import torch
 
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.irgs.budget import PRESETS, Budget
-from radiogs_baselines.methods.irgs.learning import MaterialLearning, MaterialStart, MaterialWeights
-from radiogs_baselines.methods.irgs.stage import InverseRendering
-from radiogs_baselines.methods.irgs.variant import Variant
+from radiogs_baselines.methods.irgs.settings import (
+    PRESETS,
+    Budget,
+    MaterialLearning,
+    MaterialStart,
+    MaterialWeights,
+    Variant,
+)
+from radiogs_baselines.methods.irgs.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

@@ -9,7 +9,7 @@ from torch import Tensor
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, sheet, together
 from baselines.methods.r3dg.world import NEAR, around, middle, trained
 from known_ball import BALL, SCENE
-from radiogs_baselines.methods.r3dg.materials import bounded, learnt_from
+from radiogs_baselines.methods.r3dg.training import bounded, learnt_from
 from radiogs_baselines.methods.r3dg.visibility import Rays, VisibilityTable
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.harmonics import COEFFICIENTS

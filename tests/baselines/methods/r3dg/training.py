@@ -6,10 +6,15 @@ from typing import Any
 import torch
 
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.r3dg.budget import PRESETS, Budget
-from radiogs_baselines.methods.r3dg.learning import MaterialLearning, MaterialStart, MaterialWeights
-from radiogs_baselines.methods.r3dg.stage import InverseRendering
-from radiogs_baselines.methods.r3dg.variant import Variant
+from radiogs_baselines.methods.r3dg.settings import (
+    PRESETS,
+    Budget,
+    MaterialLearning,
+    MaterialStart,
+    MaterialWeights,
+    Variant,
+)
+from radiogs_baselines.methods.r3dg.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

@@ -7,10 +7,9 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import grey, looking_down
 from known_ball import CPU, SCENE
-from radiogs_baselines.methods.r3dg.budget import PRESETS
 from radiogs_baselines.methods.r3dg.model import Model, before_softplus
-from radiogs_baselines.methods.r3dg.trained import TrainedR3DG
-from radiogs_baselines.methods.r3dg.variant import Variant
+from radiogs_baselines.methods.r3dg.settings import PRESETS, Variant
+from radiogs_baselines.methods.r3dg.showing import TrainedR3DG
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import COEFFICIENTS, CONSTANT_BASIS

@@ -7,8 +7,8 @@ import torch
 
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, sheet, together
 from baselines.methods.svg_ir.world import DISTANCE, above, first_ray, floor, model_of, own, relit, shown, walk
-from radiogs_baselines.methods.svg_ir.rendering import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.shading import materials_of, mirrored, one_bounce
+from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.table import table_of
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels

@@ -8,10 +8,10 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, grey, sheet, together
 from baselines.methods.svg_ir.world import DISTANCE, model_of, walk
-from radiogs_baselines.methods.svg_ir.losses import radiance_consistency
 from radiogs_baselines.methods.svg_ir.model import Model
 from radiogs_baselines.methods.svg_ir.shading import mirrored
 from radiogs_baselines.methods.svg_ir.table import Table, table_of
+from radiogs_baselines.methods.svg_ir.training import radiance_consistency
 from radiogs_core.surfels.surfels import Surfels
 from reference.differences import Values, assert_gradients
 from reference.shade import shade

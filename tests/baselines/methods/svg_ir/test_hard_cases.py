@@ -11,8 +11,8 @@ from baselines.methods.svg_ir.training import UNSEEN, run_of, stage_of, tensors_
 from baselines.methods.svg_ir.world import DISTANCE, above, floor, model_of, own
 from hard_cases.constructions import looking_along_z, moved, raw_surfels, two_balls
 from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
-from radiogs_baselines.methods.svg_ir.rendering import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.shading import bounced, materials_of
+from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.table import Walk, table_of
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads

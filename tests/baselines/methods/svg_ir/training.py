@@ -8,10 +8,15 @@ import torch
 from baselines.methods.irgs.training import product_of
 from baselines.methods.irgs.world import DOWN, sheet, together
 from known_ball import BALL, CPU, SCENE
-from radiogs_baselines.methods.svg_ir.budget import PRESETS, Budget
-from radiogs_baselines.methods.svg_ir.learning import MaterialLearning, MaterialStart, MaterialWeights
-from radiogs_baselines.methods.svg_ir.stage import InverseRendering
-from radiogs_baselines.methods.svg_ir.variant import Variant
+from radiogs_baselines.methods.svg_ir.settings import (
+    PRESETS,
+    Budget,
+    MaterialLearning,
+    MaterialStart,
+    MaterialWeights,
+    Variant,
+)
+from radiogs_baselines.methods.svg_ir.training import InverseRendering
 from radiogs_core.contract import Run
 from radiogs_core.surfels.surfels import Surfels
 

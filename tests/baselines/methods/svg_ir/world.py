@@ -6,8 +6,8 @@ from torch import Tensor
 
 from baselines.methods.irgs.world import DOWN, grey, looking_down, sheet, together
 from radiogs_baselines.methods.svg_ir.model import Model
-from radiogs_baselines.methods.svg_ir.rendering import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.shading import bounced, materials_of
+from radiogs_baselines.methods.svg_ir.showing import Lit, Renderer
 from radiogs_baselines.methods.svg_ir.table import Table, Walk, table_of
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels

@@ -19,16 +19,14 @@ from baselines.methods.tensoir.world import (
     sum_of,
     whole_box,
 )
-from radiogs_baselines.methods.tensoir.field import Field
-from radiogs_baselines.methods.tensoir.interpolation import nodes_around, products
-from radiogs_baselines.methods.tensoir.learning import LightStart
+from radiogs_baselines.methods.tensoir.field import Field, nodes_around, products
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start, stratified_directions
 from radiogs_baselines.methods.tensoir.lighting import NewLight, RecoveredLight
 from radiogs_baselines.methods.tensoir.marching import STEP, Rays, march
 from radiogs_baselines.methods.tensoir.secondary import FAR, arriving, ray_start
+from radiogs_baselines.methods.tensoir.settings import LightStart, Variant
 from radiogs_baselines.methods.tensoir.shading import SurfacePoints
-from radiogs_baselines.methods.tensoir.trained import TrainedTensoIR
-from radiogs_baselines.methods.tensoir.variant import Variant
+from radiogs_baselines.methods.tensoir.showing import TrainedTensoIR
 from radiogs_core.scene.light import texel_directions, texel_solid_angles
 
 UP = torch.tensor([[0.0, 0.0, 1.0]])

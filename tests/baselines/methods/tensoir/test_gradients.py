@@ -9,12 +9,11 @@ from torch import Tensor
 from baselines.methods.tensoir.world import BUDGET, random_field, whole_box
 from radiogs_baselines.methods.tensoir.drawing import Drawn
 from radiogs_baselines.methods.tensoir.field import Field
-from radiogs_baselines.methods.tensoir.inverse_losses import inverse_losses
-from radiogs_baselines.methods.tensoir.learning import LightStart
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians, light_start
 from radiogs_baselines.methods.tensoir.marching import Rays, march
 from radiogs_baselines.methods.tensoir.model import LIGHT, Model
-from radiogs_baselines.methods.tensoir.variant import Variant
+from radiogs_baselines.methods.tensoir.settings import LightStart, Variant
+from radiogs_baselines.methods.tensoir.training import inverse_losses
 
 STEP = 1e-6
 

@@ -12,8 +12,8 @@ from radiogs_baselines.methods.tensoir.field import Field
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.marching import Rays, march
 from radiogs_baselines.methods.tensoir.model import Model
-from radiogs_baselines.methods.tensoir.trained import TrainedTensoIR
-from radiogs_baselines.methods.tensoir.variant import Variant
+from radiogs_baselines.methods.tensoir.settings import Variant
+from radiogs_baselines.methods.tensoir.showing import TrainedTensoIR
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
@@ -129,7 +129,7 @@ def test_case_40_blended_normals_that_cancel_receive_no_light() -> None:
 
 
 def test_case_44_the_same_seed_gives_the_same() -> None:
-    from radiogs_baselines.methods.tensoir.stage import RadianceField
+    from radiogs_baselines.methods.tensoir.training import RadianceField
 
     def learnt() -> dict[str, Tensor]:
         stage = RadianceField(run_of(budget=BUDGET), {})

@@ -8,11 +8,10 @@ from torch import Tensor
 
 from known_ball import CPU, SCENE
 from radiogs_baselines.methods.tensoir.box import Box
-from radiogs_baselines.methods.tensoir.budget import PRESETS, Budget
 from radiogs_baselines.methods.tensoir.field import DENSITY_SCALE, DENSITY_SHIFT, UNITS, Field, field_start
 from radiogs_baselines.methods.tensoir.light import SphericalGaussians
 from radiogs_baselines.methods.tensoir.model import Model
-from radiogs_baselines.methods.tensoir.variant import Variant
+from radiogs_baselines.methods.tensoir.settings import PRESETS, Budget, Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap

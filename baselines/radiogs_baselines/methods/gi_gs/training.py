@@ -1,0 +1,169 @@
+"""Stage 2 of GI-GS: materials and light from images of whole frames, shaded with what each frame shows of itself.
+
+It starts from the surfels of stage 1 with new materials and a new light. All losses are of one frame.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.losses import environment_smoothness
+from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
+from radiogs_core.transport.splitsum import PrefilteredLight
+
+from ..material_start import GEOMETRY, first_light_and_albedo
+from ..split_sum import SplitSumLight
+from .gbuffer import GBuffer, gbuffer, seen_materials
+from .grid import Grid
+from .marching import March
+from .model import Model
+from .settings import Variant
+from .shading import Shader
+
+
+class InverseRendering:
+    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant, self.seed = variant, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        generator = torch.Generator(device).manual_seed(run.seed)
+        start = start_of(surfels_of(before, device), variant, budget.light_height, self.views, generator)
+        self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, scene.extent))
+        grid = Grid.of(budget.azimuths, budget.heights)
+        march = March.of(grid, variant, budget.march_steps, scene.extent, variant.training_start)
+        self.shader = Shader(march, variant.occlusion, variant.indirect, variant.sum, variant.straight)
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        tensors = self.optimiser.tensors
+        surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
+        return Model(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        self.optimiser.set_rate("albedo_logit", self._albedo_rate())
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return values
+
+    def _albedo_rate(self) -> float:
+        rates, progress = self.variant.materials.rates, self.iteration / self.iterations
+        return rates.albedo ** (1 - progress) * rates.albedo_end**progress
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``."""
+        model, weights = self.model, self.variant.materials.weights
+        seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
+        buffer, target = gbuffer(view.camera, seen), view.over(0.0)
+        image = self.shader.shade(buffer, seen.alpha, SplitSumLight(PrefilteredLight(model.environment)))["image"]
+        solid = torch.isfinite(buffer.depth)
+        return {
+            "shaded": weights.shaded * image_loss(image, target),
+            "variation": weights.variation * variation(self._materials(buffer), target, solid),
+            "plainness": weights.plainness * plainness(buffer, self.variant.metallic),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+        }
+
+    def _materials(self, buffer: GBuffer) -> Tensor:
+        """Albedo, roughness and, where it is learnt, metallic, as one image."""
+        metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
+        return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit; nothing is drawn at random after the start."""
+        return {"iteration": self.iteration, "optimiser": self.optimiser.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
+    """Mean L1 between the shaded image and the training image on black, display sRGB.
+
+    Where the target is saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    """
+    found = torch.where(target >= 1, image.clamp(max=1), image)
+    return (found - target).abs().mean()
+
+
+def variation(
+    maps: Float[Tensor, "height width channels"],
+    target: Float[Tensor, "height width 3"],
+    solid: Bool[Tensor, "height width"],
+) -> Float[Tensor, ""]:
+    """Squared differences of neighbouring pixels, where both are solid, down and across; averaged over all pixels.
+
+    They count as exp(-d), where d is the mean distance of the channels of ``target`` (display sRGB) between the two.
+    """
+    total = maps.new_zeros(())
+    for dim in (0, 1):
+        if maps.shape[dim] > 1:
+            change, edge = maps.diff(dim=dim).square(), torch.exp(-target.diff(dim=dim).abs().mean(-1))
+            length = maps.shape[dim] - 1
+            both = solid.narrow(dim, 0, length) & solid.narrow(dim, 1, length)
+            total = total + (change * torch.where(both, edge, 0.0)[..., None]).mean()
+    return total
+
+
+def plainness(buffer: GBuffer, metallic: bool) -> Float[Tensor, ""]:
+    """Mean of 1 - roughness over the points, and of the share of metal where it is learnt; 0 for no points."""
+    if not len(buffer):
+        return buffer.roughness.new_zeros(())
+    rough = (1 - buffer.roughness).mean()
+    return rough + buffer.metallic.mean() if metallic else rough
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    metal = torch.full_like(surfels.roughness_logit, inverse_sigmoid(start.metallic)) if variant.metallic else None
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metal)
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter, at the start; ``extent``: the scene's, world units."""
+    rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
+    return {
+        "centre": scale * (before.position_end * extent),
+        "rotation": scale * before.end_share * before.rotation,
+        "log_scale": scale * before.end_share * before.scale,
+        "opacity_logit": scale * before.end_share * before.opacity,
+        "sh": 0.0,
+        "sh_rest": 0.0,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "metallic_logit": rates.metallic,
+        "log_environment": rates.light,
+    }
+
+
+def frozen(surfels: Surfels, moves: bool) -> Surfels:
+    """The surfels whose radiance has no gradient, nor, unless it ``moves``, their geometry."""
+    return surfels.held("sh") if moves else surfels.held("sh", *GEOMETRY)

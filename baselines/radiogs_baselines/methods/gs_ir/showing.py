@@ -1,0 +1,183 @@
+"""A trained GS-IR model as the harness shows it: under the light that it has recovered, and relit.
+
+Labels say where a run differs from the published method; they go with its results.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import Maps, Prepared, Run
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+
+from ..split_sum import Frame, SplitSumLight
+from ..surfel_showing import Shown, TrainedOnSurfels
+from .model import Model
+from .prefilter import filtered_light
+from .settings import PRESETS, Budget, Variant
+from .shading import Shaded, View
+
+
+class TrainedGSIR(TrainedOnSurfels[Model]):
+    """Surfels with materials, a light and two volumes, and what they were trained on; see ``contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run) -> None:
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
+
+    def facts(self) -> dict[str, Any]:
+        """``probes``: how many. The rest: see ``TrainedOnSurfels``."""
+        occlusion = self.model.occlusion
+        return super().facts() | {"probes": 0 if occlusion is None else len(occlusion.coefficients)}
+
+    def export(self, folder: Path) -> list[Path]:
+        """Write ``surfels.ply`` and, as far as there are any, ``metallic.npy`` [surfels] and ``volumes.npz``.
+
+        Volumes: ``occlusion`` and ``irradiance``, harmonics [corners, corners, corners, coefficients] along x, y and z
+        in 3DGS's basis, over the cube from ``low`` with edge ``edge``, world units. Raises OSError.
+        """
+        written = super().export(folder)
+        if self.model.metallic is not None:
+            written.append(folder / "metallic.npy")
+            np.save(written[-1], self.model.metallic.detach().cpu().numpy())
+        if self.model.occlusion is not None:
+            written.append(folder / "volumes.npz")
+            np.savez(written[-1], allow_pickle=False, **self._volumes())
+        return written
+
+    def _volumes(self) -> dict[str, np.ndarray]:
+        occlusion, irradiance = self.model.occlusion, self.model.irradiance
+        assert occlusion is not None
+        lattice = occlusion.lattice
+        found = {"occlusion": occlusion.coefficients[occlusion.probe].view(*(lattice.corners,) * 3, -1)}
+        if irradiance is not None:
+            found["irradiance"] = irradiance.coefficients.detach().view(*(irradiance.lattice.corners,) * 3, -1)
+        found |= {"low": lattice.low, "edge": torch.tensor(lattice.edge)}
+        return {name: value.cpu().numpy() for name, value in found.items()}
+
+    def as_trained(self) -> Prepared:
+        """With both volumes."""
+        light = self._filtered(self.model.environment.detach(), "oriented")
+        return Shown(_AsTrained(self.model, light, self.run))
+
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """Without occlusion or indirect light."""
+        albedo = self.model.surfels.albedo.detach() * albedo_scale
+        new = self._filtered(light.radiance, self.run.variant.frame)
+        return Shown(_Relit(self.model, albedo, new, self.run.variant.straight))
+
+    def _filtered(self, radiance: Tensor, frame: Frame) -> SplitSumLight:
+        return SplitSumLight(filtered_light(radiance, self.run.variant.texel_areas), frame).ready()
+
+
+class _AsTrained:
+    def __init__(self, model: Model, light: SplitSumLight, run: Run) -> None:
+        self.model, self.light, self.run = model, light, run
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Maps:
+        view = View.of(camera, self.model, self.model.surfels.albedo)
+        shaded = view.shaded(self.model, self.light, self.run.budget.occlusion_samples)
+        return maps_of(view, shaded, self.run.variant.straight)
+
+
+class _Relit:
+    """``albedo`` is given apart, because relighting scales it."""
+
+    def __init__(self, model: Model, albedo: Float[Tensor, "surfels 3"], light: SplitSumLight, straight: bool) -> None:
+        self.model, self.albedo, self.light, self.straight = model, albedo, light, straight
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Maps:
+        view = View.of(camera, self.model, self.albedo)
+        return maps_of(view, view.relit(self.light), self.straight)
+
+
+def maps_of(view: View, shaded: Shaded, straight: bool) -> Maps:
+    """Maps [height, width, channels], all composited on black.
+
+    image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear. roughness,
+    alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
+    """
+    seen = view.seen
+    length = seen.normal.square().sum(-1, keepdim=True)
+    return {
+        "image": view.image(shaded, straight).clamp(0, 1),
+        "direct": view.map_of(shaded.direct),
+        "indirect": view.map_of(shaded.indirect),
+        "albedo": seen.images["albedo"],
+        "roughness": seen.images["roughness"],
+        "alpha": seen.alpha[..., None],
+        "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        "depth": seen.depth[..., None],
+    }
+
+
+PAPER = PRESETS["paper"]
+
+
+def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
+    """Labels by name. ``extent``: the scene's, world units."""
+    labels = {
+        "geometry": "surfels of this project and their normals in place of 3D Gaussians with a normal of their own",
+        "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
+        "light_start": _light_start(variant),
+        "light": "a lat-long map of log-radiance (published: a cube map of radiance, not below zero)",
+        "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 8 % brighter)",
+        "relight_frame": _frame(variant),
+        "roughness": "from 0.05, in training and shown (published: from 0.04 in training, from 0 shown)",
+        "encoding": "images are encoded for display (published: an option, --gamma)",
+    }
+    if variant.occlusion:
+        labels |= {
+            "tau": _tau(variant, extent),
+            "nearest": _nearest(variant, extent),
+            "probes": "where a surfel is within one standard deviation (published: in the cells of Gaussians' centres)",
+            "box": "the cube around the surfels (published: [-1.5, 1.5]^3)",
+            "occlusion_rays": f"{budget.occlusion_directions} traced directions (published: six faces of 256 x 256)",
+        }
+    return labels | _reduced(budget) | _geometry_rate(variant)
+
+
+def _reduced(budget: Budget) -> dict[str, str]:
+    reduced = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in ("inverse_iterations", "occlusion_corners", "occlusion_samples", "irradiance_corners")
+        if getattr(budget, name) != getattr(PAPER, name)
+    }
+    return {"reduced": ", ".join(sorted(reduced))} if reduced else {}
+
+
+def _geometry_rate(variant: Variant) -> dict[str, str]:
+    if variant.lr_scale == 1:
+        return {}
+    return {"lr_scale": f"{variant.lr_scale:g} of the rates that stage 1 ends with (published: 1)"}
+
+
+def _light_start(variant: Variant) -> str:
+    if variant.materials.start.light == "least-variation":
+        return "shared: the light of least albedo variation (published: random between 0.25 and 0.75)"
+    return "constant, by the images' exposure (published: random between 0.25 and 0.75)"
+
+
+def _frame(variant: Variant) -> str:
+    if variant.frame == "as_shipped":
+        return "Y-up lookup of new lights along Z-up directions, as published"
+    return "new lights as their maps are meant (published: a Y-up lookup along Z-up directions)"
+
+
+def _tau(variant: Variant, extent: float) -> str:
+    if variant.tau is None:
+        return "none: occluders at any distance (published: 0.25)"
+    return f"{variant.tau * extent:.3g} world units (published: 0.25)"
+
+
+def _nearest(variant: Variant, extent: float) -> str:
+    published = "(published: Gaussians nearer than 0.2 along a face's axis are not drawn)"
+    if variant.nearest == 0:
+        return f"occluders at any distance below tau {published}"
+    return f"occluders from {variant.nearest * extent:.3g} world units on {published}"

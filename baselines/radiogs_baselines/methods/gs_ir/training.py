@@ -1,0 +1,283 @@
+"""Stage 2 of GS-IR: materials, light and irradiance by deferred split-sum shading, under occlusion baked before.
+
+It starts from the surfels of stage 1 with new materials, a new light and no irradiance yet. Occlusion is baked once,
+before the first step: rays from the corners of a lattice that surfels are near.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.trace.trace import trace
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.geometry import turning
+from radiogs_core.learning.losses import environment_smoothness
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
+from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
+
+from ..material_start import GEOMETRY, first_light_and_albedo
+from ..split_sum import SplitSumLight
+from .irradiance import IrradianceVolume
+from .lattice import Lattice
+from .model import Model
+from .occlusion import OcclusionVolume, projection, sphere_directions
+from .prefilter import filtered_light
+from .settings import Budget, Variant
+from .shading import View
+
+MATERIALS = ("albedo", "roughness", "metallic")
+"""Blended maps that are kept smooth; the last where there is one."""
+
+
+class InverseRendering:
+    """Stage 2. Bakes occlusion by the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant: Variant = variant
+        self.budget, self.seed = budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        learnt = surfels_of(before, device)
+        self.occlusion, self.dark = None, None
+        if variant.occlusion:
+            lattice = Lattice.over(learnt, budget.occlusion_corners)
+            self.occlusion = bake(learnt, lattice, Reach.of(variant, scene.extent), budget.occlusion_directions)
+            if variant.indirect:
+                self.dark = IrradianceVolume.dark(lattice.of(budget.irradiance_corners))
+        self.optimiser = self._optimiser(learnt, scene.extent)
+
+    def _optimiser(self, learnt: Surfels, extent: float) -> SurfelOptimiser:
+        # The search for the light draws points; nothing after it is drawn.
+        generator = torch.Generator(learnt.centre.device).manual_seed(self.seed)
+        start = start_of(learnt, self.variant, self.budget.light_height, self.views, generator)
+        further = {"log_environment": start.log_environment}
+        if start.metallic_logit is not None:
+            further["metallic_logit"] = start.metallic_logit
+        if self.dark is not None:
+            further["irradiance"] = self.dark.coefficients
+        return SurfelOptimiser(start.surfels, further, rates_of(self.variant, self.budget, extent))
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        surfels, tensors = self.optimiser.surfels, self.optimiser.tensors
+        return Model(
+            surfels if self.variant.lr_scale > 0 else frozen(surfels),
+            tensors["log_environment"],
+            tensors.get("metallic_logit"),
+            self.occlusion,
+            None if self.dark is None else replace(self.dark, coefficients=tensors["irradiance"]),
+        )
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return values
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``."""
+        weights, model, target = self.variant.materials.weights, self.model, view.over(0.0)
+        light = SplitSumLight(filtered_light(model.environment, self.variant.texel_areas))
+        shown = View.of(view.camera, model, model.surfels.albedo, self.depth_unit)
+        shaded = shown.shaded(model, light, self.budget.occlusion_samples)
+        maps = [shown.seen.images[name] for name in MATERIALS if name in shown.seen.images]
+        smoothness = material_smoothness(torch.cat(maps, -1), target, shown.seen.alpha.detach() > 0)
+        return {
+            "shaded": weights.shaded * image_loss(shown.image(shaded, self.variant.straight), target),
+            "smoothness": weights.smoothness * smoothness,
+            "prior": weights.prior * material_prior(shown.points.roughness, shown.metallic),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+        }
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit; occlusion is baked again from what stage 1 handed on."""
+        return {"iteration": self.iteration, "optimiser": self.optimiser.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+CHANNELS = 5
+"""Albedo, roughness and metalness: what the published smoothness is a mean over, whether metalness is learnt or not."""
+
+
+def image_loss(image: Float[Tensor, "height width 3"], target: Float[Tensor, "height width 3"]) -> Float[Tensor, ""]:
+    """Mean L1 between display-sRGB images. What is brighter than 1 is cut off, and has no gradient."""
+    return (image.clamp(0, 1) - target).abs().mean()
+
+
+def material_smoothness(
+    materials: Float[Tensor, "height width channels"],
+    guide: Float[Tensor, "height width 3"],
+    covered: Bool[Tensor, "height width"],
+) -> Float[Tensor, ""]:
+    """Mean squared difference of neighbouring covered pixels, times exp(-|difference of ``guide``|).
+
+    The mean is over all pairs of pixels along x and along y, and ``CHANNELS`` channels; ``guide`` is the training image
+    in display sRGB, whose channels' differences are averaged.
+    """
+    total = materials.new_zeros(())
+    for axis in (0, 1):
+        pairs = covered.narrow(axis, 1, covered.shape[axis] - 1) & covered.narrow(axis, 0, covered.shape[axis] - 1)
+        if pairs.numel():
+            allowed = torch.exp(-guide.diff(dim=axis).abs().mean(-1)) * pairs
+            total = total + (materials.diff(dim=axis).square().sum(-1) * allowed).mean() / CHANNELS
+    return total
+
+
+def material_prior(roughness: Float[Tensor, " points"], metallic: Float[Tensor, " points"] | None) -> Float[Tensor, ""]:
+    """Mean of 1 - roughness plus that of the metalness; 0 for no points."""
+    smooth = 1 - roughness if metallic is None else 1 - roughness + metallic
+    return smooth.sum() / max(1, len(smooth))
+
+
+@dataclass(frozen=True)
+class Start:
+    """Surfels with starting materials, the logarithm of the light, and the metalness' logits where there are any."""
+
+    surfels: Surfels
+    log_environment: Float[Tensor, "height width 3"]
+    metallic_logit: Float[Tensor, " surfels"] | None
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Start:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    metallic = None
+    if variant.metallic:
+        metallic = torch.full_like(learnt.roughness_logit, inverse_sigmoid(start.metallic))
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Start(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metallic)
+
+
+def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter; those of geometry are what stage 1 ends with. ``extent``: the scene's."""
+    rates, before = variant.materials.rates, variant.geometry.rates
+    late = variant.lr_scale * before.end_share
+    return {
+        "centre": variant.lr_scale * budget.geometry_rate * before.position_end * extent,
+        "rotation": late * turning(budget.geometry_rate) * before.rotation,
+        "log_scale": late * before.scale,
+        "opacity_logit": late * before.opacity,
+        "sh": 0.0,
+        "sh_rest": 0.0,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "metallic_logit": rates.metallic,
+        "log_environment": rates.light,
+        "irradiance": rates.irradiance,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    return surfels.held(*GEOMETRY)
+
+
+SOLID = 0.5
+"""Opacity along a ray above which its depth is that of an occluder."""
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Which occluders a probe knows, by their distance in world units: from ``nearest`` on and nearer than ``tau``."""
+
+    nearest: float = 0.0
+    tau: float = torch.inf
+
+    @classmethod
+    def of(cls, variant: Variant, extent: float) -> "Reach":
+        """That of a variant; ``extent``: the scene's, world units."""
+        return cls(variant.nearest * extent, torch.inf if variant.tau is None else variant.tau * extent)
+
+    def hidden(
+        self, tracer: SurfelTracer, origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"]
+    ) -> Bool[Tensor, " rays"]:
+        """Whether each ray is more than half covered and the mean depth of what covers it is less than tau.
+
+        Surfels are met from both sides: a probe may lie on either of them. The depth is that of the whole ray, divided
+        by its opacity, as a rasterizer blends it.
+        """
+        surfels, start = tracer.surfels, torch.full_like(origin[:, 0], self.nearest)
+        hits = trace(
+            tracer.bvh, tracer.geometry, surfels.sh[:, :1], surfels.sh.new_zeros(len(surfels), 0),
+            origin, direction, start, back_from=torch.zeros_like(start),
+        )  # fmt: skip
+        opacity = 1 - hits.transmittance
+        depth = hits.depth / torch.where(opacity > 0, opacity, 1.0)
+        return (opacity > SOLID) & (depth < self.tau)
+
+
+@torch.no_grad()
+def bake(surfels: Surfels, lattice: Lattice, reach: Reach, directions: int) -> OcclusionVolume:
+    """The harmonics of M at every corner near a surfel; the other corners inherit the nearest probe, by grid steps.
+
+    M(w) = 0 where ``Reach.hidden``, else 1, along ``directions`` directions that are spread over the sphere. There has
+    to be at least one surfel.
+    """
+    near = corners_near(surfels, lattice)
+    tracer = SurfelTracer(surfels).built()
+    direction = sphere_directions(directions, dtype=lattice.low.dtype, device=lattice.low.device)
+    onto = projection(direction)
+    parts = []
+    for some in lattice.places(near).split(max(1, RAYS_AT_ONCE // directions)):
+        hidden = reach.hidden(tracer, some.repeat_interleave(directions, 0), direction.repeat(len(some), 1))
+        parts.append((~hidden).to(onto).view(len(some), directions) @ onto)
+    return OcclusionVolume(lattice, inherited(near, lattice.corners), torch.cat(parts))
+
+
+def corners_near(surfels: Surfels, lattice: Lattice) -> Int[Tensor, " near"]:
+    """Numbers, in order, of the corners of the cells that a surfel touches or is read in.
+
+    That is at its centre and one standard deviation along each of its axes, and half a cell in front of these places.
+    """
+    along = (
+        surfels.frame.detach() * torch.nn.functional.pad(surfels.scale.detach(), (0, 1), value=lattice.half)[:, None]
+    )
+    tangent_u, tangent_v, ahead = along.unbind(-1)
+    on = [surfels.centre.detach() + offset for offset in (0 * ahead, tangent_u, -tangent_u, tangent_v, -tangent_v)]
+    number, _ = lattice.around(torch.cat([*on, *(place + ahead for place in on)]))
+    return torch.unique(number)
+
+
+def inherited(near: Int[Tensor, " near"], corners: int) -> Int[Tensor, " corners"]:
+    """The probe that each corner reads: its own place in ``near``, or that of a neighbour which has one by now.
+
+    In rounds, by the six neighbours, so that a corner inherits from one of those that are fewest steps away.
+    """
+    probe = torch.full((corners,) * 3, -1, dtype=torch.int64, device=near.device)
+    probe.view(-1)[near] = torch.arange(len(near), device=near.device)
+    while bool((probe < 0).any()):
+        before = probe.clone()
+        for axis in range(3):
+            _inherit(probe.narrow(axis, 0, corners - 1), before.narrow(axis, 1, corners - 1))
+            _inherit(probe.narrow(axis, 1, corners - 1), before.narrow(axis, 0, corners - 1))
+    return probe.flatten()
+
+
+def _inherit(own: Tensor, neighbour: Tensor) -> None:
+    own.copy_(torch.where(own < 0, neighbour, own))

@@ -1,0 +1,205 @@
+"""A trained IRGS model as the harness shows it: under the light that it has recovered, and relit.
+
+Every covered pixel is shaded by rays. Labels say where a run differs from the published method; they go with its
+results.
+"""
+
+from typing import Protocol, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import Prepared, Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.met_surface import met_features
+from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.splatting import Splat
+from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
+
+from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from ..surfel_showing import Shown, TrainedOnSurfels
+from .model import Model
+from .rays import Rays
+from .settings import PRESETS, Budget, Indirect, Variant
+from .shading import shade_points
+
+Maps = dict[str, Float[Tensor, "height width _"]]
+
+
+class TrainedIRGS(TrainedOnSurfels[Model]):
+    """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run) -> None:
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
+        self.rays = Rays.of(run.variant, run.scene.extent)
+
+    def as_trained(self) -> Prepared:
+        """Rays are traced for each image."""
+        variant, surfels = self.run.variant, self.model.surfels
+        own = RecoveredLight(self.model, self.rays, self.run.budget.render_samples, variant.indirect)
+        return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), incident=True)
+
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """Rays are traced for each image; what they meet is shaded by the split sum."""
+        variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
+        recovered = surfels.albedo.detach()
+        scaled = recovered * albedo_scale
+        new = NewLight(
+            surfels,
+            scaled if variant.secondary_albedo == "scaled" else recovered,
+            light,
+            self.rays,
+            (budget.relight_hemisphere_samples, budget.relight_light_samples),
+            variant.relight_indirect,
+        )
+        return Shown(Renderer(surfels, scaled, new, self.run.seed, variant.straight))
+
+
+@runtime_checkable
+class Light(Protocol):
+    """What the points of an image are lit by."""
+
+    environment: Float[Tensor, "rows columns 3"]
+    """Distant radiance, linear."""
+    samples: int
+    """Rays from each point."""
+
+    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
+        """What arrives at some points."""
+
+
+class RecoveredLight:
+    """The light of training, with the indirect light that training had; the same directions at every point.
+
+    ``indirect``: see ``Variant``.
+    """
+
+    def __init__(self, model: Model, rays: Rays, samples: int, indirect: Indirect) -> None:
+        self.environment, self.samples = model.environment, samples
+        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels).built()
+
+    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
+        """V and L_ind along directions that are spread over the hemisphere."""
+        direction, weight = hemisphere_directions(points.normal, self.samples, None)
+        return self.rays.incident(self.tracer, points, direction, weight, self.indirect)
+
+
+class NewLight:
+    """Another light: directions are spread over the hemisphere and drawn from it; L_ind is the split sum at hits.
+
+    ``met_albedo``: of the surfels that rays meet. ``samples``: over the hemisphere, and from the light. ``indirect``:
+    whether there is any. Raises DataError for a light that is not finite.
+    """
+
+    def __init__(
+        self,
+        surfels: Surfels,
+        met_albedo: Float[Tensor, "surfels 3"],
+        light: EnvironmentMap,
+        rays: Rays,
+        samples: tuple[int, int],
+        indirect: bool,
+    ) -> None:
+        self.environment, self.samples, self.of_each = light.radiance, sum(samples), samples
+        self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(surfels).built()
+        self.sampler, self.prefiltered = LightSampler(light), PrefilteredLight(light.radiance)
+        self.features = met_features(surfels, met_albedo)
+
+    def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
+        """V, and L_ind where there is any."""
+        direction, weight = relighting_directions(points.normal, self.sampler, *self.of_each, generator)
+        if not self.indirect:
+            return self.rays.incident(self.tracer, points, direction, weight, "none")
+        return self.rays.relit(self.tracer, points, direction, weight, self.features, self.prefiltered)
+
+
+class Renderer:
+    """Surfels under a light, ready to be seen from any camera; ``albedo`` is that of what the camera sees.
+
+    The same camera is always shown the same, whatever was rendered before: directions are drawn by ``seed``.
+    """
+
+    def __init__(
+        self, surfels: Surfels, albedo: Float[Tensor, "surfels 3"], light: Light, seed: int, straight: bool = True
+    ) -> None:
+        self.surfels, self.albedo, self.light, self.seed, self.straight = surfels, albedo, light, seed, straight
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Maps:
+        """Maps of one view, [height, width, channels], all composited on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
+        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world z-depth): one
+        channel. normal: unit in the world, zero where empty.
+        """
+        seen = seen_surfels(camera, self.surfels, self.albedo, {})
+        radiance = self._radiance(camera, seen)
+        length = seen.normal.square().sum(-1, keepdim=True)
+        return {
+            **radiance,
+            "image": displayed(radiance["direct"] + radiance["indirect"], seen.alpha, self.straight).clamp(0, 1),
+            "albedo": seen.images["albedo"],
+            "roughness": seen.images["roughness"],
+            "alpha": seen.alpha[..., None],
+            "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+            "depth": seen.depth[..., None],
+        }
+
+    def _radiance(self, camera: Camera, seen: Splat) -> Maps:
+        """``direct``, ``indirect`` and ``incident``, so many points at a time as rays fit into memory."""
+        generator = torch.Generator(seen.alpha.device).manual_seed(self.seed)
+        names = ("direct", "indirect", "incident")
+        maps = {name: torch.zeros(seen.alpha.numel(), 3, device=seen.alpha.device) for name in names}
+        for pixels in covered_pixels(seen).split(max(1, RAYS_AT_ONCE // self.light.samples)):
+            points = seen_points(camera, seen, pixels)
+            incident = self.light.on(points, generator)
+            shaded = shade_points(points, incident, self.light.environment)
+            alpha, weight = seen.alpha.flatten()[pixels, None], incident.weight[..., None]
+            whole = weight.sum(1)
+            arriving = (weight * incident.radiance).sum(1) / torch.where(whole > 0, whole, 1.0)
+            for name, values in zip(names, (shaded.direct, shaded.indirect, arriving), strict=True):
+                maps[name][pixels] = alpha * values
+        return {name: values.view(*seen.alpha.shape, 3) for name, values in maps.items()}
+
+
+PAPER = PRESETS["paper"]
+
+
+def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
+    """Labels by name. ``extent``: the scene's, world units."""
+    labels = {
+        "geometry": "surfels of this project, traced and rasterised by its kernels",
+        "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",
+        "light_start": _light_start(variant),
+        "ray_start": _ray_start(variant, extent),
+        "fresnel": "F0 0.04 at what relit rays meet, too (published: 0.02)",
+    }
+    reduced = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in ("inverse_iterations", "pixels", "incident_samples", "relight_hemisphere_samples",
+                     "relight_light_samples", "render_samples")
+        if getattr(budget, name) != getattr(PAPER, name)
+    }  # fmt: skip
+    if reduced:
+        labels["reduced"] = ", ".join(sorted(reduced))
+    if variant.lr_scale > 0:
+        labels["lr_scale"] = f"{variant.lr_scale:g} (published scripts: 0)"
+    return labels
+
+
+def _light_start(variant: Variant) -> str:
+    if variant.materials.start.light == "least-variation":
+        return "shared: the light of least albedo variation (published: a constant 1.5)"
+    return "constant, by the images' exposure (published: a constant 1.5)"
+
+
+def _ray_start(variant: Variant, extent: float) -> str:
+    if variant.ray_start is None:
+        return "one standard deviation of the surfels that a pixel sees (published: 0.05)"
+    return f"{variant.ray_start * extent:.3g} world units (published: 0.05)"

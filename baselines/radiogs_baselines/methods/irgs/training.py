@@ -1,0 +1,218 @@
+"""Stage 2 of IRGS: materials and light by shading random pixels, with rays through the surfels' harmonics.
+
+It starts from the surfels and radiance of stage 1 with new materials and a new light.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.losses import (
+    environment_smoothness,
+    light_prior,
+    mask_entropy,
+    normal_consistency,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splatting import Splat, own_radiance
+from radiogs_core.transport.tracer import SurfelTracer
+
+from ..material_start import GEOMETRY, first_light_and_albedo
+from ..seen_points import covered_pixels, seen_points, seen_surfels
+from .model import Model
+from .rays import Rays
+from .settings import Variant
+from .shading import mean_direct_light, shade_points
+
+
+class InverseRendering:
+    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant, self.budget, self.seed = variant, budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        self.generator = torch.Generator(device).manual_seed(run.seed)
+        start = start_of(surfels_of(before, device), variant, budget.light_height, self.views, self.generator)
+        light = {"log_environment": start.log_environment}
+        self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, scene.extent))
+        self.rays = Rays.of(variant, scene.extent)
+        self.tracer = SurfelTracer(frozen(start.surfels))
+
+    @property
+    def moves(self) -> bool:
+        """Whether geometry is learnt."""
+        return self.variant.lr_scale > 0
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        view = view_at(self.views, self.iteration, self.seed)
+        losses = self.losses(view)
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return values
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``; draws pixels and directions."""
+        surfels = self.optimiser.surfels if self.moves else frozen(self.optimiser.surfels)
+        self._follow(surfels)
+        model = Model(surfels, self.optimiser.tensors["log_environment"])
+        own = {"radiance": own_radiance(view.camera, surfels)}
+        seen = seen_surfels(view.camera, surfels, surfels.albedo, own, self.depth_unit)
+        losses = self._shaded_losses(model, seen, view) | self._image_losses(seen, view)
+        losses["light smoothness"] = self.variant.materials.weights.light_smoothness * environment_smoothness(
+            model.environment
+        )
+        return losses | (self._geometry_losses(seen, view) if self.moves else {})
+
+    def _follow(self, surfels: Surfels) -> None:
+        if self.moves:
+            self.tracer.follow(surfels)
+        else:
+            self.tracer.recolour(surfels)
+
+    def _shaded_losses(self, model: Model, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        """L1 of random covered pixels, shaded by rays, and the neutrality of the direct light that reaches them."""
+        weights = self.variant.materials.weights
+        pixels = self._drawn(covered_pixels(seen))
+        points = seen_points(view.camera, seen, pixels)
+        direction, weight = hemisphere_directions(points.normal.detach(), self.budget.incident_samples, self.generator)
+        incident = self.rays.incident(self.tracer, points, direction, weight, self.variant.indirect)
+        shaded = shade_points(points, incident, model.environment)
+        alpha, target = seen.alpha.flatten()[pixels], view.over(0.0).flatten(0, 1)[pixels]
+        return {
+            "shaded": weights.shaded * pixel_loss(shaded.radiance, alpha, target, self.variant.straight),
+            "light prior": weights.light_prior * neutrality(incident, model.environment),
+        }
+
+    def _drawn(self, pixels: Tensor) -> Tensor:
+        """As many of the pixels as the budget has, drawn without repetition."""
+        order = torch.randperm(len(pixels), generator=self.generator, device=pixels.device)
+        return pixels[order[: self.budget.pixels]]
+
+    def _image_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        """The image of the surfels' own radiance, and the smoothness of the material maps."""
+        weights, images = self.variant.materials.weights, seen.images
+        target, mask = view.over(0.0), view.mask[..., None]
+        own = displayed(images["radiance"], seen.alpha, self.variant.straight)
+        allowance = self._allowance(view)
+        return {
+            "radiance": reconstruction(own, target, weights.absolute, weights.similarity),
+            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
+            "roughness smoothness": weights.roughness_smoothness
+            * edge_aware_smoothness(mask * images["roughness"], allowance),
+        }
+
+    def _allowance(self, view: TrainingView) -> Tensor:
+        geometry = self.variant.geometry
+        inside = None if geometry.across_silhouettes else view.mask
+        return edge_allowance(view.over(0.0), geometry.edge_sharpness, inside)
+
+    def _geometry_losses(self, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        weights, one_sided = self.variant.materials.weights, self.variant.geometry.normal_target == "one-sided"
+        mask = view.mask[..., None]
+        losses = {
+            "mask": weights.mask * mask_entropy(seen.alpha, view.mask),
+            "normal smoothness": weights.normal_smoothness
+            * edge_aware_smoothness(mask * seen.normal, self._allowance(view)),
+        }
+        if self.iteration >= self.variant.materials.normal_from * self.iterations:
+            target = seen.depth_normal(view.camera, one_sided)
+            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, target)
+        return losses
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+def pixel_loss(
+    radiance: Float[Tensor, "pixels 3"],
+    alpha: Float[Tensor, " pixels"],
+    target: Float[Tensor, "pixels 3"],
+    straight: bool = True,
+) -> Float[Tensor, ""]:
+    """Mean L1 between shaded pixels and the training image on black, display sRGB; 0 for no pixels.
+
+    radiance: linear, of the covered part of each pixel. straight: see ``splatting.displayed``. Where the target is
+    saturated it only says "at least 1", as in ``learning.losses.reconstruction``.
+    """
+    found = displayed((radiance * alpha[:, None])[None], alpha[None], straight)[0]
+    found = torch.where(target >= 1, found.clamp(max=1), found)
+    return (found - target).abs().sum() / max(1, target.numel())
+
+
+def neutrality(incident: Incident, environment: Float[Tensor, "rows columns 3"]) -> Float[Tensor, ""]:
+    """Mean distance of the channels of V L_env, averaged over each point's hemisphere, from their mean; 0 for none."""
+    if not len(incident.weight):
+        return environment.new_zeros(())
+    return light_prior(mean_direct_light(incident, environment))
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
+    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates by raw parameter; ``extent``: the scene's, world units."""
+    rates, before, scale = variant.materials.rates, variant.geometry.rates, variant.lr_scale
+    return {
+        "centre": scale * (before.position * extent),
+        "rotation": scale * before.rotation,
+        "log_scale": scale * before.scale,
+        "opacity_logit": scale * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels whose geometry has no gradient: it is neither computed nor stepped on."""
+    return surfels.held(*GEOMETRY)

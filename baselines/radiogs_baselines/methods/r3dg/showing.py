@@ -1,0 +1,125 @@
+"""A trained R3DG model as the harness shows it: under the light that it has recovered, and relit.
+
+Labels say where a run differs from the published method; they go with its results.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.splatting import incident_map, shaded_maps
+
+from ..surfel_showing import INCIDENT, SHOWN, TrainedOnSurfels
+from .local_light import arriving
+from .model import Model
+from .settings import PRESETS, Budget, LocalLight, Variant
+from .visibility import Rays, VisibilityTable
+
+
+class TrainedR3DG(TrainedOnSurfels[Model]):
+    """Surfels with materials, a light and local light, and what they were trained on; see ``contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run) -> None:
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
+
+    def export(self, folder: Path) -> list[Path]:
+        """Write ``surfels.ply`` and ``local_light.npy`` ([surfels, 16, 3], 3DGS's basis). Raises OSError."""
+        local = folder / "local_light.npy"
+        np.save(local, self.model.local.detach().cpu().numpy())
+        return [*super().export(folder), local]
+
+    def as_trained(self) -> Prepared:
+        """V is traced anew, and kept for all images."""
+        samples, local_light = self.run.budget.incident_samples, self.run.variant.local_light
+        albedo, incident = self.model.surfels.albedo, self._arriving(samples, local_light)
+        return _Shown(self.model.surfels, albedo, incident, self.model.environment, self.run.variant.straight, False)
+
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """V is traced once, and the local light stays what it was in training."""
+        variant, surfels = self.run.variant, self.model.surfels
+        local_light: LocalLight = variant.local_light if variant.relight_local_light else "none"
+        incident = self._arriving(self.run.budget.relight_samples, local_light)
+        albedo = surfels.albedo.detach() * albedo_scale
+        return _Shown(surfels, albedo, incident, light.radiance, variant.straight, True)
+
+    @torch.no_grad()
+    def _arriving(self, samples: int, local_light: LocalLight) -> Incident:
+        table = VisibilityTable(self.model.surfels, Rays.of(self.run.variant, self.run.scene.extent), samples)
+        return arriving(table, self.model.local, local_light)
+
+
+class _Shown:
+    """Under one light; ``albedo`` is given apart, because relighting scales it. ``indirect`` is what the local light
+    makes surfels send out, and ``incident`` the mean local light that arrives."""
+
+    timed = True
+    default = frozenset(SHOWN)
+
+    def __init__(
+        self,
+        surfels: Surfels,
+        albedo: Float[Tensor, "surfels 3"],
+        incident: Incident,
+        environment: Float[Tensor, "rows columns 3"],
+        straight: bool,
+        relit: bool,
+    ) -> None:
+        self.surfels, self.albedo, self.incident = surfels, albedo, incident
+        self.environment, self.straight = environment, straight
+        self.offers: Mapping[str, MapKind] = {**SHOWN, **({} if relit else {INCIDENT: MapKind("linear")})}
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of one view."""
+        maps = shaded_maps(camera, self.surfels, self.albedo, self.incident, self.environment, straight=self.straight)
+        if INCIDENT in further and INCIDENT in self.offers:
+            maps[INCIDENT] = incident_map(camera, self.surfels, self.incident)
+        return maps
+
+
+PAPER = PRESETS["paper"]
+
+
+def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
+    """Labels by name. ``extent``: the scene's, world units."""
+    labels = {
+        "geometry": "surfels of this project in place of 3D Gaussians with a normal of their own",
+        "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
+        "light_start": _light_start(variant),
+        "ray_start": _ray_start(variant, extent),
+        "directions": _directions(variant),
+    }
+    reduced = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in ("inverse_iterations", "incident_samples", "relight_samples", "light_height")
+        if getattr(budget, name) != getattr(PAPER, name)
+    }
+    if reduced:
+        labels["reduced"] = ", ".join(sorted(reduced))
+    if budget.local_rate != PAPER.local_rate:
+        labels["local_rate"] = f"{budget.local_rate:g} times the published rates of the local light"
+    return labels
+
+
+def _light_start(variant: Variant) -> str:
+    if variant.materials.start.light == "least-variation":
+        return "shared: the light of least albedo variation (published: random between 0.69 and 0.97)"
+    return "constant, by the images' exposure (published: random between 0.69 and 0.97)"
+
+
+def _ray_start(variant: Variant, extent: float) -> str:
+    if variant.ray_start is None:
+        return "one standard deviation of the surfel (published: 0.06)"
+    return f"{variant.ray_start * extent:.3g} world units (published: 0.06)"
+
+
+def _directions(variant: Variant) -> str:
+    return "none below 10 degrees, as published" if variant.floor else "down to the horizon (published: to 10 degrees)"

@@ -1,0 +1,274 @@
+"""Stage 2 of R3DG: materials, light and local light from images of shaded surfels; geometry is frozen.
+
+It starts from the surfels of stage 1 with new materials, a new light and no local light. Every surfel is shaded towards
+the camera, and what it sends out is blended. Albedo stays between 0.03 and 0.8, roughness between 0.09 and 0.99.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.kernels.shade.shade import shade
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.learning.losses import (
+    environment_smoothness,
+    light_prior,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import COEFFICIENTS
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR, Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.splatting import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    Splat,
+    splat,
+    towards,
+)
+
+from ..material_start import first_light_and_albedo
+from .local_light import arriving
+from .model import Model, before_softplus
+from .settings import Budget, MaterialWeights, Variant
+from .visibility import Rays, VisibilityTable
+
+
+class InverseRendering:
+    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant, self.budget, self.seed = variant, budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        self.generator = torch.Generator(device).manual_seed(run.seed)
+        learnt = surfels_of(before, device)
+        start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
+        self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, budget))
+        self.table = VisibilityTable(learnt, Rays.of(variant, scene.extent), budget.incident_samples)
+
+    @property
+    def retraces(self) -> bool:
+        """Whether V is traced anew along the way."""
+        return bool(self.variant.visibility == "retraced")
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        tensors = self.optimiser.tensors
+        local = torch.cat([tensors["local"], tensors["local_rest"]], 1)
+        return Model(bounded(frozen(self.optimiser.surfels)), local, tensors["raw_environment"])
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        if self.retraces:
+            order = torch.randperm(len(self.table.normal), generator=self.generator, device=self.table.normal.device)
+            self.table.retrace(order[: self.budget.retraced_surfels], self.generator)
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return values
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``."""
+        model, weights = self.model, self.variant.materials.weights
+        incident = arriving(self.table, model.local, self.variant.local_light)
+        lit = light_surfels(view.camera, model.surfels, incident, model.environment)
+        seen = blended(view.camera, model.surfels, lit, self.depth_unit)
+        images = image_losses(seen, view.over(0.0), view.mask, weights, self.variant.geometry)
+        return images | light_losses(lit.irradiance, model.environment, weights)
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit. A table that is traced once is traced alike when resumed."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+            "table": self.table.state() if self.retraces else {},
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+        if self.retraces:
+            self.table.restore(state["table"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+def image_losses(
+    seen: Splat,
+    target: Float[Tensor, "height width 3"],
+    mask: Float[Tensor, "height width"],
+    weights: MaterialWeights,
+    geometry: GeometryLearning,
+) -> dict[str, Tensor]:
+    """Losses of the blended maps by name, weighted; ``target``: the training image on black, display sRGB.
+
+    Smoothness of albedo and roughness stops at edges of the image, that of the irradiance at edges of the normals.
+    """
+    images, inside = seen.images, None if geometry.across_silhouettes else mask
+    shaded = displayed(images["radiance"], seen.alpha, geometry.encoding == "straight")
+    within_paint = edge_allowance(target, geometry.edge_sharpness, inside)
+    within_surface = edge_allowance(_straight_normal(seen), mask=inside)
+    albedo, irradiance = (displayed(images[name], seen.alpha) for name in ("albedo", "irradiance"))
+    smoothness = {
+        "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(albedo, within_paint),
+        "roughness smoothness": weights.roughness_smoothness * edge_aware_smoothness(images["roughness"], within_paint),
+        "irradiance smoothness": weights.irradiance_smoothness * edge_aware_smoothness(irradiance, within_surface),
+    }
+    return {"shaded": reconstruction(shaded, target, weights.absolute, weights.similarity), **smoothness}
+
+
+def light_losses(
+    irradiance: Float[Tensor, "surfels 3"], environment: Float[Tensor, "rows columns 3"], weights: MaterialWeights
+) -> dict[str, Tensor]:
+    """Neutrality of the light on all surfels, the local light included, and smoothness of the environment."""
+    return {
+        "light prior": weights.light_prior * light_prior(irradiance),
+        "light smoothness": weights.light_smoothness * environment_smoothness(environment),
+    }
+
+
+def _straight_normal(seen: Splat) -> Float[Tensor, "height width 3"]:
+    """The blended normal without coverage; geometry is frozen."""
+    alpha = seen.alpha.detach()[..., None]
+    return seen.normal.detach() / torch.where(alpha > 0, alpha, 1.0)
+
+
+LEARNT = ("albedo_logit", "roughness_logit")
+"""Raw parameters of surfels that stage 2 learns; all others, the harmonics among them, stay as stage 1 left them."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """surfels: with logits that ``bounded`` reads. further: the light before its softplus, and the local
+    light's harmonics of degree 0 and above it, by the names of their rates.
+    """
+
+    surfels: Surfels
+    further: dict[str, Tensor]
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Start:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start = variant.materials.start
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
+    roughness = torch.full_like(learnt.roughness_logit, start.roughness)
+    local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
+    further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}
+    return Start(learnt_from(learnt, albedo, roughness), further)
+
+
+def rates_of(variant: Variant, budget: Budget) -> dict[str, float]:
+    """Learning rates by raw parameter."""
+    rates = variant.materials.rates
+    return dict.fromkeys(("centre", "rotation", "log_scale", "opacity_logit", "sh", "sh_rest"), 0.0) | {
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "raw_environment": rates.light,
+        "local": budget.local_rate * rates.local,
+        "local_rest": budget.local_rate * rates.local_rest,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels of which materials alone have gradient."""
+    return surfels.held(*(name for name in Surfels.names() if name not in LEARNT))
+
+
+@dataclass(frozen=True)
+class Lit:
+    """Light on every surfel, linear. radiance: sent towards the camera, zero where it looks from behind.
+
+    irradiance: E = sum_i w_i L_i (n.w_i), of all surfels.
+    """
+
+    radiance: Float[Tensor, "surfels 3"]
+    irradiance: Float[Tensor, "surfels 3"]
+
+
+def light_surfels(
+    camera: Camera, surfels: Surfels, incident: Incident, environment: Float[Tensor, "rows columns 3"]
+) -> Lit:
+    """L_o = sum_i w_i (a / pi + f_s) L_i (n.w_i) with L_i = V L_env + L_local, in one pass of the kernel.
+
+    It shades white surfels, so that the irradiance is seen; those that face away, along their normals and without lobe.
+    """
+    normal, outgoing = surfels.frame[..., 2], towards(camera, surfels)
+    facing = (normal * outgoing).sum(-1) > 0
+    white = torch.ones_like(surfels.albedo)
+    parts = shade(
+        normal, white, surfels.roughness, torch.where(facing[:, None], outgoing, normal)[:, None],
+        incident.direction, incident.weight, incident.visibility, incident.radiance, environment, facing,
+    )[:, 0]  # fmt: skip
+    diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
+    specular = parts[:, SPECULAR_DIRECT] + parts[:, SPECULAR_INDIRECT]
+    radiance = torch.where(facing[:, None], surfels.albedo * diffuse + specular, 0.0)
+    return Lit(radiance, torch.pi * diffuse)
+
+
+def blended(camera: Camera, surfels: Surfels, lit: Lit, depth_unit: float = 1.0) -> Splat:
+    """The maps ``radiance``, ``irradiance``, ``albedo`` and ``roughness``, all multiplied by coverage."""
+    channels = {
+        "radiance": lit.radiance,
+        "irradiance": lit.irradiance,
+        "albedo": surfels.albedo,
+        "roughness": surfels.roughness[:, None],
+    }
+    return splat(camera, surfels, channels, depth_unit)
+
+
+ALBEDO_LEAST, ALBEDO_SPAN = 0.03, 0.77
+ROUGHNESS_LEAST, ROUGHNESS_SPAN = 0.09, 0.9
+
+INNERMOST = 0.01
+"""Starting values keep this share of the range away from its ends, where a sigmoid has no slope."""
+
+
+def bounded(learnt: Surfels) -> Surfels:
+    """The surfels whose albedo is 0.03 + 0.77 sigmoid and whose roughness is 0.09 + 0.9 sigmoid of the learnt logits.
+
+    What comes out are surfels like any others (``Surfels.albedo``, ``Surfels.roughness``), with gradient to ``learnt``.
+    """
+    albedo = ALBEDO_LEAST + ALBEDO_SPAN * learnt.albedo_logit.sigmoid()
+    roughness = ROUGHNESS_LEAST + ROUGHNESS_SPAN * learnt.roughness_logit.sigmoid()
+    share = (roughness - ROUGHNESS_FLOOR) / (1 - ROUGHNESS_FLOOR)
+    return replace(learnt, albedo_logit=albedo.logit(), roughness_logit=share.logit())
+
+
+def learnt_from(surfels: Surfels, albedo: Float[Tensor, "surfels 3"], roughness: Float[Tensor, " surfels"]) -> Surfels:
+    """Surfels with logits for which ``bounded`` gives these materials, or the nearest that lie within the ranges."""
+    return replace(
+        surfels,
+        albedo_logit=_logit((albedo - ALBEDO_LEAST) / ALBEDO_SPAN),
+        roughness_logit=_logit((roughness - ROUGHNESS_LEAST) / ROUGHNESS_SPAN),
+    )
+
+
+def _logit(share: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
+    return torch.logit(share.clamp(INNERMOST, 1 - INNERMOST))

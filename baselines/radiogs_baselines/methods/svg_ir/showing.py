@@ -1,0 +1,173 @@
+"""A trained SVG-IR model as the harness shows it: under the light that it has recovered, and relit.
+
+Vertices are shaded from a table. Labels say where a run differs from the published method; they go with its results.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import Prepared, Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import splat, towards
+
+from ..surfel_showing import Shown, TrainedOnSurfels
+from .model import Model
+from .settings import PRESETS, Budget, Variant
+from .shading import Materials, bounced, limited, materials_of, reduced, shade_vertices
+from .table import Table, Walk, table_of
+from .vertices import blend_vertices
+
+Maps = dict[str, Float[Tensor, "height width _"]]
+
+
+@dataclass(frozen=True)
+class Lit:
+    """What vertices are lit by: the light as it is looked up, and the table, whose radiance counts ``factor`` times."""
+
+    environment: Float[Tensor, "rows columns 3"]
+    table: Table
+    factor: Float[Tensor, ""] | float
+
+
+class TrainedSVGIR(TrainedOnSurfels[Model]):
+    """Surfels with vertices and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run) -> None:
+        super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
+        self.walk = Walk.of(run.variant, run.scene.extent)
+
+    def facts(self) -> dict[str, Any]:
+        """``ratio``: the factor on kept radiance. The rest: see ``TrainedOnSurfels``."""
+        return super().facts() | {"ratio": float(self.model.ratio)}
+
+    @property
+    def surfels(self) -> Surfels:
+        """Each surfel with the mean material of its vertices."""
+        return self.model.averaged()
+
+    def as_trained(self) -> Prepared:
+        """Shaded from the table of training."""
+        variant, model = self.run.variant, self.model
+        table = table_of(model.cached, self.walk, self.run.budget.incident_samples, self.run.seed)
+        factor = model.ratio if variant.indirect else 0.0
+        own = Lit(limited(model.environment, variant.light_limit), table, factor)
+        return self._shown(model.albedo, own, incident=True)
+
+    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+        """With a new table, whose radiance is one bounce at the first hits."""
+        variant, model = self.run.variant, self.model
+        albedo = model.albedo * albedo_scale
+        environment = limited(reduced(light, variant.relight_rows).radiance, variant.light_limit)
+        table = table_of(model.surfels, self.walk, self.run.budget.relight_samples, self.run.seed)
+        if variant.relight_indirect:
+            materials = materials_of(model, albedo)
+            table = table.with_radiance(bounced(materials, table, environment, variant.vertex_distance))
+        return self._shown(albedo, Lit(environment, table, float(variant.relight_indirect)), incident=False)
+
+    def _shown(self, albedo: Tensor, lit: Lit, incident: bool) -> Shown:
+        materials, variant = materials_of(self.model, albedo), self.run.variant
+        return Shown(Renderer(self.model, materials, lit, variant.vertex_distance, variant.straight), incident)
+
+
+class Renderer:
+    """A model under a light, ready to be seen from any camera.
+
+    ``materials``: what the camera sees (see ``shading.materials_of``). ``distance``: of the vertices. ``straight``: see
+    ``splatting.displayed``.
+    """
+
+    def __init__(self, model: Model, materials: Materials, lit: Lit, distance: float, straight: bool = True) -> None:
+        self.model, self.materials, self.lit = model, materials.detach(), lit
+        self.distance, self.straight = distance, straight
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> Maps:
+        """Maps of one view, [height, width, channels], all composited on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
+        surfel's hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world
+        z-depth): one channel. normal: that of the vertices, unit in the world, zero where empty.
+        """
+        surfels = self.model.surfels
+        camera = camera.to(surfels.centre.device, surfels.centre.dtype)
+        seen = splat(camera, surfels, {}, depth_unit=1.0)
+        projection = project(camera, surfels.geometry_for(camera))
+        shaded = self._shaded(camera, torch.nonzero(projection.lists.touched)[:, 0])
+        blended = blend_vertices(projection, surfels, torch.cat([shaded, self.materials], -1), self.distance)
+        direct, indirect, incident, albedo, roughness, normal = blended.split([3, 3, 3, 3, 1, 3], -1)
+        length = normal.square().sum(-1, keepdim=True)
+        return {
+            "image": displayed(direct + indirect, seen.alpha, self.straight).clamp(0, 1),
+            "direct": direct,
+            "indirect": indirect,
+            "incident": incident,
+            "albedo": albedo,
+            "roughness": roughness,
+            "alpha": seen.alpha[..., None],
+            "normal": normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+            "depth": seen.depth[..., None],
+        }
+
+    def _shaded(self, camera: Camera, index: Tensor) -> Float[Tensor, "surfels vertices 9"]:
+        """Direct, indirect and incident radiance of the vertices in view, zero for the others."""
+        incident = self.lit.table.incident(index, self.lit.factor)
+        outgoing = towards(camera, self.model.surfels)[index]
+        direct, indirect = shade_vertices(self.materials[index], incident, outgoing, self.lit.environment)
+        weight = incident.weight[..., None]
+        arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
+        shaded = torch.cat([direct, indirect, arriving[:, None].expand_as(direct)], -1)
+        return shaded.new_zeros(*self.materials.shape[:2], 9).index_copy(0, index, shaded)
+
+
+PAPER = PRESETS["paper"]
+
+
+def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]:
+    """Labels by name. ``extent``: the scene's, world units."""
+    labels = {
+        "geometry": "surfels of this project in place of flattened 3D Gaussians; no monocular normals",
+        "stage1": "shared: novel-view synthesis in place of SVG-IR's own",
+        "light_start": _light_start(variant),
+        "hop": _hop(variant, extent),
+        "ray_start": _ray_start(variant, extent),
+        "attributes": f"vertices {variant.vertex_distance:g} standard deviations from the axes (published: by the size "
+        "of the splat in the image)",
+    }
+    if variant.attributes == "constant":
+        labels["attributes"] = "constant-attribute: one material a surfel in place of four vertices"
+    lowered = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in ("inverse_iterations", "incident_samples", "relight_samples")
+        if getattr(budget, name) != getattr(PAPER, name)
+    }
+    if budget.consistency_surfels < budget.maximum_surfels:
+        lowered.add(f"consistency_surfels {budget.consistency_surfels} (published: all)")
+    if lowered:
+        labels["reduced"] = ", ".join(sorted(lowered))
+    return labels
+
+
+def _light_start(variant: Variant) -> str:
+    if variant.materials.start.light == "least-variation":
+        return "shared: the light of least albedo variation (published: constant)"
+    return "constant, by the images' exposure"
+
+
+def _hop(variant: Variant, extent: float) -> str:
+    if variant.hop is None:
+        return "rays of full length (published: 0.2 from hit to hit)"
+    return f"{variant.hop * extent:.3g} world units (published: 0.2)"
+
+
+def _ray_start(variant: Variant, extent: float) -> str:
+    if variant.ray_start is None:
+        return "one standard deviation of the surfel that a ray leaves (published: 0.042)"
+    return f"{variant.ray_start * extent:.3g} world units (published: 0.042)"

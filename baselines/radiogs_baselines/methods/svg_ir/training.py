@@ -1,0 +1,208 @@
+"""Stage 2 of SVG-IR: materials and light by shading vertices from a table that is traced once.
+
+It starts from the surfels and radiance of stage 1 with new materials and a new light. Besides images, materials are
+fitted to the radiance that the table keeps.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.learning.backward import backward
+from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.losses import (
+    environment_smoothness,
+    normal_consistency,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
+from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
+
+from ..material_start import first_light_and_albedo
+from .model import LEARNT, Model
+from .settings import MaterialRates, Variant
+from .shading import limited, materials_of, mirrored, one_bounce, shade_vertices
+from .table import Table, Walk, table_of
+from .vertices import blend_vertices
+
+
+class InverseRendering:
+    """Stage 2. Keeps the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+
+    name = "invert"
+
+    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
+        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
+        self.variant, self.budget, self.seed = variant, budget, run.seed
+        self.iteration, self.iterations = 0, budget.inverse_iterations
+        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
+        self.depth_unit = mean_distance(self.views, scene.centre)
+        self.generator = torch.Generator(device).manual_seed(run.seed)
+        learnt = surfels_of(before, device)
+        start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
+        self.cached = start.cached
+        self.table = table_of(learnt, Walk.of(variant, scene.extent), budget.incident_samples, run.seed)
+        further = {name: getattr(start, name) for name in LEARNT}
+        self.optimiser = SurfelOptimiser(learnt, further, rates_of(variant.materials.rates))
+
+    @property
+    def model(self) -> Model:
+        """What is learnt so far."""
+        learnt = {name: self.optimiser.tensors[name] for name in LEARNT}
+        return Model(frozen(self.optimiser.surfels), self.cached, **learnt)
+
+    def step(self) -> Mapping[str, float]:
+        """One optimisation step; returns the weighted losses by name."""
+        if self.iteration >= self.variant.materials.ratio_until * self.iterations:
+            self.optimiser.set_rate("ratio", 0.0)
+        losses = self.losses(view_at(self.views, self.iteration, self.seed))
+        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+        self.optimiser.step()
+        self.iteration += 1
+        return values
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view``; draws surfels."""
+        model, weights = self.model, self.variant.materials.weights
+        own = own_radiance(view.camera, model.surfels)
+        seen = splat(view.camera, model.surfels, {"radiance": own}, self.depth_unit)
+        shaded, materials = self._vertex_images(model, view)
+        return {
+            "shaded": weights.shaded * self._image_loss(shaded, seen, view),
+            "radiance": weights.radiance * self._image_loss(seen.images["radiance"], seen, view),
+            **self._map_losses(materials, seen, view),
+            "offset": weights.offset * model.vertex_offset.square().mean(),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+            **self._consistency(model, view),
+        }
+
+    def _vertex_images(self, model: Model, view: TrainingView) -> tuple[Tensor, Tensor]:
+        """Shaded linear radiance, and albedo, roughness and normal, blended over the surfels in view."""
+        surfels, camera = model.surfels, view.camera.to(model.cached.centre.device, model.cached.centre.dtype)
+        seen = project(camera, surfels.geometry_for(camera))
+        index = torch.nonzero(seen.lists.touched)[:, 0]
+        materials = materials_of(model, model.albedo)
+        arriving = self.table.incident(index, model.ratio if self.variant.indirect else 0.0)
+        light = limited(model.environment, self.variant.light_limit)
+        outgoing = towards(camera, surfels)[index]
+        direct, indirect = shade_vertices(materials.index_select(0, index), arriving, outgoing, light)
+        radiance = torch.zeros_like(model.vertex_offset).index_copy(0, index, direct + indirect)
+        images = blend_vertices(seen, surfels, torch.cat([radiance, materials], -1), self.variant.vertex_distance)
+        return images[..., :3], images[..., 3:]
+
+    def _image_loss(self, radiance: Tensor, seen: Splat, view: TrainingView) -> Tensor:
+        weights = self.variant.materials.weights
+        found = displayed(radiance, seen.alpha, self.variant.straight)
+        return reconstruction(found, view.over(0.0), weights.absolute, weights.similarity)
+
+    def _map_losses(self, materials: Tensor, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+        """The smoothness of the material maps, and normals against the depth map."""
+        weights, geometry = self.variant.materials.weights, self.variant.geometry
+        albedo, roughness, normal = materials.split([3, 1, 3], -1)
+        inside = None if geometry.across_silhouettes else view.mask
+        allowance, mask = edge_allowance(view.over(0.0), geometry.edge_sharpness, inside), view.mask[..., None]
+        target = seen.depth_normal(view.camera, geometry.normal_target == "one-sided")
+        return {
+            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * albedo, allowance),
+            "roughness smoothness": weights.roughness_smoothness * edge_aware_smoothness(mask * roughness, allowance),
+            "normal": weights.normal * normal_consistency(normal, seen.alpha, target),
+        }
+
+    def _consistency(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
+        weight = self.variant.materials.weights.consistency
+        if weight == 0:
+            return {}
+        order = torch.randperm(len(model.surfels), generator=self.generator, device=model.vertex_offset.device)
+        light = limited(model.environment, self.variant.light_limit)
+        index, distance = order[: self.budget.consistency_surfels], self.variant.vertex_distance
+        return {"consistency": weight * radiance_consistency(
+            model, self.table, index, view.camera.centre, light, distance
+        )}  # fmt: skip
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit; the table is traced anew from what stage 1 hands on."""
+        return {
+            "iteration": self.iteration,
+            "optimiser": self.optimiser.state(),
+            "generator": self.generator.get_state(),
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        self.iteration = state["iteration"]
+        self.optimiser.restore(state["optimiser"])
+        self.generator.set_state(state["generator"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+def radiance_consistency(
+    model: Model,
+    table: Table,
+    index: Int[Tensor, " chosen"],
+    eye: Float[Tensor, "3"],
+    environment: Float[Tensor, "rows columns 3"],
+    distance: float,
+) -> Float[Tensor, ""]:
+    """Mean L1, over ``index``, between one bounce at a ray's first hit and the ray's kept radiance times the ratio.
+
+    One ray a surfel, see ``mirrored``; a surfel without one counts as zero. Gradient to the materials of what is met,
+    seen by a camera or not, to ``environment`` and to the ratio.
+    """
+    surfel, sample = mirrored(table, model.surfels, index, eye)
+    if not len(surfel):
+        return environment.new_zeros(())
+    bounce = one_bounce(materials_of(model, model.albedo), table, surfel, sample, environment, distance)
+    kept = model.ratio * table.radiance[surfel, sample]
+    return (bounce - kept).abs().sum() / (3 * len(index))
+
+
+FROZEN = ("centre", "rotation", "log_scale", "albedo_logit", "roughness_logit")
+"""Raw parameters of surfels that stage 2 leaves alone: where they are, and what their vertices have instead."""
+
+
+def start_of(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Model:
+    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
+    start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
+    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    return Model(
+        surfels=learnt,
+        cached=learnt,
+        vertex_albedo_logit=torch.logit(albedo)[:, None].repeat(1, vertices, 1),
+        vertex_roughness_logit=like.new_full((len(learnt), vertices), roughness_to_logit(start.roughness)),
+        vertex_offset=like.new_zeros(len(learnt), vertices, 3),
+        log_environment=light.log(),
+        ratio=like.new_ones(()),
+    )
+
+
+def rates_of(rates: MaterialRates) -> dict[str, float]:
+    """Learning rates by raw parameter."""
+    return dict.fromkeys(FROZEN, 0.0) | {
+        "opacity_logit": rates.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "vertex_albedo_logit": rates.albedo,
+        "vertex_roughness_logit": rates.roughness,
+        "vertex_offset": rates.offset,
+        "log_environment": rates.light,
+        "ratio": rates.ratio,
+    }
+
+
+def frozen(surfels: Surfels) -> Surfels:
+    """The surfels without gradient to what stays: it is neither computed nor stepped on."""
+    return surfels.held(*FROZEN)

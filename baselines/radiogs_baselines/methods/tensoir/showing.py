@@ -1,0 +1,231 @@
+"""A trained TensoIR model as the harness shows it: under the light that it has recovered, and relit.
+
+Every pixel is marched, and shaded where the ray is solid. Labels say where a run differs from the published method;
+they go with its results.
+"""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap
+
+from .drawing import camera_rays
+from .field import UNITS, Field
+from .lighting import NewLight, RecoveredLight, Shaded
+from .losses import on_background
+from .marching import Marched, Rays, march
+from .model import Model
+from .secondary import NEAR, NEAREST_SPACINGS
+from .seen import seen_along
+from .settings import PRESETS, Budget, Variant
+from .shading import Materials, SurfacePoints, surface_points, unit
+
+RAYS_AT_ONCE = 2048
+
+PixelMaps = dict[str, Float[Tensor, "pixels _"]]
+
+SHOWN: Mapping[str, MapKind] = {
+    "image": MapKind("display"),
+    "alpha": MapKind("data"),
+    "direct": MapKind("linear"),
+    "indirect": MapKind("linear"),
+    "albedo": MapKind("linear"),
+    "roughness": MapKind("data"),
+    "normal": MapKind("data"),
+    "depth": MapKind("data"),
+}
+"""Maps of every rendering, all composited on black."""
+
+
+class TrainedTensoIR:
+    """A field and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run) -> None:
+        self.model, self.run = model, run
+
+    @property
+    def light(self) -> EnvironmentMap:
+        """The recovered light, on the CPU."""
+        return EnvironmentMap(self.model.light.environment().radiance.cpu())
+
+    def facts(self) -> dict[str, Any]:
+        """``parameters``: how many numbers were learnt. ``grid``: nodes of the grid along an edge.
+
+        ``labels``: what differs from the published method, by name (``labels_of``). ``remarks``: the same in sentences.
+        """
+        labels = labels_of(self.run.variant, self.run.budget)
+        field = self.model.field
+        count = sum(value.numel() for value in field.parameters.values()) + self.model.light.raw.numel()
+        remarks = [f"{name}: {value}" for name, value in labels.items()]
+        return {"parameters": count, "grid": field.size, "labels": labels, "remarks": remarks}
+
+    def export(self, folder: Path) -> list[Path]:
+        """Write ``field.npz``: parameters by name, and the box's centre, radius and cells. Raises OSError."""
+        path, box = folder / "field.npz", self.model.field.box
+        arrays: dict[str, Any] = {name: value.cpu().numpy() for name, value in self.model.field.parameters.items()}
+        arrays |= {"box_centre": box.centre.cpu().numpy(), "box_radius": np.float64(box.radius)}
+        arrays["box_occupied"] = box.occupied.cpu().numpy()
+        np.savez_compressed(path, allow_pickle=False, **arrays)
+        return [path]
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: Float[Tensor, "3"] | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> Prepared:
+        """Under its own light as it was trained, or relit by direct light alone: rays are marched for each image."""
+        variant, budget, field = self.run.variant, self.run.budget, self.model.field
+        device = field.box.centre.device
+        if light is None:
+            samples = (budget.light_rows, budget.secondary_samples)
+            own = RecoveredLight(self.model.light, variant, *samples, displaced=False)
+            scale, shaded = torch.ones(3, device=device), variant.shown == "shaded"
+            return _Shown(Renderer(field, variant, own, self.run.seed, shaded, scale))
+        scale = torch.ones(3, device=device) if albedo_scale is None else albedo_scale.to(device)
+        new = NewLight(
+            EnvironmentMap(light.radiance.to(device)),
+            budget.relight_samples,
+            budget.secondary_samples,
+            variant.relight_visibility,
+        )
+        return _Shown(Renderer(field, variant, new, self.run.seed, True, scale))
+
+
+@runtime_checkable
+class Light(Protocol):
+    """What the points of an image are lit by."""
+
+    def on(self, field: Field, points: SurfacePoints, generator: torch.Generator) -> Shaded:
+        """What they send out."""
+
+
+class Renderer:
+    """A field under a light, ready to be seen from any camera.
+
+    ``albedo_scale``: factor of the recovered albedo. ``shaded``: whether the image is of shaded points or of the
+    field's own radiance. The same camera is always shown the same, whatever was rendered before: what is random is
+    drawn by ``seed``.
+    """
+
+    def __init__(
+        self, field: Field, variant: Variant, light: Light, seed: int, shaded: bool, albedo_scale: Float[Tensor, "3"]
+    ) -> None:
+        self.field, self.variant, self.light, self.seed = field, variant, light, seed
+        self.shaded, self.albedo_scale = shaded, albedo_scale
+
+    @torch.no_grad()
+    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+        """Maps of one view, [height, width, channels], all composited on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance of solid pixels, zero
+        elsewhere. albedo: linear. roughness, alpha, depth (world z-depth): one channel. normal: unit in the world,
+        zero where empty.
+        """
+        camera = camera.to(self.field.box.centre.device, self.field.box.centre.dtype)
+        rays = camera_rays(camera, self.field.box)
+        generator = torch.Generator(rays.origin.device).manual_seed(self.seed)
+        along = camera.ray_directions().flatten(0, 1).norm(dim=-1, keepdim=True)
+        parts = []
+        for some in torch.arange(len(rays), device=rays.origin.device).split(RAYS_AT_ONCE):
+            maps = self._maps(Rays(rays.origin[some], rays.direction[some]), generator)
+            parts.append(maps | {"depth": maps["depth"] * self.field.box.radius / along[some]})
+        shape = (camera.height, camera.width, -1)
+        return {name: torch.cat([part[name] for part in parts]).view(shape) for name in parts[0]}
+
+    def _maps(self, rays: Rays, generator: torch.Generator) -> PixelMaps:
+        marched = march(self.field, rays)
+        seen = seen_along(self.field, rays, marched)
+        blended = seen.materials(self.variant.normals)
+        materials = Materials(blended.albedo * self.albedo_scale, blended.roughness, blended.normal)
+        points = surface_points(rays, marched, materials)
+        shaded = self.light.on(self.field, points, generator)
+        empty = torch.zeros_like(rays.origin)
+        if self.shaded:
+            colour = srgb_encode((shaded.direct + shaded.indirect).clamp(0, 1))
+            image = empty.index_copy(0, points.ray, colour)
+        else:
+            image = on_black(marched.blended(seen.radiance), marched)
+        return {
+            "image": image,
+            "alpha": marched.alpha[:, None],
+            "direct": empty.index_copy(0, points.ray, shaded.direct),
+            "indirect": empty.index_copy(0, points.ray, shaded.indirect),
+            "albedo": materials.albedo,
+            "roughness": materials.roughness[:, None],
+            "normal": unit(materials.normal),
+            "depth": marched.distance[:, None],
+        }
+
+
+def on_black(blended: Float[Tensor, "rays 3"], marched: Marched) -> Float[Tensor, "rays 3"]:
+    """The image on white, less the white that is seen: edges as images with alpha have them; display sRGB in [0, 1]."""
+    alpha = marched.alpha
+    on_white = on_background(blended, alpha, torch.ones_like(alpha[:, None]), linear=True)
+    image = (on_white - (1 - alpha)[:, None]).clamp(0, 1)
+    return torch.where(alpha[:, None] > 0, image, 0.0)
+
+
+class _Shown:
+    """Under one light."""
+
+    timed = True
+    default = frozenset(SHOWN)
+    offers = SHOWN
+
+    def __init__(self, renderer: Renderer) -> None:
+        self.renderer = renderer
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of one view."""
+        return self.renderer.render(camera)
+
+
+PAPER = PRESETS["paper"]
+
+TOLD = (
+    "field_iterations", "inverse_iterations", "rays", "grid_start", "grid_end", "density_components",
+    "appearance_components", "features", "hidden", "lobes", "light_rows", "secondary_samples", "relight_samples",
+)  # fmt: skip
+"""Fields of the budget whose difference from the paper's is a label."""
+
+
+def labels_of(variant: Variant, budget: Budget) -> dict[str, str]:
+    """Labels by name."""
+    labels = {
+        "geometry": "a field of its own, no surfels",
+        "box": "the cube of what the silhouettes allow, whose other cells are empty (published: the learnt density's)",
+        "nvs": _shown(variant),
+        "background": "random greys in stage 2 (published: white)"
+        if variant.background == "random-later"
+        else "white, as published",
+        "rays": f"of {budget.views} views a step (published: of all)",
+    }
+    reduced = {
+        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
+        for name in TOLD
+        if getattr(budget, name) != getattr(PAPER, name)
+    }
+    if reduced:
+        labels["reduced"] = ", ".join(sorted(reduced))
+    start = NEAREST_SPACINGS * 2 / (budget.grid_end - 1)
+    if start > NEAR:
+        labels["ray_start"] = f"{start * UNITS:.3g} of the box's 3, for its grid is coarse (published: 0.05)"
+    if budget.network_rate != PAPER.network_rate:
+        labels["network_rate"] = f"{budget.network_rate:g} times the published one"
+    return labels
+
+
+def _shown(variant: Variant) -> str:
+    if variant.shown == "field":
+        return "images under the recovered light are the radiance field's, not shaded (as TensoIR reports them)"
+    return "images under the recovered light are shaded (TensoIR reports the radiance field's)"

@@ -1,0 +1,134 @@
+"""A trained GI-GS model as the harness sees it: its facts, relighting, and how it comes back."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from baselines.methods.gi_gs.training import BUDGET, STANDING, run_of, variant
+from baselines.methods.irgs.world import grey
+from baselines.methods.trained_models import gi_gs as trained
+from known_ball import SCENE
+from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
+from radiogs_baselines.methods.gi_gs.model import Model
+from radiogs_baselines.methods.gi_gs.settings import PRESETS, Variant
+from radiogs_baselines.methods.gi_gs.showing import labels_of
+from radiogs_core.scene.colour import srgb_encode
+
+CAMERA = SCENE.test[0].camera
+
+
+@pytest.mark.parametrize("metallic", [None, torch.linspace(-1, 1, len(STANDING))])
+def test_the_recovered_light_and_the_model_come_back_as_they_were(metallic: torch.Tensor | None) -> None:
+    light = torch.randn(8, 16, 3)
+    found = GI_GS_METHOD.restore(run_of(), Model(STANDING, light, metallic).tensors())
+    assert torch.equal(found.light.radiance, light.exp())
+    assert all(torch.equal(getattr(STANDING, name), value) for name, value in found.model.surfels.parameters().items())
+    assert (
+        found.model.metallic_logit is None
+        if metallic is None
+        else torch.equal(found.model.metallic, metallic.sigmoid())
+    )
+
+
+def test_relighting_is_not_occluded_and_has_the_bounce_of_the_new_light() -> None:
+    """The recovered light, put in as a new one: the same but for occlusion, which is 1."""
+    own = trained(variant(occlusion=False)).prepare().render(CAMERA)
+    occluded = trained().prepare().render(CAMERA)
+    relit = trained().prepare(grey()).render(CAMERA)
+    for name in ("direct", "indirect", "image"):
+        torch.testing.assert_close(relit[name], own[name], rtol=1e-5, atol=1e-6)
+    assert float((relit["direct"] - occluded["direct"]).max()) > 0.01
+    assert float(relit["indirect"].max()) > 0.01
+    dimmer = trained().prepare(grey(0.25)).render(CAMERA)
+    torch.testing.assert_close(dimmer["indirect"], 0.25 * relit["indirect"], rtol=1e-4, atol=1e-6)
+    without = trained(variant(relight_indirect=False)).prepare(grey()).render(CAMERA)
+    assert torch.equal(without["direct"], relit["direct"])
+    assert not without["indirect"].any()
+
+
+def test_under_its_own_light_it_is_shown_as_it_was_trained() -> None:
+    full = trained().prepare().render(CAMERA)
+    assert full["indirect"].any()
+    assert not trained(variant(indirect=False)).prepare().render(CAMERA)["indirect"].any()
+    linear = trained(variant(sum="linear")).prepare().render(CAMERA)
+    alpha = full["alpha"]
+    both = srgb_encode((full["direct"] + full["indirect"]) / alpha.clamp(min=1e-9)) * alpha
+    torch.testing.assert_close(linear["image"], both.clamp(0, 1), rtol=1e-4, atol=1e-5)
+    assert float((full["image"] - linear["image"]).max()) > 0.01
+
+
+def test_images_of_a_model_that_was_trained_by_the_readme_have_what_training_lacked() -> None:
+    found = trained(variant(readme_bug=True)).prepare().render(CAMERA)
+    assert torch.equal(found["image"], trained().prepare().render(CAMERA)["image"])
+    assert not trained(variant(start=16)).prepare().render(CAMERA)["indirect"].any()
+
+
+def test_the_factor_of_albedo_is_of_what_is_seen_and_so_of_what_is_gathered() -> None:
+    """A black light for the lobes would leave nothing: the difference of two albedos leaves them out."""
+    plain, twice = (trained().prepare(grey(0.5), torch.full((3,), scale)).render(CAMERA) for scale in (1.0, 2.0))
+    thrice = trained().prepare(grey(0.5), torch.full((3,), 3.0)).render(CAMERA)
+    torch.testing.assert_close(twice["albedo"], 2 * plain["albedo"])
+    once, again = twice["direct"] - plain["direct"], thrice["direct"] - twice["direct"]
+    torch.testing.assert_close(once, again, rtol=1e-4, atol=1e-5)
+    lit = plain["indirect"].amax(-1) > 0.01
+    assert bool((twice["indirect"][lit] > 2.5 * plain["indirect"][lit]).all()), "twice the albedo, and what it meets"
+
+
+def test_as_shipped_the_same_map_lights_another_side() -> None:
+    light = grey(0.0)
+    light.radiance[:2] = 1.0
+    oriented = trained().prepare(light).render(CAMERA)
+    shipped = trained(variant(frame="as_shipped")).prepare(light).render(CAMERA)
+    up = oriented["normal"][..., 2] > 0.95
+    assert float(oriented["direct"][up].mean()) > 2 * float(shipped["direct"][up].mean())
+    own = trained(variant(frame="as_shipped")).prepare().render(CAMERA)
+    assert torch.equal(own["image"], trained().prepare().render(CAMERA)["image"]), "the recovered light has its frame"
+
+
+def test_shown_frames_have_a_grid_of_their_own() -> None:
+    fine = replace(BUDGET, render_azimuths=32, render_heights=17)
+    model = Model(STANDING, torch.zeros(8, 16, 3)).tensors()
+    found = GI_GS_METHOD.restore(run_of(budget=fine), model).prepare().render(CAMERA)
+    coarse, near = trained().prepare().render(CAMERA), found["direct"]
+    assert not torch.equal(found["indirect"], coarse["indirect"])
+    ratio = float(found["indirect"].mean() / coarse["indirect"].mean())
+    assert ratio == pytest.approx(1.0, abs=0.25), "every grid is weighted to the same share"
+    assert not torch.equal(near, coarse["direct"])
+
+
+def test_metal_is_shown() -> None:
+    metal = trained(metallic=torch.full((len(STANDING),), 3.0)).prepare().render(CAMERA)
+    plain = trained().prepare().render(CAMERA)
+    assert float(metal["direct"].mean()) > float(plain["direct"].mean())
+    assert float(metal["indirect"].mean()) < 0.5 * float(plain["indirect"].mean())
+
+
+def test_facts_say_what_was_reduced_and_what_stands_for_what() -> None:
+    facts = trained().facts()
+    assert facts["surfels"] == len(STANDING)
+    assert facts["labels"]["stage1"].startswith("shared")
+    assert f"azimuths {BUDGET.azimuths} (published: 32)" in facts["labels"]["reduced"]
+    assert facts["remarks"] == [f"{name}: {value}" for name, value in facts["labels"].items()]
+    whole = labels_of(Variant(), PRESETS["paper"], 4.55)
+    assert "reduced" not in whole
+    assert "radius 0.801 (published: 0.8)" in whole["lengths"]
+    assert "thick 0.05 (published: 0.05)" in whole["lengths"]
+    assert "moved in stage 2" in whole["geometry"]
+    assert "frozen" in labels_of(Variant(lr_scale=0.0), PRESETS["paper"], 1.0)["geometry"]
+
+
+def test_labels_say_where_marches_begin_and_how_maps_are_read() -> None:
+    def label(name: str, turned: Variant) -> str:
+        return labels_of(turned, PRESETS["paper"], 1.0)[name]
+
+    assert "at 8 of 16" in label("start", Variant())
+    assert "at 64 in training" in label("start", Variant(readme_bug=True))
+    assert label("relight_frame", Variant()).startswith("light maps as their files say")
+    assert label("relight_frame", Variant(frame="as_shipped")).startswith("light maps with Y up")
+
+
+def test_the_exported_surfels_are_a_file(tmp_path: Path) -> None:
+    assert [path.name for path in trained().export(tmp_path)] == ["surfels.ply"]
+    assert (tmp_path / "surfels.ply").stat().st_size > 0

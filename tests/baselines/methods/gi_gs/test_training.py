@@ -1,0 +1,235 @@
+"""Stage 2 of GI-GS: what its losses change and what they leave, and that it resumes bit for bit."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.methods.gi_gs.training import (
+    BUDGET,
+    CONSTANT,
+    GEOMETRY,
+    STANDING,
+    only,
+    product_of,
+    run_of,
+    stage_of,
+    tensors_of,
+    variant,
+)
+from known_ball import BALL, COLOUR, SCENE, noise
+from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
+from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
+from radiogs_baselines.methods.gi_gs.settings import README_START, Budget, Variant
+from radiogs_baselines.methods.gi_gs.training import InverseRendering
+from radiogs_baselines.methods.split_sum import SplitSumLight
+from radiogs_core.errors import UsageError
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
+from short_training import through_a_file
+
+
+def turned_to(stage: InverseRendering, **tensors: torch.Tensor) -> InverseRendering:
+    """The stage with some of what it has learnt replaced."""
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | tensors
+    stage.restore(state)
+    return stage
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.0])
+def test_geometry_is_frozen_unless_it_has_a_rate_and_radiance_always(scale: float) -> None:
+    stage = stage_of(variant(lr_scale=scale))
+    before = tensors_of(stage)
+    for _ in range(4):
+        stage.step()
+    after = tensors_of(stage)
+    for name in GEOMETRY:
+        assert torch.equal(after[name], before[name]) == (scale == 0), name
+    for name in ("sh", "sh_rest"):
+        assert torch.equal(after[name], before[name]), name
+    for name in ("albedo_logit", "roughness_logit", "log_environment"):
+        assert not torch.equal(after[name], before[name]), name
+
+
+def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> None:
+    stage = stage_of(variant(lr_scale=0.25))
+    before, first = tensors_of(stage), Variant().geometry.rates
+    stage.step()
+    after = tensors_of(stage)
+    rates = {
+        "centre": first.position_end * SCENE.extent,
+        "log_scale": first.end_share * first.scale,
+        "opacity_logit": first.end_share * first.opacity,
+    }
+    for name, rate in rates.items():
+        # Adam's first step is the rate itself.
+        moved = float((after[name] - before[name]).abs().max())
+        assert moved == pytest.approx(0.25 * rate, rel=0.03), name
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"),
+    [
+        ("shaded", {"albedo_logit", "roughness_logit", "metallic_logit", "log_environment"}),
+        ("plainness", {"roughness_logit", "metallic_logit"}),
+        ("light_smoothness", {"log_environment"}),
+    ],
+)
+def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+    """Of the variation of materials see below: the ball's are smooth."""
+    stage = stage_of(variant(materials=only(**{weight: 1.0}), lr_scale=0.0, metallic=True))
+    light = 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))
+    before = tensors_of(turned_to(stage, log_environment=light))
+    stage.step()
+    after = tensors_of(stage)
+    assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
+
+
+@pytest.mark.parametrize("name", ["albedo_logit", "roughness_logit", "metallic_logit"])
+def test_variation_evens_out_one_material(name: str) -> None:
+    stage = stage_of(variant(materials=only(variation=1.0), lr_scale=0.0, metallic=True))
+    even = tensors_of(stage)[name]
+    turned_to(stage, **{name: even + noise(even, 1.0)})
+    losses = [stage.step()["variation"] for _ in range(20)]
+    assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
+
+
+def test_metal_is_learnt_only_where_it_is_asked_for() -> None:
+    plain, metal = (stage_of(variant(metallic=metallic)) for metallic in (False, True))
+    assert "metallic_logit" not in plain.optimiser.tensors
+    assert plain.model.metallic_logit is None
+    assert not plain.model.metallic.any()
+    assert float(metal.model.metallic.detach().mean()) == pytest.approx(0.73)
+    for _ in range(6):
+        metal.step()
+    assert float(metal.model.metallic.detach().mean()) < 0.73, "nothing shows metal, and it has its price"
+
+
+def test_the_rate_of_albedo_falls_and_the_others_stay() -> None:
+    stage = stage_of(variant(lr_scale=0.0))
+    rates = stage.variant.materials.rates
+
+    def rate(name: str) -> float:
+        return float(next(group["lr"] for group in stage.optimiser.adam.param_groups if group["name"] == name))
+
+    stage.step()
+    assert rate("albedo_logit") == pytest.approx(rates.albedo)
+    stage.iteration = stage.iterations // 2
+    stage.step()
+    assert rate("albedo_logit") == pytest.approx((rates.albedo * rates.albedo_end) ** 0.5)
+    assert rate("roughness_logit") == rates.roughness
+    assert rate("log_environment") == rates.light
+
+
+def test_the_frames_of_training_have_hits() -> None:
+    """Else the tests of this folder would be of the split sum alone."""
+    stage = stage_of()
+    for view in stage.views:
+        model = stage.model
+        seen = seen_materials(view.camera, model.surfels, model.surfels.albedo, model.metallic)
+        maps = stage.shader.shade(
+            gbuffer(view.camera, seen), seen.alpha, SplitSumLight(PrefilteredLight(model.environment))
+        )
+        assert float(maps["indirect"].detach().max()) > 0.01
+
+
+@pytest.mark.parametrize("part", ["occlusion", "indirect", "sum", "start", "radius"])
+def test_training_is_done_with_what_the_variant_says(part: str) -> None:
+    changed = {"occlusion": False, "indirect": False, "sum": "linear", "start": 12, "radius": 0.1}[part]
+    assert stage_of(variant(**{part: changed})).step() != stage_of().step()
+
+
+def test_materials_are_found_where_light_and_shape_are_known() -> None:
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe, 0.013 as seen from the front."""
+    learning = replace(
+        CONSTANT,
+        rates=replace(CONSTANT.rates, light=0.0, roughness=0.0, albedo_end=0.02),
+        start=replace(CONSTANT.start, albedo=0.3),
+    )
+    stage = stage_of(variant(materials=learning, lr_scale=0.0), BALL)
+    turned_to(stage, log_environment=torch.zeros(8, 16, 3))
+    for _ in range(100):
+        stage.step()
+    surfels = stage.model.surfels
+    seen = (surfels.albedo - 0.3).abs().sum(-1) > 1e-3
+    found = surfels.albedo[seen].median(0).values
+    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.013, rtol=0, atol=0.01)
+
+
+def test_a_constant_start_is_of_the_exposure_and_the_shared_one_is_searched_for() -> None:
+    constant = stage_of().model
+    assert torch.equal(constant.log_environment, constant.log_environment[:1, :1].expand(8, 16, 3))
+    torch.testing.assert_close(constant.surfels.albedo, torch.full_like(constant.surfels.albedo, 0.73))
+    torch.testing.assert_close(constant.surfels.roughness, torch.full_like(constant.surfels.roughness, 0.73))
+    shared = stage_of(Variant(), BALL).model
+    assert float(shared.log_environment.detach().std()) > 1e-3
+    assert float(shared.surfels.albedo.detach().std()) > 1e-3
+
+
+@pytest.mark.parametrize("metallic", [False, True])
+def test_it_resumes_bit_for_bit(metallic: bool) -> None:
+    turned = Variant(metallic=metallic, thick=0.1)
+    whole = InverseRendering(run_of(turned), product_of(STANDING))
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = InverseRendering(run_of(turned), product_of(STANDING))
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    mine, yours = tensors_of(whole), tensors_of(resumed)
+    assert mine.keys() == yours.keys()
+    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+
+
+def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+    geometry, invert = GI_GS_METHOD.stages(Variant(), BUDGET)
+    assert geometry.owner == "radiogs_core"
+    shown = Variant(relight_indirect=False, frame="as_shipped")
+    less = replace(BUDGET, render_azimuths=4, render_heights=3)
+    assert GI_GS_METHOD.stages(shown, less)[1].reads == invert.reads
+    one = InverseRendering(run_of(), product_of(STANDING))
+    other = InverseRendering(run_of(variant(relight_indirect=False, frame="as_shipped"), less), product_of(STANDING))
+    for _ in range(2):
+        assert one.step() == other.step()
+    for field, value in {"indirect": False, "readme_bug": True, "start": 4, "metallic": True, "far": 9.0}.items():
+        changed = Variant(**{field: value})  # type: ignore[arg-type]
+        assert GI_GS_METHOD.stages(changed, BUDGET)[1].reads != invert.reads, field
+    finer = replace(BUDGET, azimuths=16)
+    assert GI_GS_METHOD.stages(Variant(), finer)[1].reads != invert.reads
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"lr_scale": -1.0}, {"start": -1}, {"radius": 0.0}, {"far": 0.0}, {"bias": -0.1}, {"thick": -1.0},
+        {"view_share": 0.0}, {"view_share": 1.5},
+    ],
+)  # fmt: skip
+def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Variant(**wrong)  # type: ignore[arg-type]
+
+
+def test_a_grid_without_a_direction_that_counts_is_refused() -> None:
+    for name in ("heights", "render_heights"):
+        with pytest.raises(UsageError, match=f"^{name}"):
+            replace(BUDGET, **{name: 2})
+    assert isinstance(replace(BUDGET, heights=3), Budget)
+
+
+def test_the_readme_s_march_begins_beyond_its_end() -> None:
+    assert Variant(readme_bug=True).training_start == README_START == 64
+    assert Variant().training_start == 8
+
+
+def test_a_step_that_sees_no_surfel_moves_no_material() -> None:
+    away = Surfels.of(BALL.parameters() | {"centre": BALL.centre + torch.tensor([0.0, 0.0, 500.0])})
+    stage = stage_of(surfels=away)
+    before = tensors_of(stage)
+    losses = stage.step()
+    assert losses["variation"] == losses["plainness"] == 0.0
+    after = tensors_of(stage)
+    assert all(torch.equal(after[name], before[name]) for name in after if name != "log_environment")

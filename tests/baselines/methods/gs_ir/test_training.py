@@ -1,0 +1,255 @@
+"""Stage 2 of GS-IR: what its losses change and what they leave, and that it resumes bit for bit."""
+
+import math
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.methods.gs_ir.training import (
+    BUDGET,
+    CONSTANT,
+    GEOMETRY,
+    only,
+    product_of,
+    run_of,
+    stage_of,
+    tensors_of,
+    variant,
+)
+from baselines.methods.irgs.world import DOWN, sheet, together
+from known_ball import BALL, COLOUR, LOBE, SCENE, noise
+from radiogs_baselines.methods.gs_ir.method import GS_IR_METHOD
+from radiogs_baselines.methods.gs_ir.settings import Variant
+from radiogs_baselines.methods.gs_ir.shading import View
+from radiogs_baselines.methods.gs_ir.training import InverseRendering
+from radiogs_core.errors import UsageError
+from radiogs_core.surfels.surfels import Surfels
+from short_training import through_a_file
+
+MATERIALS = {"albedo_logit", "roughness_logit", "metallic_logit"}
+MOVING = {"centre", "rotation", "log_scale", "opacity_logit"}
+CAPPED = together(BALL, sheet(1.4, DOWN, scale=0.8, opacity=0.95))
+"""The ball under a lid, 0.4 above its top; the last of the surfels."""
+
+WIDE = 0.8 / SCENE.extent
+"""A tau of twice that distance, in extents."""
+
+
+def metals(**changes: object) -> Variant:
+    return variant(metallic=True, **changes)
+
+
+def moved_by(stage: InverseRendering, steps: int = 1) -> set[str]:
+    before = tensors_of(stage)
+    for _ in range(steps):
+        stage.step()
+    after = tensors_of(stage)
+    return {name for name, value in after.items() if not torch.equal(value, before[name])}
+
+
+def uneven(stage: InverseRendering, *names: str) -> InverseRendering:
+    """The stage with noise on some of its tensors."""
+    state = stage.state()
+    tensors = state["optimiser"]["tensors"]
+    state["optimiser"]["tensors"] = tensors | {name: tensors[name] + noise(tensors[name], 0.5) for name in names}
+    stage.restore(state)
+    return stage
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"),
+    [
+        ("shaded", MATERIALS | MOVING | {"log_environment", "irradiance"}),
+        ("smoothness", MATERIALS | MOVING),
+        ("prior", {"roughness_logit", "metallic_logit"} | MOVING),
+        ("light_smoothness", {"log_environment"}),
+    ],
+)
+def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+    """No loss is of the surfels' own radiance."""
+    stage = uneven(stage_of(metals(materials=only(**{weight: 1.0})), CAPPED), *MATERIALS, "log_environment")
+    assert moved_by(stage) == moved
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.5])
+def test_geometry_is_frozen_where_it_has_no_rate(scale: float) -> None:
+    moved = moved_by(stage_of(variant(lr_scale=scale), CAPPED), 3)
+    assert (moved >= set(GEOMETRY)) == (scale > 0)
+    assert not moved & {"sh", "sh_rest"}
+    assert moved >= {"albedo_logit", "roughness_logit", "log_environment", "irradiance"}
+    if not scale:
+        assert not moved & set(GEOMETRY)
+
+
+def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> None:
+    stage = stage_of(variant(lr_scale=0.25))
+    before, rates = tensors_of(stage), Variant().geometry.rates
+    stage.step()
+    after = tensors_of(stage)
+    # Adam's first step is the rate itself; rotations and centres take longer ones in short runs.
+    expected = {
+        "centre": BUDGET.geometry_rate * rates.position_end * SCENE.extent,
+        "rotation": math.sqrt(BUDGET.geometry_rate) * rates.rotation * rates.end_share,
+        "log_scale": rates.scale * rates.end_share,
+        "opacity_logit": rates.opacity * rates.end_share,
+    }
+    for name, rate in expected.items():
+        largest = float((after[name] - before[name]).abs().max())
+        assert largest == pytest.approx(0.25 * rate, rel=0.05), name
+
+
+@pytest.mark.parametrize(
+    ("turned", "lacks"),
+    [({"occlusion": False}, {"irradiance"}), ({"indirect": False}, {"irradiance"}), ({}, set())],
+)
+def test_what_a_variant_has_none_of_is_not_learnt(turned: dict[str, bool], lacks: set[str]) -> None:
+    stage = stage_of(variant(**turned))
+    assert "metallic_logit" not in stage.optimiser.tensors
+    assert {"irradiance"} - set(stage.optimiser.tensors) == lacks
+    assert (stage.model.occlusion is None) == ("occlusion" in turned)
+    stage.step()
+    assert ("irradiance" in stage.product()) == (not lacks)
+
+
+def test_occlusion_is_baked_from_what_stage_one_handed_on_and_stays() -> None:
+    """Under the lid the ball's top is closed; beside it and without the lid it is open."""
+    stage = stage_of(variant(tau=WIDE), CAPPED, replace(BUDGET, occlusion_corners=24))
+    open_ball = stage_of(variant(tau=WIDE), budget=replace(BUDGET, occlusion_corners=24))
+    place = torch.tensor([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    found, free = (
+        each.model.occlusion.openness(place, torch.nn.functional.normalize(place, dim=-1), 256)  # type: ignore[union-attr]
+        for each in (stage, open_ball)
+    )
+    assert float(found[0]) < 0.3 < 0.8 < float(free[0])
+    assert float(found[1]) == pytest.approx(float(free[1]), abs=0.02)
+    before = stage.model.occlusion
+    for _ in range(3):
+        stage.step()
+    assert stage.model.occlusion is before
+
+
+def test_metalness_falls_and_roughness_rises_by_the_prior() -> None:
+    stage = stage_of(metals(materials=only(prior=1.0)))
+    before = tensors_of(stage)
+    for _ in range(3):
+        stage.step()
+    after = tensors_of(stage)
+    seen = after["roughness_logit"] != before["roughness_logit"]
+    assert bool(seen.any())
+    assert bool((after["roughness_logit"] >= before["roughness_logit"]).all())
+    assert bool((after["metallic_logit"] <= before["metallic_logit"]).all())
+
+
+@pytest.mark.parametrize("name", ["albedo", "roughness", "metallic"])
+def test_smoothness_evens_out_materials(name: str) -> None:
+    stage = uneven(stage_of(metals(lr_scale=0.0, materials=only(smoothness=1.0))), f"{name}_logit")
+    losses = [stage.step()["smoothness"] for _ in range(30)]
+    assert sum(losses[-3:]) < 0.8 * sum(losses[:3]), "all three views, at the end and at the beginning"
+
+
+def test_materials_are_found_where_light_and_shape_are_known() -> None:
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.2, roughness=0.0))
+    stage = stage_of(variant(occlusion=False, lr_scale=0.0, materials=still))
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
+    stage.restore(state)
+    for _ in range(90):
+        stage.step()
+    surfels = stage.model.surfels
+    seen = (surfels.albedo - 0.731).abs().sum(-1) > 1e-2
+    found = surfels.albedo[seen].median(0).values
+    torch.testing.assert_close(found, torch.tensor(COLOUR) - LOBE, rtol=0, atol=0.02)
+
+
+def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
+    """The images show the ball in a light of 1 from everywhere, under the lid too: there the volume has to fill in."""
+    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.0, roughness=0.0))
+    chosen = variant(tau=WIDE, lr_scale=0.0, materials=still)
+    stage = stage_of(chosen, CAPPED, replace(BUDGET, occlusion_corners=24, irradiance_corners=12))
+    state = stage.state()
+    known = {"log_environment": torch.zeros(8, 16, 3), "albedo_logit": CAPPED.albedo_logit}
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | known
+    stage.restore(state)
+
+    def arriving() -> float:
+        """Mean I of what is seen of the ball's top."""
+        model, found = stage.model, []
+        assert model.irradiance is not None
+        for view in stage.views:
+            points = View.of(view.camera, model, model.surfels.albedo).points
+            top = points.of(torch.nonzero(points.normal[:, 2] > 0.8)[:, 0])
+            found.append(model.irradiance.at(top.place, top.normal).detach())
+        return float(torch.cat(found).mean())
+
+    assert arriving() == 0
+    for _ in range(60):
+        stage.step()
+    assert 0.5 < arriving() < 1.2
+
+
+@pytest.mark.parametrize("turned", [{}, {"metallic": True, "lr_scale": 0.0}, {"occlusion": False}])
+def test_it_resumes_bit_for_bit(turned: dict[str, object]) -> None:
+    """With the search for the light, as it is by default."""
+    chosen = Variant(**turned)  # type: ignore[arg-type]
+    whole = InverseRendering(run_of(chosen), product_of(CAPPED))
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = InverseRendering(run_of(chosen), product_of(CAPPED))
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    mine, yours = tensors_of(whole), tensors_of(resumed)
+    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+    if chosen.occlusion:
+        assert torch.equal(whole.product()["occlusion"]["coefficients"], resumed.product()["occlusion"]["coefficients"])
+
+
+def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+    geometry, invert = GS_IR_METHOD.stages(Variant(), BUDGET)
+    assert geometry.owner == "radiogs_core"
+    assert GS_IR_METHOD.stages(Variant(frame="as_shipped"), BUDGET)[1].reads == invert.reads
+    one = InverseRendering(run_of(), product_of(BALL))
+    other = InverseRendering(run_of(variant(frame="as_shipped")), product_of(BALL))
+    for _ in range(3):
+        assert one.step() == other.step()
+    for changed in (
+        Variant(occlusion=False), Variant(indirect=False), Variant(tau=None), Variant(nearest=0.01),
+        Variant(metallic=True), Variant(texel_areas="approximate"), Variant(lr_scale=0.1),
+    ):  # fmt: skip
+        assert GS_IR_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
+    for name in ("occlusion_corners", "occlusion_directions", "occlusion_samples", "irradiance_corners"):
+        more = replace(BUDGET, **{name: 2 * getattr(BUDGET, name)})
+        assert GS_IR_METHOD.stages(Variant(), more)[1].reads != invert.reads
+
+
+@pytest.mark.parametrize("areas", ["exact", "approximate"])
+def test_training_filters_the_light_as_the_variant_says(areas: str) -> None:
+    """With approximate areas the same light makes the image brighter, and the loss another one."""
+    shown = stage_of(variant(texel_areas=areas)).step()["shaded"]
+    assert (shown == stage_of().step()["shaded"]) == (areas == "exact")
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"lr_scale": -1.0}, {"tau": 0.0}, {"nearest": -0.1}, {"view_share": 0.0}, {"view_share": 1.5}]
+)
+def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Variant(**wrong)  # type: ignore[arg-type]
+
+
+def test_the_lengths_of_a_variant_are_in_extents() -> None:
+    """A tau of twice the lid's distance closes the ball's top, one of half of it leaves it open."""
+    place = torch.tensor([[0.0, 0.0, 1.0]])
+
+    def top(surfels: Surfels, tau: float) -> float:
+        budget = replace(BUDGET, occlusion_corners=24)
+        stage = stage_of(variant(tau=tau / SCENE.extent), surfels, budget)
+        assert stage.model.occlusion is not None
+        return float(stage.model.occlusion.openness(place, place, 256))
+
+    assert top(CAPPED, 0.8) < 0.3
+    assert top(CAPPED, 0.2) > 0.8

@@ -1,0 +1,194 @@
+"""Stage 2 of IRGS: what its losses change and what they leave, and that it resumes bit for bit."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.methods.irgs.training import (
+    BUDGET,
+    CONSTANT,
+    GEOMETRY,
+    only,
+    product_of,
+    run_of,
+    stage_of,
+    tensors_of,
+    variant,
+)
+from baselines.methods.irgs.world import DOWN, sheet, together
+from known_ball import BALL, COLOUR, SCENE, noise
+from radiogs_baselines.methods.irgs.method import IRGS_METHOD
+from radiogs_baselines.methods.irgs.settings import Indirect, Variant
+from radiogs_baselines.methods.irgs.training import InverseRendering
+from radiogs_core.errors import UsageError
+from radiogs_core.learning.views import load
+from radiogs_core.transport.splatting import splat
+from short_training import through_a_file
+
+UNSEEN = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=0.4))
+"""The ball, and above it a sheet that shines down on it; the last of the surfels."""
+
+
+def test_no_camera_sees_the_sheet() -> None:
+    for view in load(SCENE.train, torch.device("cpu")):
+        assert not splat(view.camera, UNSEEN, {}, 1.0).touched[-1]
+
+
+@pytest.mark.parametrize(("indirect", "changes"), [("traced", True), ("detached", False), ("none", False)])
+def test_the_image_loss_changes_harmonics_that_no_camera_sees(indirect: Indirect, changes: bool) -> None:
+    stage = stage_of(variant(indirect=indirect, materials=only(shaded=1.0)), UNSEEN)
+    before = tensors_of(stage)
+    for _ in range(4):
+        stage.step()
+    after = tensors_of(stage)
+    for name in ("sh", "sh_rest"):
+        assert bool((after[name][-1] != before[name][-1]).any()) == changes, name
+    assert (after["albedo_logit"] != before["albedo_logit"]).any(), "pixels were shaded"
+    assert torch.equal(after["albedo_logit"][-1], before["albedo_logit"][-1]), "nothing ties its material to an image"
+
+
+def test_a_sheet_that_shines_too_brightly_is_dimmed() -> None:
+    """The images are of a ball in light of 1: with more, the sheet has to give way, through L_ind alone."""
+    bright = together(BALL, sheet(3.0, DOWN, scale=0.5, radiance=20.0))
+    stage = stage_of(variant(materials=only(shaded=1.0)), bright)
+    for _ in range(10):
+        stage.step()
+    assert (tensors_of(stage)["sh"][-1] < bright.sh[-1, 0]).all()
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.5])
+def test_geometry_is_frozen_unless_it_has_a_rate(scale: float) -> None:
+    stage = stage_of(variant(lr_scale=scale))
+    before = tensors_of(stage)
+    losses = [stage.step() for _ in range(6)][-1]
+    after = tensors_of(stage)
+    for name in GEOMETRY:
+        assert torch.equal(after[name], before[name]) == (scale == 0), name
+    assert {"mask", "normal", "normal smoothness"} <= losses.keys() if scale else "normal" not in losses
+    for name in ("sh", "albedo_logit", "roughness_logit", "log_environment"):
+        assert not torch.equal(after[name], before[name]), name
+
+
+def test_where_geometry_is_learnt_images_move_what_no_camera_sees() -> None:
+    """Through visibility and L_ind: the sheet over the ball takes part in tracing as it is now."""
+    stage = stage_of(variant(lr_scale=1.0, materials=only(shaded=1.0)), UNSEEN)
+    before = tensors_of(stage)
+    for _ in range(3):
+        stage.step()
+    after = tensors_of(stage)
+    for name in ("centre", "opacity_logit"):
+        assert bool((after[name][-1] != before[name][-1]).any()), name
+
+
+def test_geometry_moves_at_its_share_of_the_rates_of_stage_one() -> None:
+    stage = stage_of(variant(lr_scale=0.25))
+    before, first = tensors_of(stage), Variant().geometry.rates
+    stage.step()
+    moved = (tensors_of(stage)["centre"] - before["centre"]).abs().max()
+    # Adam's first step is the rate itself.
+    torch.testing.assert_close(float(moved), 0.25 * first.position * SCENE.extent, rtol=0.01, atol=0)
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"),
+    [
+        ("shaded", {"albedo_logit", "roughness_logit", "sh", "sh_rest", "log_environment"}),
+        ("absolute", {"sh", "sh_rest"}),
+        ("similarity", {"sh", "sh_rest"}),
+        ("light_prior", {"log_environment"}),
+        ("light_smoothness", {"log_environment"}),
+    ],
+)
+def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+    """Of the smoothness of materials see below: the ball's are smooth."""
+    stage = stage_of(variant(materials=only(**{weight: 1.0})), UNSEEN)
+    light = {"log_environment": 0.3 * torch.randn(8, 16, 3, generator=torch.Generator().manual_seed(0))}
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | light
+    stage.restore(state)
+    before = tensors_of(stage)
+    stage.step()
+    after = tensors_of(stage)
+    assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
+
+
+@pytest.mark.parametrize("name", ["albedo", "roughness"])
+def test_smoothness_evens_out_one_material(name: str) -> None:
+    raw = f"{name}_logit"
+    uneven = getattr(BALL, raw) + noise(getattr(BALL, raw), 1.0)
+    smooth = only(**{f"{name}_smoothness": 1.0})
+    stage = stage_of(variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05))))
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {raw: uneven}
+    stage.restore(state)
+    losses = [stage.step()[f"{name} smoothness"] for _ in range(30)]
+    assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), "all three views, at the end and at the beginning"
+    after = tensors_of(stage)
+    other = "roughness_logit" if name == "albedo" else "albedo_logit"
+    assert torch.equal(after[other], getattr(stage_of().model.surfels, other))
+
+
+def test_pixels_are_drawn_from_all_of_the_image() -> None:
+    """Eight a step: in twelve steps the ball's top is shaded, and so is its bottom."""
+    stage = stage_of(variant(materials=only(shaded=1.0)), budget=replace(BUDGET, pixels=8))
+    before = tensors_of(stage)["albedo_logit"]
+    for _ in range(12):
+        stage.step()
+    shaded = (tensors_of(stage)["albedo_logit"] != before).any(-1)
+    height = BALL.centre[:, 2]
+    assert bool(shaded[height > 0.5].any())
+    assert bool(shaded[height < -0.5].any())
+
+
+def test_materials_are_found_where_light_and_shape_are_known() -> None:
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.05, roughness=0.0))
+    stage = stage_of(variant(materials=still), budget=replace(BUDGET, pixels=256, incident_samples=64))
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
+    stage.restore(state)
+    for _ in range(60):
+        stage.step()
+    surfels = stage.model.surfels
+    seen = (surfels.albedo - 0.3).abs().sum(-1) > 1e-3
+    found = surfels.albedo[seen].median(0).values
+    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("scale", [0.0, 0.5])
+def test_it_resumes_bit_for_bit(scale: float) -> None:
+    turned = Variant(lr_scale=scale)
+    whole = InverseRendering(run_of(turned), product_of(UNSEEN))
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = InverseRendering(run_of(turned), product_of(UNSEEN))
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    mine, yours = tensors_of(whole), tensors_of(resumed)
+    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
+
+
+def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+    (geometry, invert) = IRGS_METHOD.stages(Variant(), BUDGET)
+    assert geometry.owner == "radiogs_core"
+    shown = Variant(relight_indirect=False, secondary_albedo="scaled")
+    less = replace(BUDGET, render_samples=1, relight_hemisphere_samples=1, relight_light_samples=1)
+    assert IRGS_METHOD.stages(shown, less)[1].reads == invert.reads
+    one = InverseRendering(run_of(), product_of(BALL))
+    turned = replace(variant(), relight_indirect=False, secondary_albedo="scaled")
+    other = InverseRendering(run_of(turned, less), product_of(BALL))
+    for _ in range(3):
+        assert one.step() == other.step()
+    for changed in (Variant(indirect="none"), Variant(lr_scale=0.1), Variant(ray_start=0.01), Variant(two_sided=False)):
+        assert IRGS_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
+
+
+@pytest.mark.parametrize("wrong", [{"lr_scale": -1.0}, {"ray_start": -0.1}, {"view_share": 0.0}, {"view_share": 1.5}])
+def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Variant(**wrong)  # type: ignore[arg-type]

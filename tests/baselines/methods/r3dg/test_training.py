@@ -1,0 +1,190 @@
+"""Stage 2 of R3DG: what its losses change and what they leave, and that it resumes bit for bit."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.methods.irgs.world import DOWN, sheet, together
+from baselines.methods.r3dg.training import (
+    BUDGET,
+    CONSTANT,
+    only,
+    placed,
+    product_of,
+    run_of,
+    stage_of,
+    tensors_of,
+    variant,
+)
+from known_ball import BALL, COLOUR, noise
+from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
+from radiogs_baselines.methods.r3dg.model import before_softplus
+from radiogs_baselines.methods.r3dg.settings import Variant
+from radiogs_baselines.methods.r3dg.training import InverseRendering
+from radiogs_core.errors import UsageError
+from short_training import through_a_file
+
+LEARNT = {"albedo_logit", "roughness_logit", "raw_environment", "local", "local_rest"}
+ROOFED = together(BALL, sheet(3.0, DOWN, scale=0.5))
+"""The ball, and above it a sheet that no camera sees; the last of the surfels."""
+
+Tensors = dict[str, torch.Tensor]
+
+
+def changed(before: Tensors, after: Tensors) -> set[str]:
+    return {name for name, value in after.items() if not torch.equal(value, before[name])}
+
+
+def uneven(stage: InverseRendering) -> InverseRendering:
+    """Light, local light and materials that differ from place to place, so that every loss has something to do."""
+    tensors = tensors_of(stage)
+    local = 0.3 + noise(tensors["local"], 0.2)
+    rest = noise(tensors["local_rest"], 0.05)
+    spread = {name: tensors[name] + noise(tensors[name], 0.5) for name in LEARNT - {"local", "local_rest"}}
+    return placed(stage, local=local, local_rest=rest, **spread)
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"),
+    [
+        ("absolute", LEARNT),
+        ("similarity", LEARNT),
+        ("albedo_smoothness", {"albedo_logit"}),
+        ("roughness_smoothness", {"roughness_logit"}),
+        ("irradiance_smoothness", {"raw_environment", "local", "local_rest"}),
+        ("light_prior", {"raw_environment", "local", "local_rest"}),
+        ("light_smoothness", {"raw_environment"}),
+    ],
+)
+def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+    stage = uneven(stage_of(variant(materials=only(**{weight: 1.0}))))
+    before = tensors_of(stage)
+    for _ in range(2):
+        stage.step()
+    assert changed(before, tensors_of(stage)) == moved
+
+
+def test_geometry_radiance_and_visibility_stay_as_they_began() -> None:
+    stage = stage_of(surfels=ROOFED)
+    before, table = tensors_of(stage), stage.table.state()
+    for _ in range(6):
+        stage.step()
+    assert changed(before, tensors_of(stage)) == LEARNT
+    assert all(torch.equal(value, table[name]) for name, value in stage.table.state().items())
+    assert float(table["visibility"].min()) == 0, "the sheet shadows the ball's top"
+
+
+def test_retraced_directions_turn_so_many_surfels_a_step() -> None:
+    stage = stage_of(variant(visibility="retraced"), ROOFED, replace(BUDGET, retraced_surfels=20))
+    before = stage.table.state()["direction"]
+    stage.step()
+    turned = (stage.table.direction != before).any(-1).any(-1)
+    assert int(turned.sum()) == 20
+    height = (stage.table.direction * stage.table.normal[:, None]).sum(-1)
+    torch.testing.assert_close(height, height[:1].expand_as(height), rtol=0, atol=1e-5)
+
+
+@pytest.mark.parametrize(("mode", "moves"), [("free", True), ("gated", True), ("none", False)])
+def test_local_light_is_learnt_from_zero(mode: str, moves: bool) -> None:
+    """Also under the open sky's gate it is: the roof hides some of it."""
+    stage = stage_of(variant(local_light=mode, materials=only(absolute=1.0)), ROOFED)
+    assert not tensors_of(stage)["local"].any()
+    for _ in range(4):
+        stage.step()
+    assert {"local", "local_rest"} <= changed(tensors_of(stage_of(surfels=ROOFED)), tensors_of(stage)) or not moves
+    assert bool(tensors_of(stage)["local"].any()) == moves
+
+
+def test_local_light_of_a_surfel_without_shadow_is_not_learnt_where_it_is_gated() -> None:
+    stage = stage_of(variant(local_light="gated", materials=only(absolute=1.0)), ROOFED)
+    for _ in range(6):
+        stage.step()
+    free = (stage.table.visibility == 1).all(-1)
+    assert bool(free.any())
+    assert not tensors_of(stage)["local"][free].any()
+
+
+def test_the_priors_hold_coloured_local_light_down() -> None:
+    """Irradiance that differs by channel, or between neighbours, costs: local light gives way."""
+    colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
+    for weight in ("light_prior", "irradiance_smoothness"):
+        local = colour if weight == "light_prior" else colour * (1 + noise(colour, 1.0)[..., :1].clamp(-1, 1))
+        learning = only(**{weight: 1.0})
+        learning = replace(learning, rates=replace(learning.rates, light=0.0, local=0.005))
+        stage = placed(stage_of(variant(materials=learning)), local=local)
+        name = weight.replace("_", " ")
+        losses = [stage.step()[name] for _ in range(24)]
+        assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), weight
+
+
+def test_a_surfel_that_faces_away_still_counts_in_the_neutrality_of_light() -> None:
+    """Its light is part of the mean over all surfels, whichever view is looked at."""
+    learning = only(light_prior=1.0)
+    colour = torch.tensor([0.5, 0.1, 0.1]).expand(len(BALL), 1, 3).clone()
+    stage = placed(stage_of(variant(materials=learning)), local=colour)
+    before = tensors_of(stage)["local"]
+    stage.step()
+    assert bool((tensors_of(stage)["local"] != before).any(-1).all())
+
+
+def test_local_rates_are_those_of_the_budget() -> None:
+    """Adam's first step is the rate itself."""
+    stage = stage_of(budget=replace(BUDGET, local_rate=3.0))
+    stage.step()
+    after = tensors_of(stage)
+    assert float(after["local"].abs().max()) == pytest.approx(3 * 0.001, rel=0.01)
+    assert float(after["local_rest"].abs().max()) == pytest.approx(3 * 0.0001, rel=0.01)
+
+
+def test_materials_are_found_where_light_and_shape_are_known() -> None:
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+    still = replace(CONSTANT, rates=replace(CONSTANT.rates, light=0.0, albedo=0.1, roughness=0.0))
+    stage = stage_of(variant(materials=still, local_light="none"), budget=replace(BUDGET, incident_samples=64))
+    stage = placed(stage, raw_environment=before_softplus(torch.ones(8, 16, 3)))
+    for _ in range(60):
+        stage.step()
+    surfels = stage.model.surfels
+    seen = (surfels.albedo - 0.415).abs().sum(-1) > 1e-3
+    found = surfels.albedo[seen].median(0).values
+    torch.testing.assert_close(found, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.02)
+
+
+@pytest.mark.parametrize("visibility", ["table", "retraced"])
+def test_it_resumes_bit_for_bit(visibility: str) -> None:
+    turned = Variant(visibility=visibility)  # type: ignore[arg-type]
+    whole = InverseRendering(run_of(turned), product_of(ROOFED))
+    for step in range(8):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = InverseRendering(run_of(turned), product_of(ROOFED))
+    resumed.restore(saved)
+    while resumed.iteration < 8:
+        resumed.step()
+    mine, yours = tensors_of(whole), tensors_of(resumed)
+    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
+    assert torch.equal(whole.table.direction, resumed.table.direction)
+    assert torch.equal(whole.table.visibility, resumed.table.visibility)
+
+
+def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+    (geometry, invert) = R3DG_METHOD.stages(Variant(), BUDGET)
+    assert geometry.owner == "radiogs_core"
+    less = replace(BUDGET, relight_samples=1)
+    assert R3DG_METHOD.stages(Variant(relight_local_light=False), less)[1].reads == invert.reads
+    one = stage_of()
+    other = InverseRendering(run_of(variant(relight_local_light=False), less), product_of(BALL))
+    for _ in range(3):
+        assert one.step() == other.step()
+    for changes in ({"local_light": "gated"}, {"hidden_below": 0.5}, {"visibility": "retraced"}, {"floor": True}):
+        assert R3DG_METHOD.stages(Variant(**changes), BUDGET)[1].reads != invert.reads  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"hidden_below": -0.1}, {"hidden_below": 1.1}, {"ray_start": -0.1}, {"view_share": 0.0}]
+)
+def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Variant(**wrong)  # type: ignore[arg-type]

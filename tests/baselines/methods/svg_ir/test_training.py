@@ -1,0 +1,196 @@
+"""Stage 2 of SVG-IR: what its losses change and what they leave, and that it resumes bit for bit."""
+
+from dataclasses import replace
+
+import pytest
+import torch
+
+from baselines.methods.irgs.training import product_of
+from baselines.methods.svg_ir.training import BUDGET, UNSEEN, only, run_of, stage_of, tensors_of, variant
+from known_ball import COLOUR, SCENE
+from radiogs_baselines.methods.svg_ir.method import SVG_IR_METHOD
+from radiogs_baselines.methods.svg_ir.settings import Variant
+from radiogs_baselines.methods.svg_ir.training import FROZEN, InverseRendering
+from radiogs_core.errors import UsageError
+from radiogs_core.learning.views import load
+from radiogs_core.transport.splatting import splat
+from short_training import through_a_file
+
+MATERIALS = {"vertex_albedo_logit", "vertex_roughness_logit"}
+LIGHT = {"log_environment", "ratio"}
+
+
+def test_no_camera_sees_the_sheet() -> None:
+    for view in load(SCENE.train, torch.device("cpu")):
+        assert not splat(view.camera, UNSEEN, {}, 1.0).touched[-1]
+
+
+def test_consistency_moves_materials_that_no_camera_sees_and_no_harmonics() -> None:
+    stage = stage_of(variant(materials=only(consistency=1.0)))
+    before = tensors_of(stage)
+    for _ in range(4):
+        stage.step()
+    after = tensors_of(stage)
+    for name in MATERIALS:
+        assert bool((after[name][-1] != before[name][-1]).any()), name
+    assert {name for name in after if not torch.equal(after[name], before[name])} == MATERIALS | LIGHT
+
+
+def test_images_leave_materials_alone_that_no_camera_sees() -> None:
+    stage = stage_of(variant(materials=only(shaded=1.0)))
+    before = tensors_of(stage)
+    for _ in range(3):
+        stage.step()
+    after = tensors_of(stage)
+    for name in ("vertex_albedo_logit", "vertex_roughness_logit", "vertex_offset"):
+        assert torch.equal(after[name][-1], before[name][-1]), name
+        assert not torch.equal(after[name], before[name]), name
+
+
+def test_consistency_fits_the_albedo_to_the_kept_radiance() -> None:
+    """A sheet that sends 0.4, kept so, under a light of 1 whose rays reach it from below alone."""
+    learning = only(consistency=1.0)
+    still = replace(learning, rates=replace(learning.rates, light=0.0, ratio=0.0, roughness=0.0, albedo=0.1))
+    stage = stage_of(variant(materials=still))
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
+    stage.restore(state)
+    first, last = stage.step()["consistency"], 0.0
+    for _ in range(30):
+        last = stage.step()["consistency"]
+    assert last < 0.5 * first
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"),
+    [
+        ("shaded", MATERIALS | LIGHT | {"vertex_offset", "opacity_logit"}),
+        ("radiance", {"sh", "sh_rest", "opacity_logit"}),
+        ("consistency", MATERIALS | LIGHT),
+        ("normal", {"vertex_offset", "opacity_logit"}),
+        ("offset", {"vertex_offset"}),
+        ("light_smoothness", {"log_environment"}),
+    ],
+)
+def test_each_loss_moves_what_it_is_of(weight: str, moved: set[str]) -> None:
+    """Of the smoothness of materials see below: the ball's are smooth."""
+    stage = stage_of(variant(materials=only(**{weight: 1.0})))
+    state = stage.state()
+    generator = torch.Generator().manual_seed(0)
+    uneven = {
+        name: 0.1 * torch.randn(state["optimiser"]["tensors"][name].shape, generator=generator)
+        for name in ("log_environment", "vertex_offset")
+    }
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | uneven
+    stage.restore(state)
+    before = tensors_of(stage)
+    stage.step()
+    after = tensors_of(stage)
+    assert {name for name, value in after.items() if not torch.equal(value, before[name])} == moved
+
+
+@pytest.mark.parametrize("name", ["albedo", "roughness"])
+def test_smoothness_evens_out_one_material(name: str) -> None:
+    raw, smooth = f"vertex_{name}_logit", only(**{f"{name}_smoothness": 1.0})
+    stage = stage_of(variant(materials=replace(smooth, rates=replace(smooth.rates, albedo=0.05, roughness=0.05))))
+    state = stage.state()
+    uneven = torch.randn(state["optimiser"]["tensors"][raw].shape, generator=torch.Generator().manual_seed(1))
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {raw: uneven}
+    stage.restore(state)
+    losses = [stage.step()[f"{name} smoothness"] for _ in range(24)]
+    assert sum(losses[-3:]) < 0.9 * sum(losses[:3]), "all three views, at the end and at the beginning"
+    other = "vertex_roughness_logit" if name == "albedo" else "vertex_albedo_logit"
+    assert torch.equal(tensors_of(stage)[other], tensors_of(stage_of())[other])
+
+
+def test_geometry_is_frozen_and_the_ratio_held_after_its_share() -> None:
+    stage = stage_of(variant(), budget=replace(BUDGET, inverse_iterations=60))
+    start = tensors_of(stage)
+    for _ in range(3):
+        stage.step()
+    held = tensors_of(stage)["ratio"]
+    assert held != start["ratio"]
+    for _ in range(3):
+        stage.step()
+    after = tensors_of(stage)
+    assert torch.equal(after["ratio"], held)
+    for name in FROZEN:
+        assert torch.equal(after[name], start[name]), name
+    for name in after.keys() - set(FROZEN):
+        assert not torch.equal(after[name], start[name]), name
+
+
+def test_without_indirect_light_only_consistency_moves_the_ratio() -> None:
+    stage = stage_of(variant(indirect=False, materials=only(shaded=1.0)))
+    stage.step()
+    assert float(tensors_of(stage)["ratio"]) == 1
+
+
+def test_constant_attributes_are_one_material_a_surfel() -> None:
+    stage = stage_of(variant(attributes="constant"))
+    for _ in range(2):
+        stage.step()
+    assert stage.model.albedo.shape == (len(UNSEEN), 1, 3)
+    assert stage_of().model.albedo.shape == (len(UNSEEN), 4, 3)
+
+
+def test_vertices_of_a_surfel_become_different() -> None:
+    stage = stage_of(variant(materials=only(shaded=1.0)))
+    for _ in range(6):
+        stage.step()
+    albedo = stage.model.albedo.detach()
+    assert float((albedo.amax(1) - albedo.amin(1)).max()) > 1e-3
+
+
+def test_materials_are_found_where_light_and_shape_are_known() -> None:
+    """The ball sends COLOUR under a light of 1: its albedo is that less the lobe's share, wherever it began."""
+    learning = only(shaded=1.0)
+    still = replace(learning, rates=replace(learning.rates, light=0.0, albedo=0.1, roughness=0.0, ratio=0.0))
+    stage = stage_of(variant(materials=still, hop=1e-3), budget=replace(BUDGET, incident_samples=32))
+    state = stage.state()
+    state["optimiser"]["tensors"] = state["optimiser"]["tensors"] | {"log_environment": torch.zeros(8, 16, 3)}
+    stage.restore(state)
+    for _ in range(60):
+        stage.step()
+    albedo = stage.model.albedo.detach().mean(1)
+    seen = (albedo - 0.5).abs().sum(-1) > 0.3
+    assert int(seen.sum()) > 50
+    torch.testing.assert_close(albedo[seen].median(0).values, torch.tensor(COLOUR) - 0.03, rtol=0, atol=0.03)
+
+
+def test_it_resumes_bit_for_bit() -> None:
+    turned = variant(materials=Variant().materials)
+    budget = replace(BUDGET, consistency_surfels=100)
+    whole = InverseRendering(run_of(turned, budget), product_of(UNSEEN))
+    for step in range(7):
+        if step == 3:
+            saved = through_a_file(whole.state())
+        whole.step()
+    resumed = InverseRendering(run_of(turned, budget), product_of(UNSEEN))
+    resumed.restore(saved)
+    while resumed.iteration < 7:
+        resumed.step()
+    mine, yours = tensors_of(whole), tensors_of(resumed)
+    assert all(torch.equal(mine[name], yours[name]) for name in mine)
+    assert torch.equal(whole.generator.get_state(), resumed.generator.get_state())
+
+
+def test_training_reads_nothing_that_its_key_leaves_out() -> None:
+    (geometry, invert) = SVG_IR_METHOD.stages(Variant(), BUDGET)
+    assert geometry.owner == "radiogs_core"
+    shown, less = Variant(relight_indirect=False, relight_rows=4), replace(BUDGET, relight_samples=1)
+    assert SVG_IR_METHOD.stages(shown, less)[1].reads == invert.reads
+    one, other = stage_of(), stage_of(variant(relight_indirect=False, relight_rows=4), budget=less)
+    for _ in range(2):
+        assert one.step() == other.step()
+    for changed in (Variant(hop=None), Variant(attributes="constant"), Variant(ray_start=0.01), Variant(opaque=0.1)):
+        assert SVG_IR_METHOD.stages(changed, BUDGET)[1].reads != invert.reads
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"hop": 0.0}, {"gap": -1.0}, {"ray_start": -0.1}, {"view_share": 0.0}, {"opaque": 1.0}, {"relight_rows": 0}],
+)
+def test_a_variant_that_means_nothing_is_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(UsageError, match=next(iter(wrong))):
+        Variant(**wrong)  # type: ignore[arg-type]
