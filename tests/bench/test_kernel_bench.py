@@ -157,6 +157,7 @@ def test_unknown_kernels_and_scenes_are_wrong_usage(
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 @pytest.mark.skipif(missing_embree() != "", reason=missing_embree())
 def test_tracing_keeps_up_with_embree() -> None:
     forward, backward, _ = measure(trace_case(SCENES["M"](), torch.float32, CPU), CPU, 3)
@@ -167,6 +168,7 @@ def test_tracing_keeps_up_with_embree() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_rasterizing_and_shading_leave_plain_expressions_behind() -> None:
     *_, both = measure(rasterize_case(SCENES["S"](), 128, torch.float32, CPU, dense=True), CPU, 1)
     assert both.ratio is not None

@@ -88,6 +88,7 @@ def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]
 
 
 @pytest.mark.slow
+@pytest.mark.alone
 def test_two_workers_do_nearly_twice_the_work_and_the_same(tmp_path: Path) -> None:
     """85 % of what two processes without a pool get done here: 1.7 times one, where two get twice as much done."""
     suite = tmp_path / "long.toml"
