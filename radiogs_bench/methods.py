@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, fields, is_dataclass
 from difflib import get_close_matches
 from functools import cache
+from importlib import resources
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from typing import Any
@@ -39,9 +40,8 @@ def method_names() -> tuple[str, ...]:
 
 def recipes() -> Mapping[str, Path]:
     """Files of commands for published codes, by name; they come with the package, the codes do not."""
-    from radiogs_baselines.commands import recipes as files
-
-    return files()
+    folder = Path(str(resources.files("radiogs_baselines"))) / "commands" / "recipes"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def method(name: str) -> Method:
@@ -197,6 +197,6 @@ def _wrong(loaded: Any, name: str) -> str:
 
 
 def _from_file(path: Path) -> Method:
-    from radiogs_baselines.commands import read_method
+    from radiogs_baselines.commands.method import read_method
 
     return read_method(path)

@@ -151,7 +151,7 @@ def export_splats(options: argparse.Namespace) -> int:
 
 def export_layout(options: argparse.Namespace) -> int:
     """Write the test views' files into OUT/CODE, or into the folder of --file, and say how they are scored."""
-    from radiogs_baselines.outputs import LayoutWriter
+    from radiogs_baselines.outputs.writing import LayoutWriter
 
     from ..export.published_layout import checked, write_as_published
     from ..runs.progress import progress_for_stderr

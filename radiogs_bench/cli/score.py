@@ -150,7 +150,7 @@ def _model(options: argparse.Namespace) -> dict[str, Any]:
 
 def _are_pairs(options: argparse.Namespace) -> bool:
     """Whether the folder holds pairs of output and target: if ``--from`` says so or, without options, by its files."""
-    from radiogs_baselines.outputs import likely_codes
+    from radiogs_baselines.outputs.reading import likely_codes
     from radiogs_baselines.outputs.stanford_orb import holds_pairs
 
     if options.code is not None or options.scene is not None:
@@ -165,7 +165,7 @@ def _protocols(name: str) -> list[Any]:
 
 
 def _folder(options: argparse.Namespace) -> dict[str, Any]:
-    from radiogs_baselines.outputs import read_predictions
+    from radiogs_baselines.outputs.reading import read_predictions
     from radiogs_datasets import load_scene
 
     from ..runs.progress import progress_for_stderr
@@ -270,7 +270,7 @@ def is_row_of_a_run(options: argparse.Namespace) -> bool:
 
 def score_into(options: argparse.Namespace) -> int:
     """Score the folder, enter the row, and rebuild and print the run's reports."""
-    from radiogs_baselines.outputs import read_predictions
+    from radiogs_baselines.outputs.reading import read_predictions
     from radiogs_datasets import load_scene
 
     from ..runs.progress import progress_for_stderr

@@ -7,7 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_baselines.outputs import CODES, LayoutWriter
+from radiogs_baselines.outputs.codes import CODES
+from radiogs_baselines.outputs.writing import LayoutWriter
 from radiogs_core.contract import NotOffered, Prepared, Run, Trained
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.scene import View

@@ -1,7 +1,8 @@
-"""Which values of a run are not to be taken at their word, and why, in sentences for the reports.
+"""Remarks below the tables: which values are not to be taken at their word, and how methods differ from published ones.
 
-Three kinds: the images do not determine the quantity (``scoring.determined``); a map scores no better than the best
-one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart.
+Three kinds of doubt: the images do not determine the quantity (``scoring.determined``); a map scores no better than the
+best one that is the same everywhere (``scoring.constant_maps``); seeds find values that are far apart. Methods state
+their differences as labels among a model's facts.
 """
 
 import math
@@ -175,3 +176,40 @@ def _apart(quantity: str, scene: str, found: Estimate) -> str:
 def _range(values: Sequence[float], decimals: int) -> str:
     low, high = (f"{round(end, decimals) + 0.0:.{decimals}f}" for end in (min(values), max(values)))
     return low if low == high else f"{low} to {high}"
+
+
+Scenes = dict[str, None]
+"""Names of scenes in the order of the cells."""
+
+
+def labels(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[Doubt]:
+    """A remark of no column for each set of ``labels`` among the facts of a row's cells, with the rows that have it.
+
+    A label that differs between scenes, or that some lack, has the scenes of each value behind it.
+    """
+    texts = {row["key"]: row["text"] for row in sweep["rows"]}
+    rows: dict[str, list[str]] = {}
+    for row in texts:
+        own = [(place["scene"], result) for place, result in cells if place["row"] == row and result is not None]
+        sentence = _sentence([(scene, result["facts"].get("labels")) for scene, result in own])
+        if sentence:
+            rows.setdefault(sentence, []).append(row)
+    return [
+        Doubt(column="", rows=own, text=f"{', '.join(texts[key] for key in own)}: {text}") for text, own in rows.items()
+    ]
+
+
+def _sentence(found: Sequence[tuple[str, object]]) -> str:
+    """All labels of a row's cells, by scene; empty without any."""
+    values: dict[str, dict[str, Scenes]] = {}
+    for scene, labels_of_cell in found:
+        for name, value in labels_of_cell.items() if isinstance(labels_of_cell, Mapping) else ():
+            values.setdefault(name, {}).setdefault(str(value), {})[scene] = None
+    every = {scene for scene, _ in found}
+    return "; ".join(f"{name}: {_values(by_value, every)}" for name, by_value in values.items()) + "." * bool(values)
+
+
+def _values(by_value: Mapping[str, Scenes], every: set[str]) -> str:
+    if len(by_value) == 1 and all(set(scenes) == every for scenes in by_value.values()):
+        return next(iter(by_value))
+    return ", ".join(f"{value} ({', '.join(scenes)})" for value, scenes in by_value.items())

@@ -26,8 +26,7 @@ from ..scoring.metrics.comparable import alike
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.suite import MEASURES, Metric
-from .doubts import doubts
-from .labels import labels
+from .doubts import doubts, labels
 from .paper_tables import interval, paper_tables
 
 Finished = Sequence[tuple[Place, Result | None]]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from radiogs_baselines.outputs import Predictions
+from radiogs_baselines.outputs.predictions import Predictions
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene

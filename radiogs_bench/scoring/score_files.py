@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from radiogs_baselines.outputs import Predictions
+from radiogs_baselines.outputs.predictions import Predictions
 from radiogs_core.scene.scene import Scene, View
 
 from ..store.schema import MetricValue

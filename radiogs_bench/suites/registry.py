@@ -5,8 +5,7 @@ from difflib import get_close_matches
 
 from radiogs_core.errors import UsageError
 
-from .baseline_ablations import BASELINE_ABLATIONS
-from .baselines import BASELINES
+from .baselines import BASELINE_ABLATIONS, BASELINES
 from .data_sets import DATA_SET_SUITES
 from .own import COST_OF_ACCURACY, EFFECTS_SUITE, FINETUNE, ORACLES
 from .paper import (

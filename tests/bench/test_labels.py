@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from radiogs_bench.results.labels import labels
+from radiogs_bench.results.doubts import labels
 
 SWEEP: Any = {"rows": [{"key": "ours", "text": "Ours"}, {"key": "a", "text": "A"}, {"key": "b", "text": "B"}]}
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from radiogs_baselines.outputs import CODES
+from radiogs_baselines.outputs.codes import CODES
 from radiogs_bench.cli.main import main
 from radiogs_datasets.image_files import read_png
 

@@ -10,7 +10,8 @@ import pytest
 import torch
 
 from public_outputs import WRITERS, noisy, png
-from radiogs_baselines.outputs import CODES, likely_codes, read_predictions
+from radiogs_baselines.outputs.codes import CODES
+from radiogs_baselines.outputs.reading import likely_codes, read_predictions
 from radiogs_bench.cli import main
 from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
 from radiogs_bench.scoring.score_files import score_predictions

@@ -14,7 +14,7 @@ from radiogs_core.plain_values import PlainReader
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 from radiogs_datasets.registry import LAYOUTS
 
-from ..outputs import CODES
+from ..outputs.codes import CODES
 from .placeholders import EVERYWHERE, IN_RESULTS, ITERATIONS, LISTS, ONE_LIGHT, check, placeholders
 
 PRESETS = ("smoke", "tiny", "small", "paper")

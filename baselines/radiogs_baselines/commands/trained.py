@@ -19,9 +19,10 @@ from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
 
-from ..outputs import CODES, Predictions, read_predictions
+from ..outputs.codes import CODES
 from ..outputs.files import Found
-from ..outputs.predictions import relightable
+from ..outputs.predictions import Predictions, relightable
+from ..outputs.reading import read_predictions
 from .errors import CommandFailed
 from .family import LIMITS
 from .place import Place

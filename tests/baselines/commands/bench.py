@@ -7,7 +7,8 @@ from typing import Any
 
 import torch
 
-from radiogs_baselines.commands import CommandMethod, CommandVariant, TrainedCommand, read_method
+from radiogs_baselines.commands.method import CommandMethod, CommandVariant, read_method
+from radiogs_baselines.commands.trained import TrainedCommand
 from radiogs_core.contract import Run
 from radiogs_core.scene.scene import Scene
 

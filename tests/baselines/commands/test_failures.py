@@ -14,7 +14,8 @@ import pytest
 from baselines.commands.bench import Bench, method_of, toml
 from bench.test_full_disk import UNSHARE, why_nothing_can_be_mounted
 from public_outputs import Maps, write_svg_ir
-from radiogs_baselines.commands import CommandFailed, family, process, task
+from radiogs_baselines.commands import family, process, task
+from radiogs_baselines.commands.errors import CommandFailed
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene
 
@@ -290,7 +291,7 @@ from pathlib import Path
 from baselines.commands.bench import Bench, method_of, toml
 from public_outputs import Maps, write_svg_ir
 
-from radiogs_baselines.commands import CommandFailed
+from radiogs_baselines.commands.errors import CommandFailed
 from radiogs_datasets import load_scene
 import subprocess
 

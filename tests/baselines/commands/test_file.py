@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from baselines.commands.bench import Bench, method_of, toml
-from radiogs_baselines.commands import CommandBudget, CommandMethod, read_method
+from radiogs_baselines.commands.method import CommandBudget, CommandMethod, read_method
 from radiogs_baselines.commands.placeholders import filled, filled_list
 from radiogs_core.contract import NotOffered, scaled
 from radiogs_core.errors import DataError, UsageError

@@ -9,7 +9,7 @@ import torch
 
 from baselines.commands.bench import Bench, method_of, toml
 from public_outputs import Maps
-from radiogs_baselines.commands import CommandBudget, CommandVariant
+from radiogs_baselines.commands.method import CommandBudget, CommandVariant
 from radiogs_core import contract
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene

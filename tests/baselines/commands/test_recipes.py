@@ -11,10 +11,11 @@ import pytest
 from baselines.commands.bench import Bench
 from baselines.commands.stand_in import entries, is_relit
 from public_outputs import WRITERS, noisy
-from radiogs_baselines.commands import CommandMethod, read_method, recipes
+from radiogs_baselines.commands.method import CommandMethod, read_method
 from radiogs_baselines.commands.place import Place
 from radiogs_baselines.commands.placeholders import filled
-from radiogs_baselines.outputs import CODES
+from radiogs_baselines.outputs.codes import CODES
+from radiogs_bench.methods import recipes
 from radiogs_core.scene.scene import Scene
 
 STAND_IN = Path(__file__).with_name("stand_in_python.py")
