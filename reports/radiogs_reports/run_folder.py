@@ -16,15 +16,21 @@ from .page import write_page
 from .page.shelf import FOLDER as PICTURES
 from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
-from .write.audit import audit_csv
-from .write.cost import cost_csv, cost_latex, cost_markdown
+from .write.analyses import (
+    Findings,
+    audit_csv,
+    cost_csv,
+    cost_latex,
+    cost_markdown,
+    findings_latex,
+    findings_markdown,
+    ladder_csv,
+    order_csv,
+    settling_csv,
+)
 from .write.document import report_document
-from .write.findings import Findings, findings_latex, findings_markdown
-from .write.ladder import ladder_csv
 from .write.markdown import without_markup
-from .write.order import order_csv
 from .write.paper import paper_csv, paper_latex, paper_markdown
-from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 PARTS = 4

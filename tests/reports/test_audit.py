@@ -20,8 +20,7 @@ from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.run_folder import texts
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.audit import audit_csv
-from radiogs_reports.write.findings import findings_latex, findings_markdown
+from radiogs_reports.write.analyses import audit_csv, findings_latex, findings_markdown
 
 SEEDS = (0, 1, 2)
 COLUMNS = ("nvs/psnr", "albedo/psnr", "relight/psnr")

@@ -21,7 +21,7 @@ from radiogs_reports.figures.knobs import knob_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import signed
-from radiogs_reports.write.cost import cost_csv, cost_latex, cost_markdown
+from radiogs_reports.write.analyses import cost_csv, cost_latex, cost_markdown
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
 ROWS: dict[str, dict[str, int]] = {

@@ -18,8 +18,7 @@ from radiogs_reports.figures.ladder import ladder_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.findings import findings_latex, findings_markdown
-from radiogs_reports.write.ladder import ladder_csv
+from radiogs_reports.write.analyses import findings_latex, findings_markdown, ladder_csv
 
 SEEDS = (0, 1, 2)
 GIVEN: dict[str, list[str]] = {
