@@ -14,7 +14,7 @@ from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import PaperTable
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.write.paper.reading import caption, measured, measured_ranks, published_ranks
+from radiogs_reports.write.paper_reading import caption, measured, measured_ranks, published_ranks
 from radiogs_reports.write.suite import suite_latex, suite_markdown
 
 TABLE, SUMMARY = paper_table(), summary()

@@ -1,6 +1,6 @@
 """Tables that the paper prints with its methods side by side instead of one line per row."""
 
-from ...summary import PaperColumn, PaperTable, PaperValue
+from ..summary import PaperColumn, PaperTable, PaperValue
 
 SIDE_BY_SIDE = ("views",)
 """Keys of tables with a line per setting and the methods side by side; their rows are stored as method-setting."""

@@ -1,11 +1,26 @@
-"""A table of the paper in LaTeX: booktabs, the paper's rank colours, published values below the measured ones."""
+"""A table of the paper with its own rows and columns, measured beside published: LaTeX, Markdown and CSV."""
 
-from ...summary import PaperColumn, PaperTable, PaperValue, Summary
-from ..latex import ARROWS, LEFT, as_formula, escape, note_mark, rank_colour
-from ..notes import note_index
-from ..numbers import SETUP, Entry, Group, Line, over, tabulars
-from .layout import as_printed
-from .reading import apart, caption, change, groups_of, is_beside, measured, measured_ranks, published_ranks, row_label
+import pandas as pd
+
+from ..summary import PaperColumn, PaperTable, PaperValue, Summary
+from .latex import ARROWS, LEFT, as_formula, escape, note_mark, rank_colour
+from .markdown import table_head, table_line
+from .notes import note_index
+from .numbers import SETUP, Entry, Group, Line, over, tabulars
+from .paper_layout import as_printed
+from .paper_reading import (
+    apart,
+    caption,
+    change,
+    groups_of,
+    heading,
+    is_beside,
+    measured,
+    measured_ranks,
+    published_ranks,
+    row_label,
+)
+from .records import difference_fields
 
 Ranks = dict[str, dict[str, int]]
 """By column, then row."""
@@ -133,3 +148,82 @@ def _spans(columns: list[PaperColumn]) -> list[tuple[int, int]]:
 
 def _rule(start: int, end: int) -> str:
     return rf"\cmidrule(lr){{{start}-{end}}}"
+
+
+def paper_markdown(table: PaperTable, summary: Summary) -> str:
+    """A line of measured values for each row, and one of published values; reasons of missing ones in notes below.
+
+    Published values by other conventions are a table of their own below.
+    """
+    notes: list[str] = []
+    below = caption(table, summary)
+    table = as_printed(table)
+    lines = [f"# {table['title']}", "", *table_head(["", "", *map(heading, table["columns"])])]
+    for row in table["rows"]:
+        upper, lower = [], []
+        for column in table["columns"]:
+            value = table["cells"][row["key"]][column["key"]]
+            text, difference = measured(value, column), change(value, column, " ± ")
+            beside = f" ({difference})" if difference else ""
+            upper.append(f"{text}{beside}" if text else _markdown_missing(value["reason"] or "not measured", notes))
+            lower.append(_markdown_published(value, notes) if is_beside(column) else "")
+        lines.append(table_line([row_label(row), "measured", *upper]))
+        if any(lower):
+            lines.append(table_line([row["text"] if row.get("ran") else "", f"paper{_remark(row, notes)}", *lower]))
+    lines += _markdown_apart(table, apart(table, summary), notes)
+    numbered = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
+    return "\n".join([*lines, "", below, "", *numbered, *([""] if numbered else [])])
+
+
+def _markdown_apart(table: PaperTable, title: str, notes: list[str]) -> list[str]:
+    """The table of published values by other conventions; empty without any."""
+    columns = [column for column in table["columns"] if not is_beside(column)]
+    if not columns:
+        return []
+    lines = ["", f"{title}:", "", *table_head(["", *map(heading, columns)])]
+    for row in table["rows"]:
+        values = [_markdown_published(table["cells"][row["key"]][column["key"]], notes) for column in columns]
+        lines.append(table_line([f"{row['text']}{_remark(row, notes)}", *values]))
+    return lines
+
+
+def _markdown_published(value: PaperValue, notes: list[str]) -> str:
+    return value["published"] or _markdown_missing(value["absent"] or "not published", notes)
+
+
+def _remark(row: dict[str, str], notes: list[str]) -> str:
+    return f" {_markdown_mark(row['remark'], notes)}" if row["remark"] else ""
+
+
+def _markdown_missing(reason: str, notes: list[str]) -> str:
+    return f"n/a {_markdown_mark(reason, notes)}"
+
+
+def _markdown_mark(reason: str, notes: list[str]) -> str:
+    return f"[{note_index(notes, reason) + 1}]"
+
+
+def paper_csv(table: PaperTable) -> str:
+    """One record per value: row, column, mean, count, difference, interval, published value, reasons."""
+    records = []
+    for row in table["rows"]:
+        for column in table["columns"]:
+            value = table["cells"][row["key"]][column["key"]]
+            records.append(
+                {
+                    "table": table["key"],
+                    "row": row["key"],
+                    "column": column["key"],
+                    "unit": column["unit"],
+                    "direction": column["direction"],
+                    "mean": value["mean"],
+                    "count": value["count"],
+                    **difference_fields(value["difference"]),
+                    "published": value["published"],
+                    "published_by": column.get("published_by"),
+                    "ran": row.get("ran") or None,
+                    "not_measured": value["reason"],
+                    "not_published": value["absent"],
+                }
+            )
+    return pd.DataFrame.from_records(records).to_csv(index=False)

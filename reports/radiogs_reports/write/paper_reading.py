@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from itertools import groupby
 
-from ...analysis.ranks import printed_ranks
-from ...summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
-from ...wording import ARROWS, count_of, plus_minus, signed
+from ..analysis.ranks import printed_ranks
+from ..summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
+from ..wording import ARROWS, count_of, plus_minus, signed
 
 LAST_RANK = 3
 """The paper colours the first three."""
