@@ -4,8 +4,8 @@ from functools import partial
 from pathlib import Path
 
 from radiogs_baselines.published import published
-from radiogs_reports import write_reports
 from radiogs_reports.doubts import footnotes, remarks
+from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import count_of
 from radiogs_reports.write.caption import published_note

@@ -12,8 +12,8 @@ from .figures import Drawn, write_figures
 from .figures.canvas import FOLDER
 from .figures.contact_sheet import write_contact_sheet
 from .files import fresh, require_own_folders
-from .page import write_page
-from .page.shelf import FOLDER as PICTURES
+from .page.assemble import write_page
+from .page.pictures import FOLDER as PICTURES
 from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
 from .write.analyses import (

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from made_up_run import paper_table, summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.page.tables import paper_tables, suite_table
-from radiogs_reports.run_folder import texts
+from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import PaperTable
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
