@@ -12,8 +12,7 @@ from scipy import stats
 
 from made_up_run import cell, run, summary, write_run
 from radiogs_reports.analysis.audit import AuditReport, audit_report
-from radiogs_reports.analysis.audit.lines import Line, judged
-from radiogs_reports.analysis.audit.plan_text import left_out, over_seeds
+from radiogs_reports.analysis.audit_lines import Line, judged, left_out, over_seeds
 from radiogs_reports.analysis.grid import Item
 from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.run_folder import texts, write_reports

@@ -12,7 +12,7 @@ from scipy import stats
 
 from made_up_run import run, summary
 from radiogs_reports.analysis.cost import CostReport, cost_report
-from radiogs_reports.analysis.cost.progress import Point, seconds_to, to_equal_quality, value_at
+from radiogs_reports.analysis.cost_progress import Point, seconds_to, to_equal_quality, value_at
 from radiogs_reports.analysis.grid import Item
 from radiogs_reports.analysis.pareto import points
 from radiogs_reports.analysis.samples import values_of

@@ -5,8 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from ..analysis.cost.knobs import Knob, knobs
-from ..analysis.cost.marginal import Doubling, doublings
+from ..analysis.cost_knobs import Doubling, Knob, doublings, knobs
 from ..analysis.pareto import Point, points
 from ..analysis.samples import COSTS
 from ..summary import ColumnSummary, Summary, reference_of, row_texts

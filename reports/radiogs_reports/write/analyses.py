@@ -7,8 +7,8 @@ import pandas as pd
 
 from ..analysis.audit import AuditReport
 from ..analysis.cost import CostReport
-from ..analysis.cost.efficiency import efficiencies
-from ..analysis.cost.marginal import doublings, steps
+from ..analysis.cost_knobs import doublings, steps
+from ..analysis.efficiency import efficiencies
 from ..analysis.grid import Grid
 from ..analysis.ladder import LadderReport
 from ..analysis.pareto import points

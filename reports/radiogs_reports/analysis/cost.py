@@ -1,19 +1,18 @@
-"""The cost report of a run: sentences and grids that every form of the report shows."""
+"""What accuracy costs: sentences and grids that every form of the report shows, computed from a run's summary alone."""
 
 from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
-from ...summary import Summary, reference_of, row_texts
-from ...wording import label_with_unit
-from ..grid import Grid, Item, estimate_item, factor_item, name_item
-from ..pareto import points
-from ..samples import COSTS
+from ..statistics import Estimate
+from ..summary import ColumnSummary, Summary, last_stage_title, reference_of, row_texts
+from ..wording import label_with_unit, plus_minus, signed
+from .cost_knobs import Doubling, Knob, Step, doublings, knobs, steps
+from .cost_progress import at_equal_time, second_half, to_equal_quality
 from .efficiency import efficiencies
-from .knobs import Knob, knobs
-from .marginal import Doubling, doublings, steps
-from .progress import at_equal_time, to_equal_quality
-from .sentences import doubling_sentence, second_half_sentence, step_sentence
+from .grid import Grid, Item, estimate_item, factor_item, name_item
+from .pareto import points
+from .samples import COSTS
 
 UNSHARED = "no scene and seed has every setting"
 
@@ -43,6 +42,47 @@ def cost_report(summary: Summary) -> CostReport | None:
         _qualities(summary),
     ]
     return CostReport(turned, [*sentences, *([] if last is None else [last])], [grid for grid in grids if grid.rows])
+
+
+def step_sentence(summary: Summary, step: Step) -> str:
+    """Such as ``rays a surfel, N_s, 64 → 128: NVS PSNR +0.03 ± 0.05 dB, for 1.90 times the time.``"""
+    changes = [
+        change(step.differences[column["key"]], column)
+        for column in summary["columns"]
+        if column["key"] in step.differences
+    ]
+    text = f"{step.knob.text}, {step.low.value} → {step.high.value}: {', '.join(changes)}"
+    if step.time_ratio is not None:
+        text += f", for {step.time_ratio.mean:.2f} times the time"
+    if step.ray_ratio is not None:
+        text += f" and {step.ray_ratio.mean:.2f} times the rays"
+    return f"{text}."
+
+
+def doubling_sentence(doublings: list[Doubling]) -> str:
+    """What a doubling of one knob changes in every column; ``doublings`` are of that knob."""
+    first = doublings[0]
+    changes = [change(each.slope, each.column) for each in doublings]
+    cost = "" if first.time_ratio is None else f", for {first.time_ratio.mean:.2f} times the time"
+    return f"Each doubling of {first.knob.text}: {', '.join(changes)}{cost}."
+
+
+def second_half_sentence(summary: Summary) -> str | None:
+    """What the second half of the last stage adds; None where nothing was scored during training."""
+    found = [(column, second_half(summary, column["key"])) for column in summary["columns"]]
+    known = [(column, each) for column, each in found if each is not None]
+    if not known:
+        return None
+    changes = ", ".join(change(gain, column) for column, (gain, _) in known)
+    share = 100 * known[0][1][1].mean
+    return f"The second half of {last_stage_title(summary)}: {changes}, for {share:.0f} % of the training time."
+
+
+def change(estimate: Estimate, column: ColumnSummary) -> str:
+    """Label, signed difference, half-width of its interval if there is one, unit."""
+    decimals = column["decimals"]
+    text = plus_minus(signed(estimate.mean, decimals), estimate.half_width, decimals)
+    return f"{column['label']} {text} {column['unit']}".rstrip()
 
 
 def _doublings(summary: Summary, turned: list[Knob], found: Sequence[Doubling]) -> Grid:

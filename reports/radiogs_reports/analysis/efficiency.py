@@ -2,9 +2,9 @@
 
 from typing import NamedTuple
 
-from ...statistics import Estimate, Pair, paired_ratio
-from ...summary import ColumnSummary, Summary, reference_of
-from ..samples import costs_of, values_of
+from ..statistics import Estimate, Pair, paired_ratio
+from ..summary import ColumnSummary, Summary, reference_of
+from .samples import costs_of, values_of
 
 
 class Efficiency(NamedTuple):

@@ -7,10 +7,10 @@ import math
 from itertools import pairwise
 from typing import NamedTuple
 
-from ...statistics import Estimate, Pair, estimate, paired_difference
-from ...summary import ColumnSummary, Summary, reference_of
-from ..samples import runs_of
-from ..settling import Point, curve
+from ..statistics import Estimate, Pair, estimate, paired_difference
+from ..summary import ColumnSummary, Summary, reference_of
+from .samples import runs_of
+from .settling import Point, curve
 
 SHARES = (0.5, 0.75, 0.9, 1.0)
 """Targets, as shares of what the reference row gains from its first scored point to its last."""

@@ -1,13 +1,16 @@
-"""The audit of a run: sentences and a grid that every form of the report shows."""
+"""The audit of plans: what leaving effects out has cost, beside what was predicted, from a run's summary alone.
+
+Its sentences and its grid are what every form of the report shows.
+"""
 
 from collections import Counter
 from typing import NamedTuple
 
-from ...statistics import Estimate
-from ...summary import Summary, last_stage_title, reference_of, row_texts
-from ...wording import count_of, signed
-from ..grid import Grid, Item, estimate_item, factor_item, name_item, share_item
-from .lines import LOSSES, Judgement, Line, audit_lines
+from ..statistics import Estimate
+from ..summary import Summary, last_stage_title, reference_of, row_texts
+from ..wording import count_of, signed
+from .audit_lines import LOSSES, Judgement, Line, audit_lines
+from .grid import Grid, Item, estimate_item, factor_item, name_item, share_item
 
 JUDGEMENT_TEXTS: dict[Judgement, str] = {
     "yes": "yes", "within noise": "within noise", "no": "no", "above": "above; one seed has no interval",
