@@ -17,7 +17,7 @@ from radiogs_reports.analysis.grid import Item
 from radiogs_reports.analysis.pareto import points
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
-from radiogs_reports.figures.knobs import knob_figures
+from radiogs_reports.figures.cost import knob_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import signed

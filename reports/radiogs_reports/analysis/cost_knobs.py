@@ -1,4 +1,4 @@
-"""Knobs of a run, and what turning one gives and costs: from each setting to the next, and per doubling over all settings.
+"""Knobs of a run, and what turning one gives and costs: from setting to setting, and per doubling over all settings.
 
 A knob is a field of the budget in which alone some rows differ from the reference row.
 """
