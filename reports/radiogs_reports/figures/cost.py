@@ -1,4 +1,4 @@
-"""Quality against training cost, one panel per metric: rows as they are, or a line for each knob of the budget and slopes."""
+"""Quality against training cost, one panel per metric: every row, or a line for each knob of the budget, and slopes."""
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
