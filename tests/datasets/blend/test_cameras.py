@@ -10,7 +10,7 @@ import torch
 from radiogs_core.errors import DataError
 from radiogs_datasets.blend.cameras import RADIUS, shots
 from radiogs_datasets.blend.request import Request
-from radiogs_datasets.transforms import read_transforms
+from radiogs_datasets.cameras.transforms import read_transforms
 from radiogs_datasets.writing.transforms import write_transforms
 
 

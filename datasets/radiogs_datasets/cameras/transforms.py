@@ -1,5 +1,5 @@
 """Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants (instant-ngp, nerfstudio): OpenGL
-camera-to-world, a lens for the file or for a frame (``lenses.fields``), paths of images, masks and depth.
+camera-to-world, a lens for the file or for a frame (``transforms_fields``), paths of images, masks and depth.
 """
 
 import math
@@ -15,9 +15,8 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 
-from .bounded_reading import read_json
-from .lenses.fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields
-from .transforms_fields import said_of_fields
+from ..bounded_reading import read_json
+from .transforms_fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields, said_of_fields
 
 SPLITS = ("train", "val", "test")
 

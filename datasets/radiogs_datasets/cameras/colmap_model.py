@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from radiogs_core.errors import DataError
 
-from ..lenses.lens import PARAMETERS
+from .lens import PARAMETERS
 
 LARGEST_COORDINATE = 1e15
 """Of a camera or point: beyond it squared distances in float32 are no longer finite."""
