@@ -26,9 +26,7 @@ from radiogs_core.scene.colour import srgb_encode
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
 from ..lights import read_light
-from ..writing.display import write_display
-from ..writing.new_folder import require_new
-from ..writing.transforms import write_transforms
+from ..new_scene import require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots
 from .light_maps import refined
 from .passes import Maps

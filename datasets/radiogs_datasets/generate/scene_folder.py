@@ -25,8 +25,7 @@ from radiogs_core.scene.colour import srgb_encode
 
 from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
-from ..writing.display import write_display
-from ..writing.new_folder import require_new
+from ..new_scene import require_new, write_display
 from . import render
 from .cameras import Pinhole, pinhole
 from .environments import LIGHTS

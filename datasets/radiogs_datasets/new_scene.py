@@ -1,6 +1,7 @@
-"""Cameras as ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them.
+"""What all that write scenes share: the place of a scene until it is complete, its cameras, and images for display.
 
-Cameras that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them.
+Cameras are ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them. Cameras
+that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them.
 """
 
 import json
@@ -9,11 +10,26 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from numpy.typing import NDArray
 
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import View
+
+from .image_files import write_png
+
+
+def require_new(folder: Path) -> Path:
+    """Where a scene is made before it is renamed to ``folder``, which must be absent or empty, else UsageError."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise UsageError(
+            f"{folder} exists already", "A scene is not written over files.", "Remove it, or choose another folder."
+        )
+    return folder.with_name(f"{folder.name}.unfinished")
+
 
 PIXEL_TOLERANCE = 1e-3
 """How far, in pixels, a principal point may lie from the middle, and one focal length from another."""
@@ -64,3 +80,12 @@ def _field_of_view(views: Sequence[View]) -> float:
                 "Use the scene in the layout that it has.",
             )
     return 2 * math.atan(first.width / (2 * first.fx))
+
+
+def write_display(
+    path: Path, radiance: NDArray[np.float32], coverage: NDArray[np.float32], alpha: NDArray[np.float32]
+) -> None:
+    """PNG of straight sRGB and ``alpha``, from linear RGB that is multiplied by the picture's own ``coverage``."""
+    straight = radiance[..., :3] / np.where(coverage > 0, coverage, 1)
+    display = srgb_encode(torch.from_numpy(np.where(alpha > 0, straight, 0).astype(np.float32))).numpy()
+    write_png(path, np.concatenate([display, alpha], -1))
