@@ -100,7 +100,7 @@ COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
 
 
 def read_exr(path: Path) -> NDArray[np.float32]:
-    """Linear values of the channels that are the image (``exr_channels``): R, G, B(, A), X, Y, Z or one of values.
+    """Linear values of the channels that are the image (``chosen_channels``): R, G, B(, A), X, Y, Z or one of values.
 
     OpenEXR prints what it finds wrong with pixels; it is caught, as JPEG's warnings are (``native_output``).
     Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
