@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from radiogs_reports.page import write_page
+from radiogs_reports.page.assemble import write_page
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,

@@ -13,12 +13,12 @@ from radiogs_core.errors import DataError, ExplainedError
 from radiogs_core.scene.scene import Scene, View
 
 from .bounded_reading import read_bytes
-from .evidence import little_evidence
+from .cameras.transforms import read_transforms
 from .image_files import read_image
 from .image_structure import png_layout
 from .options import AS_STORED, SceneOptions
 from .registry import load_scene, scene_folder
-from .transforms import read_transforms
+from .soundness import little_evidence
 
 IMAGES = (".png", ".exr", ".hdr", ".jpg", ".jpeg")
 NORMAL_FILE = re.compile(r"normal\.png")

@@ -1,11 +1,19 @@
-"""PNG, OpenEXR and Radiance files as arrays [height, width, channels]; a damaged file is an error, never an image."""
+"""PNG, JPEG, OpenEXR and Radiance files as arrays [height, width, channels]; a damaged one is an error, never an image.
+
+Which channels of an OpenEXR file are its image is told by their names. A channel is called ``layer.R``; renderers write
+``R, G, B, A``, ``ViewLayer.Combined.R`` (Blender), ``Y`` or ``Z`` or ``V`` (one value), ``Normal.X, Normal.Y,
+Normal.Z``. Case does not matter. Taking channels by the order of their names instead would turn RGB to BGR, and alpha
+to depth; where names do not tell, the file is refused.
+
+JPEG is decoded by OpenCV's libjpeg, whose warnings are errors: it greys out what a damaged or cut-off scan lacks.
+"""
 
 import errno
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -16,7 +24,6 @@ from radiogs_core.errors import DataError
 
 from .bounded_reading import read_bytes
 from .colour_profiles import in_srgb
-from .exr_channels import chosen, require_plain
 from .image_structure import (
     PngLayout,
     check_png_pixels,
@@ -27,9 +34,7 @@ from .image_structure import (
     radiance_size,
     require_size,
 )
-from .jpeg_decoding import decode_jpeg
-from .native_output import ERROR, OUT, caught_output
-from .unnamed_file import path_of, unnamed_file
+from .native_output import ERROR, OUT, caught_output, path_of, unnamed_file
 
 HALF_MAX = 65504.0
 
@@ -95,7 +100,7 @@ COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
 
 
 def read_exr(path: Path) -> NDArray[np.float32]:
-    """Linear values of the channels that are the image (``exr_channels``): R, G, B(, A), X, Y, Z or one of values.
+    """Linear values of the channels that are the image (``chosen_channels``): R, G, B(, A), X, Y, Z or one of values.
 
     OpenEXR prints what it finds wrong with pixels; it is caught, as JPEG's warnings are (``native_output``).
     Raises DataError if the file is missing, damaged, or holds a NaN or an infinity; and where it has several parts, no
@@ -107,9 +112,9 @@ def read_exr(path: Path) -> NDArray[np.float32]:
         with caught_output(OUT, ERROR) as printed, _named(data) as name:
             with OpenEXR.File(name, separate_channels=True, header_only=True) as file:
                 header, parts = file.header(), [part.name() for part in file.parts]
-                require_plain(path, parts, header)
+                require_plain_exr(path, parts, header)
                 names = [channel.name for channel in header["channels"]]
-            wanted = chosen(path, names)
+            wanted = chosen_channels(path, names)
             require_size(path, height, -(-width * len(names) // 4))  # every channel is decoded
             with OpenEXR.File(name, separate_channels=True) as file:
                 channels = {name: np.asarray(file.channels()[name].pixels, np.float32) for name in wanted}
@@ -211,3 +216,104 @@ def _finite(path: Path, image: NDArray[Number]) -> NDArray[Number]:
             "Render the file again, or mend the pixels with a tool of your choice.",
         )
     return image
+
+
+JPEG_WARNINGS = (b"Corrupt JPEG data", b"Premature end of JPEG", b"Invalid SOS parameters", b"Inconsistent progression")
+"""How libjpeg's warnings (``jerror.h``) begin; they are all that OpenCV lets through of damage to pixels."""
+
+
+def decode_jpeg(path: Path, data: bytes) -> NDArray[np.uint8]:
+    """Levels [height, width, 3] as (B, G, R), as stored; EXIF's orientation is ignored.
+
+    OpenCV has no way to ask libjpeg for its warnings but to read what it prints, so standard error is caught while it
+    decodes; what others print meanwhile is passed on where it succeeds. Raises DataError for a damaged file.
+    """
+    with caught_output(ERROR) as printed:
+        try:
+            image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        except cv2.error as error:
+            raise damaged(path, f"OpenCV says: {error.err}") from error
+    warnings = printed.taken(JPEG_WARNINGS)
+    if warnings:
+        raise damaged(path, f"libjpeg says: {warnings[0].decode(errors='replace').strip()}")
+    if image is None:
+        raise damaged(path, "its pixels cannot be decoded")
+    printed.pass_on()
+    return np.asarray(image, np.uint8)
+
+
+EXR_COLOURS = (("R", "G", "B", "A"), ("R", "G", "B"), ("X", "Y", "Z"))
+"""Names of the channels of a layer that make an image, in its order; the first set that is whole counts."""
+
+EXR_VALUES = ("Y", "Z", "V")
+"""Names of the one channel of a map of values: luminance, depth (Z), and Blender's value (V)."""
+
+REC709 = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290))
+REC709_AT_D50 = ((0.6484, 0.3309), (0.3212, 0.5979), (0.1559, 0.0661), (0.3457, 0.3585))
+"""xy of red, green, blue and white: sRGB's, and the same adapted to D50 (as Adobe writes), whose RGB are the same."""
+
+CHROMATICITY_TOLERANCE = 0.01
+
+
+def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
+    """The names of the channels of the image, in the order R, G, B(, A). Raises DataError where they do not tell.
+
+    Colours without a layer go before those of any layer; else there must be one layer with an image.
+    """
+    layers: dict[str, dict[str, str]] = {}
+    for name in names:
+        layer, _, channel = name.rpartition(".")
+        layers.setdefault(layer, {})[channel.upper()] = name
+    images = {layer: found for layer, held in layers.items() if (found := _image_channels(held))}
+    if len(images.get("", ())) > 1:
+        return images[""]
+    if len(images) == 1 and ("" in images or "" not in layers):
+        return next(iter(images.values()))
+    raise DataError(
+        f"{path} has the channels {', '.join(sorted(names))[:300]}",
+        "Which of them are the image is told by their names: R, G, B(, A), X, Y, Z, or one of Y, Z, V, in one layer.",
+        "Save the one layer that is meant as an OpenEXR file of its own, with these names.",
+    )
+
+
+def _image_channels(held: Mapping[str, str]) -> list[str]:
+    """Of a layer's channels by their names in capitals those of its image; none where they make no image."""
+    for names in EXR_COLOURS:
+        if all(name in held for name in names):
+            return [held[name] for name in names]
+    rest = [name for name in held if name != "A"]
+    if len(rest) == 1:
+        # A layer of red alone is half an image where there is alpha, and a value where there is nothing else.
+        return [] if "A" in held and rest[0] in "RGB" else [held[rest[0]]]
+    values = [name for name in rest if name in EXR_VALUES]
+    return [held[values[0]]] if len(values) == 1 and not {"R", "G", "B", "RY", "BY"} & set(rest) else []
+
+
+def require_plain_exr(path: Path, parts: list[str], header: Mapping[str, Any]) -> None:
+    """Raises DataError for what changes an image and is not applied: parts, a cut window, other primaries."""
+    if len(parts) > 1:
+        raise _refused_exr(
+            path, f"has {len(parts)} parts: {', '.join(parts)[:300]}", "There is no telling which is meant."
+        )
+    data, display = (np.asarray(header[name]).tolist() for name in ("dataWindow", "displayWindow"))
+    if data != display:
+        raise _refused_exr(
+            path, f"holds the window {data} of an image {display}", "What lies outside is not there: it was cropped."
+        )
+    if abs(float(header.get("pixelAspectRatio", 1)) - 1) > CHROMATICITY_TOLERANCE:
+        raise _refused_exr(
+            path, f"has pixels of the ratio {header['pixelAspectRatio']:g}", "Pixels are taken for square."
+        )
+    stored = header.get("chromaticities")
+    if stored is not None:
+        off = [float(np.abs(np.ravel(stored) - np.ravel(known)).max()) for known in (REC709, REC709_AT_D50)]
+        if not min(off) <= CHROMATICITY_TOLERANCE:
+            raise _refused_exr(
+                path,
+                f"has other primaries than sRGB's: {', '.join(f'{value:.4g}' for value in np.ravel(stored))}",
+                "Its numbers are no sRGB (Rec. 709) radiance.",
+            )
+
+
+def _refused_exr(path: Path, what: str, why: str) -> DataError:
+    return DataError(f"{path} {what}", why, "Save it as a single whole image with linear sRGB (Rec. 709) primaries.")

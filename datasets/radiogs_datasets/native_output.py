@@ -1,15 +1,19 @@
-"""What native libraries print while they decode. It is caught, because some tell of damage in no other way."""
+"""What native libraries print while they decode. It is caught, because some tell of damage in no other way.
+
+What they print, and bytes that they must read from a path, go through files that no other process sees: in memory where
+the system has that (Linux), else temporary ones.
+"""
 
 import ctypes
 import io
 import os
 import sys
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext, redirect_stdout
 from dataclasses import dataclass, field
-
-from .unnamed_file import unnamed_file
+from typing import IO
 
 OUT, ERROR = 1, 2
 
@@ -76,3 +80,15 @@ def _copied(number: int) -> int:
         return os.dup(number)
     except OSError:  # the process was started without it
         return os.open(os.devnull, os.O_WRONLY)
+
+
+def unnamed_file() -> IO[bytes]:
+    """An empty file to write and read; it is gone when it is closed."""
+    if hasattr(os, "memfd_create"):
+        return open(os.memfd_create("radiogs-bench", os.MFD_CLOEXEC), "w+b")
+    return tempfile.TemporaryFile()
+
+
+def path_of(file: IO[bytes]) -> str:
+    """A path at which libraries that want one can open it while it is open."""
+    return f"/dev/fd/{file.fileno()}"

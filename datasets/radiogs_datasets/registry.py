@@ -10,16 +10,15 @@ from radiogs_core.scene.scene import Scene
 
 from .bounded_reading import printable
 from .data_root import below, below_root, data_root
-from .evidence import few_views_or_pixels
 from .furnace import ALBEDOS, furnace
 from .generate.surfaces import surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
 from .options import AS_STORED, SceneOptions
-from .placement import require_names, require_placed
 from .reduction import resized
 from .same_bytes import SameBytes
+from .soundness import few_views_or_pixels, require_names, require_placed
 
 TINY = Path(__file__).parent / "tiny"
 FORWARD = Path(__file__).parent / "forward"

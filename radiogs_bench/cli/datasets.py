@@ -264,7 +264,8 @@ def _add_blend(actions: "Commands") -> None:
 def blend(options: argparse.Namespace) -> int:
     """Render a .blend file into ``--out``, and say what its pictures cannot mean."""
     from radiogs_datasets import load_scene
-    from radiogs_datasets.blend import Request, write_scene
+    from radiogs_datasets.blend.request import Request
+    from radiogs_datasets.blend.scene_folder import write_scene
     from radiogs_datasets.lights import OWN_LIGHTS
     from radiogs_datasets.writing import LAYOUTS
     from radiogs_datasets.writing import convert as write

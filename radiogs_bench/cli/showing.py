@@ -13,8 +13,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from radiogs_baselines.published import published
-from radiogs_reports import write_reports
 from radiogs_reports.doubts import footnotes, marks, remarks
+from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, beside
 from radiogs_reports.wording import ARROWS, count_of
 from radiogs_reports.write.caption import published_note

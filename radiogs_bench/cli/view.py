@@ -40,7 +40,7 @@ def view(options: argparse.Namespace) -> int:
 
     Raises UsageError where no window can be opened, DataError where there are no surfels.
     """
-    from radiogs_reports.page.viewer import write_viewer
+    from radiogs_reports.page.surfels import write_viewer
 
     from ..export.trained_surfels import standpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside, pictures

@@ -8,23 +8,39 @@ from .analysis.cost import cost_report
 from .analysis.ladder import ladder_report
 from .analysis.published_order import order_report
 from .analysis.settling import settling_report
-from .figures import Drawn, write_figures
-from .figures.canvas import FOLDER
+from .figures.audit import audit_figure
+from .figures.canvas import FOLDER, Drawn, save
 from .figures.contact_sheet import write_contact_sheet
+from .figures.convergence import convergence_figures
+from .figures.cost import cost_figures, knob_figures
+from .figures.environment import environment_figures
+from .figures.finetuning import finetuning_figures
+from .figures.illumination import illumination_figures
+from .figures.ladder import ladder_figures
+from .figures.overview import overview_figures
+from .figures.qualitative import qualitative_figures
+from .figures.relighting import relighting_figures
+from .figures.stability import stability_figure
 from .files import fresh, require_own_folders
-from .page import write_page
-from .page.shelf import FOLDER as PICTURES
+from .page.assemble import write_page
+from .page.pictures import FOLDER as PICTURES
 from .record import keep_record, made_from, unchanged
 from .summary import Summary, read_summary
-from .write.audit import audit_csv
-from .write.cost import cost_csv, cost_latex, cost_markdown
+from .write.analyses import (
+    Findings,
+    audit_csv,
+    cost_csv,
+    cost_latex,
+    cost_markdown,
+    findings_latex,
+    findings_markdown,
+    ladder_csv,
+    order_csv,
+    settling_csv,
+)
 from .write.document import report_document
-from .write.findings import Findings, findings_latex, findings_markdown
-from .write.ladder import ladder_csv
 from .write.markdown import without_markup
-from .write.order import order_csv
 from .write.paper import paper_csv, paper_latex, paper_markdown
-from .write.settling import settling_csv
 from .write.suite import suite_csv, suite_document, suite_latex, suite_markdown
 
 PARTS = 4
@@ -67,6 +83,24 @@ def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], 
     keep_record(out, written, source)
     advance(PARTS, PARTS)
     return written
+
+
+def write_figures(summary: Summary, out: Path) -> list[Drawn]:
+    """Write every figure that the stored results allow into ``out``/figures; the same results give the same bytes."""
+    figures = [
+        *(knob_figures(summary) or cost_figures(summary)),
+        *audit_figure(summary),
+        *ladder_figures(summary),
+        *convergence_figures(summary),
+        *finetuning_figures(summary, out),
+        *overview_figures(summary, out),
+        *qualitative_figures(summary, out),
+        *illumination_figures(summary, out),
+        *environment_figures(summary, out),
+        *relighting_figures(summary, out),
+        *stability_figure(summary, out),
+    ]
+    return [save(figure, out) for figure in figures]
 
 
 def texts(summary: Summary, figures: Sequence[Drawn] = ()) -> dict[str, str]:

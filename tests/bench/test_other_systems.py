@@ -18,8 +18,7 @@ from radiogs_bench.lab.kernels import clock
 from radiogs_bench.lab.rehearsal import limits
 from radiogs_bench.store import provenance
 from radiogs_core.errors import DataError, UsageError
-from radiogs_datasets.image_files import read_exr, write_exr
-from radiogs_datasets.jpeg_decoding import decode_jpeg
+from radiogs_datasets.image_files import decode_jpeg, read_exr, write_exr
 
 CPU = torch.device("cpu")
 ROOT = Path(__file__).parents[2]

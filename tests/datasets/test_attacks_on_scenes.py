@@ -13,9 +13,9 @@ from radiogs_bench.suites.scenes import load_scenes
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr, write_png
-from radiogs_datasets.placement import require_names
-from radiogs_datasets.point_files import read_points
+from radiogs_datasets.layouts.blender import read_points
 from radiogs_datasets.registry import TINY, scene_names
+from radiogs_datasets.soundness import require_names
 
 
 @pytest.fixture

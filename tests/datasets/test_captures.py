@@ -16,9 +16,9 @@ from datasets.test_undistortion import LENSES, TOLERANCE, bent, dot_near, dots
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
+from radiogs_datasets.cameras.lens import PARAMETERS
 from radiogs_datasets.check import check_scene
 from radiogs_datasets.image_files import write_png
-from radiogs_datasets.lenses.lens import PARAMETERS
 from radiogs_datasets.options import SceneOptions
 
 WIDTH, HEIGHT, VIEWS = 320, 240, 9

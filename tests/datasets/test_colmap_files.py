@@ -12,7 +12,8 @@ import pytest
 
 from radiogs_core.errors import DataError
 from radiogs_datasets import load_scene
-from radiogs_datasets.colmap_files import SparseModel, StoredImage, read_model
+from radiogs_datasets.cameras.colmap_files import read_model
+from radiogs_datasets.cameras.colmap_model import SparseModel, StoredImage
 
 WIDTH, HEIGHT = 40, 30
 LENS = (30.0, 31.0, 19.5, 15.5, 0.05, -0.02, 0.001, 0.002)

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from radiogs_core.errors import DataError
-from radiogs_datasets.transforms import read_transforms
+from radiogs_datasets.cameras.transforms import read_transforms
 
 POSE = torch.eye(4).tolist()
 ANGLE = {"camera_angle_x": 0.8}

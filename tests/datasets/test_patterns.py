@@ -8,8 +8,7 @@ import torch
 
 from radiogs_datasets.generate import RECIPES
 from radiogs_datasets.generate.materials import Material, Patterned
-from radiogs_datasets.generate.patterns import Checker, Noise, Pattern, Print, Rings, Stripes
-from radiogs_datasets.generate.strokes import GLYPHS, segments
+from radiogs_datasets.generate.patterns import GLYPHS, Checker, Noise, Pattern, Print, Rings, Stripes, segments
 
 PATTERNS: dict[str, Pattern] = {
     "checker": Checker(0.25, (0.03, 0.07, -0.9)),

@@ -17,11 +17,16 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
 from radiogs_datasets.check import Finding, check_scene, grouped
-from radiogs_datasets.evidence import few_views_or_pixels
 from radiogs_datasets.image_files import read_png, write_png
 from radiogs_datasets.options import SceneOptions
-from radiogs_datasets.placement import LARGEST_EXTENT, SMALLEST_EXTENT, require_names, require_placed
 from radiogs_datasets.registry import TINY
+from radiogs_datasets.soundness import (
+    LARGEST_EXTENT,
+    SMALLEST_EXTENT,
+    few_views_or_pixels,
+    require_names,
+    require_placed,
+)
 from short_training import BUDGET, CPU, SCENE
 
 Move = Callable[[np.ndarray], np.ndarray]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs_datasets.transforms import read_transforms
+from radiogs_datasets.cameras.transforms import read_transforms
 
 ANGLE = math.radians(40)
 

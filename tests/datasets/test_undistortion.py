@@ -15,8 +15,8 @@ import torch
 from radiogs_core.scene.colour import srgb_decode
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
-from radiogs_datasets.lenses.lens import PARAMETERS, Lens, lens_of
-from radiogs_datasets.lenses.undistortion import pinhole_of, undistorted, undistorted_depth
+from radiogs_datasets.cameras.lens import PARAMETERS, Lens, lens_of
+from radiogs_datasets.cameras.undistortion import pinhole_of, undistorted, undistorted_depth
 
 WIDTH, HEIGHT, FOCAL = 320, 240, 230.0
 TOLERANCE = 0.08

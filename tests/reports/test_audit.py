@@ -11,17 +11,14 @@ import pytest
 from scipy import stats
 
 from made_up_run import cell, run, summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.analysis.audit import AuditReport, audit_report
-from radiogs_reports.analysis.audit.lines import Line, judged
-from radiogs_reports.analysis.audit.plan_text import left_out, over_seeds
+from radiogs_reports.analysis.audit_lines import Line, judged, left_out, over_seeds
 from radiogs_reports.analysis.grid import Item
 from radiogs_reports.figures.audit import audit_figure
-from radiogs_reports.run_folder import texts
+from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.audit import audit_csv
-from radiogs_reports.write.findings import findings_latex, findings_markdown
+from radiogs_reports.write.analyses import audit_csv, findings_latex, findings_markdown
 
 SEEDS = (0, 1, 2)
 COLUMNS = ("nvs/psnr", "albedo/psnr", "relight/psnr")

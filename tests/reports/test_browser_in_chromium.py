@@ -9,7 +9,8 @@ import pytest
 from chromium import DESK, Watched, browser, made_up, needed, playwright
 from made_up_run import arrays, run, summary, write_run
 from radiogs_reports.maps import levels
-from radiogs_reports.page import assemble, write_page
+from radiogs_reports.page import assemble
+from radiogs_reports.page.assemble import write_page
 
 pytestmark = needed
 __all__ = ["browser"]

@@ -12,16 +12,16 @@ from scipy import stats
 
 from made_up_run import run, summary
 from radiogs_reports.analysis.cost import CostReport, cost_report
-from radiogs_reports.analysis.cost.progress import Point, seconds_to, to_equal_quality, value_at
+from radiogs_reports.analysis.cost_progress import Point, seconds_to, to_equal_quality, value_at
 from radiogs_reports.analysis.grid import Item
 from radiogs_reports.analysis.pareto import points
 from radiogs_reports.analysis.samples import values_of
 from radiogs_reports.figures.convergence import convergence_figures, mean_curve
-from radiogs_reports.figures.knobs import knob_figures
+from radiogs_reports.figures.cost import knob_figures
 from radiogs_reports.run_folder import texts
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import signed
-from radiogs_reports.write.cost import cost_csv, cost_latex, cost_markdown
+from radiogs_reports.write.analyses import cost_csv, cost_latex, cost_markdown
 
 BUDGET = {"name": "tiny", "inverse_iterations": 800, "incident_samples": 32, "consistency_surfels": 256}
 ROWS: dict[str, dict[str, int]] = {

@@ -11,8 +11,6 @@ import pytest
 from PIL import Image
 
 from made_up_run import LIGHTS, arrays, run, summary, write_run
-from radiogs_reports import write_reports
-from radiogs_reports.figures import write_figures
 from radiogs_reports.figures.canvas import ALL, file_name
 from radiogs_reports.figures.cost import cost_figures
 from radiogs_reports.figures.crops import away_from_edges, crop_place
@@ -23,6 +21,7 @@ from radiogs_reports.figures.qualitative import qualitative_figures
 from radiogs_reports.figures.relighting import relighting_figures
 from radiogs_reports.figures.views import MOST_ACROSS, scene_views
 from radiogs_reports.maps import display, false_colour, linear
+from radiogs_reports.run_folder import write_figures, write_reports
 from radiogs_reports.summary import Summary
 from radiogs_reports.wording import short_number
 

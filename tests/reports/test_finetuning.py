@@ -8,8 +8,7 @@ import pytest
 from scipy.optimize import brentq
 
 from made_up_run import arrays, cell, run, summary, write_run
-from radiogs_reports.analysis.finetuning import Times, times_of, tunings
-from radiogs_reports.figures.finetuning import finetuning_figures
+from radiogs_reports.figures.finetuning import Times, finetuning_figures, times_of, tunings
 from radiogs_reports.summary import Summary
 
 ROWS = {"split-sum": ("pbr", 1.0), "rays-2": ("finetuned", 0.1), "rays-8": ("finetuned", 0.4),

@@ -11,15 +11,13 @@ import pytest
 from scipy import stats
 
 from made_up_run import cell, run, summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.analysis.grid import Item
 from radiogs_reports.analysis.ladder import ALL_SCENES, WHAT_THEY_MEAN, LadderReport, Rung, ladder_report
 from radiogs_reports.figures.ladder import ladder_figures
-from radiogs_reports.run_folder import texts
+from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.statistics import Estimate
 from radiogs_reports.summary import Summary
-from radiogs_reports.write.findings import findings_latex, findings_markdown
-from radiogs_reports.write.ladder import ladder_csv
+from radiogs_reports.write.analyses import findings_latex, findings_markdown, ladder_csv
 
 SEEDS = (0, 1, 2)
 GIVEN: dict[str, list[str]] = {

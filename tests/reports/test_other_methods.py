@@ -6,15 +6,15 @@ from typing import Any
 import pytest
 
 from made_up_run import of_another_method, run, summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.analysis.audit import audit_report
 from radiogs_reports.analysis.cost import cost_report
-from radiogs_reports.analysis.cost.progress import at_equal_time
-from radiogs_reports.analysis.finetuning import tunings
+from radiogs_reports.analysis.cost_progress import at_equal_time
 from radiogs_reports.figures.audit import audit_figure
 from radiogs_reports.figures.convergence import convergence_figures
-from radiogs_reports.figures.knobs import knob_figures
+from radiogs_reports.figures.cost import knob_figures
+from radiogs_reports.figures.finetuning import tunings
 from radiogs_reports.page.tables import cells_table
+from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import Summary
 
 ONE = {"fit": "fitting"}

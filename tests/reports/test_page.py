@@ -15,12 +15,12 @@ import pytest
 from PIL import Image
 
 from made_up_run import arrays, summary, write_run, written_page
-from radiogs_reports import write_reports
 from radiogs_reports.maps import decoded, error, false_colour, levels
 from radiogs_reports.page import sheets
 from radiogs_reports.page.assemble import Figure, page
 from radiogs_reports.page.embedding import json_for_script
 from radiogs_reports.page.pictures import Album, album, reduced_by
+from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import PLAIN, Summary
 
 VENDORED = {

@@ -8,13 +8,12 @@ from pathlib import Path
 import pytest
 
 from made_up_run import paper_table, summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.page.tables import paper_tables, suite_table
-from radiogs_reports.run_folder import texts
+from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import PaperTable
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.write.paper.reading import caption, measured, measured_ranks, published_ranks
+from radiogs_reports.write.paper_reading import caption, measured, measured_ranks, published_ranks
 from radiogs_reports.write.suite import suite_latex, suite_markdown
 
 TABLE, SUMMARY = paper_table(), summary()

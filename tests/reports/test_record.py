@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from made_up_run import summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.page import assemble
 from radiogs_reports.record import RECORD, keep_record
+from radiogs_reports.run_folder import write_reports
 
 
 def files(folder: Path, *names: str) -> list[Path]:

@@ -13,9 +13,8 @@ import pytest
 from PIL import Image
 
 from made_up_run import summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
-from radiogs_reports.run_folder import texts
+from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.write.latex import escape
 from radiogs_reports.write.suite import suite_csv, suite_latex, suite_markdown

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from made_up_run import summary, write_run
-from radiogs_reports import write_reports
 from radiogs_reports.analysis.settling import Point, band_of, curve, settled_after, settling, settling_report
+from radiogs_reports.run_folder import write_reports
 from radiogs_reports.summary import Summary
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from made_up_run import run, summary
-from radiogs_reports.figures import write_figures
 from radiogs_reports.figures.canvas import save
 from radiogs_reports.figures.stability import EPS, HIGHEST, LOWEST, stability_figure
+from radiogs_reports.run_folder import write_figures
 from radiogs_reports.summary import Summary
 
 CURVES = {

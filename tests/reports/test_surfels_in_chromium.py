@@ -10,7 +10,7 @@ from PIL import Image
 
 from chromium import DESK, Watched, browser, made_up, needed, playwright
 from made_up_run import write_run
-from radiogs_reports.page import write_page
+from radiogs_reports.page.assemble import write_page
 
 pytestmark = needed
 __all__ = ["browser"]

@@ -10,9 +10,9 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.scene import View
 
+from ..cameras.transforms import read_transforms
 from ..generate.cameras import pinhole
 from ..generate.recipe import Rig
-from ..transforms import read_transforms
 from .request import Request
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, math.degrees(0.6911112)

@@ -4,36 +4,42 @@
     <folder>.passes/<view>.exr        every pass of the test views, where they are kept: no part of the scene
 
 Views are rendered by several processes, each finished before its folder has its name: a command that was killed goes
-on where it was.
+on where it was. ``metadata.json`` keeps how the scene was made, its noise, and what the BRDF cannot say of it.
 """
 
 import json
+import math
 import queue
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
 
 from radiogs_core.errors import UsageError
+from radiogs_core.scene.colour import srgb_encode
 
-from ..image_files import read_hdr, write_exr, write_hdr
+from ..image_files import read_hdr, write_exr, write_hdr, write_png
 from ..layouts.tensoir_lights import TRAINING_LIGHT
 from ..lights import read_light
-from ..writing.new_folder import require_new
-from ..writing.transforms import write_transforms
-from . import metadata
+from ..new_scene import require_new, write_display, write_transforms
 from .cameras import SPLITS, Shot, shots
 from .light_maps import refined
+from .passes import Maps
 from .process import Blender, require_blender
 from .request import Request
 from .studio import Studio
-from .view_folder import write_view
+
+Metadata = dict[str, Any]
 
 Progress = Callable[[int, int], None]
 
 
-def write_scene(request: Request, folder: Path, workers: int, threads: int, progress: Progress) -> metadata.Metadata:
+def write_scene(request: Request, folder: Path, workers: int, threads: int, progress: Progress) -> Metadata:
     """Render a request into ``folder``, absent or empty; returns what stands in its ``metadata.json``.
 
     ``workers`` processes with ``threads`` threads each. ``progress(done, total)`` is called after each view.
@@ -73,7 +79,7 @@ def write_scene(request: Request, folder: Path, workers: int, threads: int, prog
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
-        described = metadata.describe(request, opened, views, studios.get(), state)
+        described = describe(request, opened, views, studios.get(), state)
     for split in SPLITS:
         of_split = [shot for shot in views if shot.split == split]
         write_transforms(
@@ -119,3 +125,112 @@ def _write_lights(request: Request, folder: Path, state: Path) -> dict[str, Path
         lights[role] = state.absolute() / f"light_{place}.exr"
         write_exr(lights[role], refined(read_hdr(folder / f"{role}.hdr")))
     return lights
+
+
+def write_view(studio: Studio, shot: Shot, folder: Path, state: Path) -> None:
+    """Render one view into ``folder / shot.name``, which appears when it is complete; measures of it go to ``state``.
+
+    A training view has its image alone; a test view every map, and one image for each other light.
+    """
+    place = state / f"{shot.name}.view"
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir()
+    test = shot.split == "test"
+    maps = studio.take(shot, keep=studio.passes / f"{shot.name}.exr" if test and studio.passes else None)
+    write_display(place / "rgba.png", maps.image, maps.alpha, maps.alpha)
+    if test:
+        _write_maps(maps, place)
+        for light in studio.lights.keys() - {TRAINING_LIGHT}:
+            relit = studio.take(shot, light)
+            write_display(place / f"rgba_{light}.png", relit.image, relit.alpha, maps.alpha)
+            write_exr(place / f"indirect_{light}.exr", relit.indirect)
+    (state / f"{shot.name}.json").write_text(json.dumps(measures(maps)), encoding="utf-8")
+    place.replace(folder / shot.name)
+
+
+def _write_maps(maps: Maps, place: Path) -> None:
+    write_png(place / "albedo.png", np.concatenate([maps.albedo, maps.alpha], -1))
+    write_png(place / "normal.png", np.concatenate([maps.normal * 0.5 + 0.5, maps.alpha], -1))
+    if maps.roughness is not None:
+        write_png(place / "roughness.png", maps.roughness)
+    for name in ("depth", "direct", "indirect", "incident_indirect"):
+        write_exr(place / f"{name}.exr", getattr(maps, name))
+
+
+def measures(maps: Maps) -> dict[str, float | dict[str, float]]:
+    """Sums over a view: of radiance, of its indirect part, and of what each feature's surfaces send."""
+    sent = maps.image.sum(-1, keepdims=True, dtype=np.float64)
+    return {
+        "covered": float((maps.alpha > 0).mean()),
+        "radiance": float(sent.sum()),
+        "indirect": float(maps.indirect.sum(dtype=np.float64)),
+        "closure": maps.closure,
+        "features": {name: float((sent * weight).sum()) for name, weight in maps.features.items()},
+    }
+
+
+NOISY = ("image", "direct", "indirect", "incident_indirect", "albedo", "normal", "depth")
+"""Maps whose noise floor is told."""
+
+SMALLEST_SHARE = 1e-4
+"""Of a view's energy, below which a feature is not told."""
+
+
+def describe(
+    request: Request, opened: Mapping[str, Any], views: Sequence[Shot], studio: Studio, state: Path
+) -> Metadata:
+    """The metadata of a scene whose views are done; noise and truncation are measured on its first test view."""
+    measured = {shot.name: json.loads((state / f"{shot.name}.json").read_text(encoding="utf-8")) for shot in views}
+    test = [measured[shot.name] for shot in views if shot.split == "test"]
+    radiance = sum(each["radiance"] for each in test)
+    scored = next(shot for shot in views if shot.split == "test")
+    first, second = studio.take(scored), studio.take(scored, other_seed=True)
+    deeper = studio.take(scored, bounces=2 * request.bounces)
+    identity = request.identity()
+    return {
+        "scene": request.file.stem,
+        "purpose": "rendered from a .blend file by Blender Cycles",
+        **{name: identity[name] for name in ("seed", "samples", "bounces", "device", "file", "cameras")},
+        "noise_floor_db": display_floor(first, second),
+        "noise_floors_db": {name: floor(first, second, name) for name in NOISY},
+        "energy_beyond_bounces": _share(float((deeper.image - first.image).sum()), float(deeper.image.sum())),
+        "indirect_share": _share(sum(each["indirect"] for each in test), radiance),
+        "largest_closure_error": max(each["closure"] for each in measured.values()),
+        "views_of_nothing": [name for name, each in measured.items() if not each["covered"]],
+        "energy_of_what_the_brdf_cannot_say": _features(test, radiance),
+        "materials": opened["materials"],
+        "materials_not_understood": opened["not_understood"],
+        "opened": {name: opened[name] for name in OPENED},
+        "lights": identity["lights"],
+        "training_light": next(iter(request.light_files)),
+        "versions": {"blender": opened["blender"], "numpy": np.__version__, "torch": torch.__version__},
+    }
+
+
+OPENED = ("scene", "low", "high", "objects", "instances", "unit_scale", "unit_system", "scripts", "lamps", "cameras",
+          "volumes", "other_scenes")  # fmt: skip
+
+
+def floor(first: Maps, second: Maps, name: str) -> float | None:
+    """PSNR in dB of a map between two seeds, in its own values; None where they are equal."""
+    return _psnr(getattr(first, name), getattr(second, name))
+
+
+def display_floor(first: Maps, second: Maps) -> float | None:
+    """PSNR in dB between two seeds in display colour, multiplied by alpha; None where they are equal."""
+    shown = [srgb_encode(torch.from_numpy(each.image)).clamp(0, 1).numpy() for each in (first, second)]
+    return _psnr(*shown)
+
+
+def _psnr(first: np.ndarray, second: np.ndarray) -> float | None:
+    error = float(np.square((first - second).astype(np.float64)).mean())
+    return round(-10 * math.log10(error), 2) if error else None
+
+
+def _share(part: float, whole: float) -> float:
+    return round(part / whole, 4) if whole else 0.0
+
+
+def _features(test: Sequence[Mapping[str, Any]], radiance: float) -> dict[str, float]:
+    shares = {name: _share(sum(each["features"][name] for each in test), radiance) for name in test[0]["features"]}
+    return {name: share for name, share in shares.items() if share >= SMALLEST_SHARE}

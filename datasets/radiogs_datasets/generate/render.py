@@ -1,18 +1,22 @@
-"""Rendering one recipe with Mitsuba: radiance by path tracing, surface maps by exact intersection."""
+"""Rendering one recipe with Mitsuba: radiance by path tracing, surface maps by exact intersection.
+
+Patterns of the world position are textures, evaluated in Dr.Jit by the formula that is the ground truth.
+"""
 
 # Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import Pinhole
 from .disney_bsdf import PLUGIN, register
-from .materials import Finish, Material
-from .pattern_texture import textures
+from .materials import Finish, Material, Patterned
+from .patterns import Array
 from .probe import VARIANT
 from .recipe import Recipe
 from .solids import Box, Knot, Solid, Sphere
@@ -181,3 +185,34 @@ def _bsdf(finish: Finish) -> dict[str, object]:
         "roughness": {"type": "uniform", "value": finish.roughness},
         "specular": finish.specular,
     }
+
+
+# Mitsuba's types exist only once a variant is set, so annotations must not be evaluated here.
+
+
+def textures(finish: Patterned) -> tuple[mi.Texture, mi.Texture]:
+    """Albedo and roughness of a finish as textures, to be given to a BSDF; a variant must be set."""
+
+    class Solid(mi.Texture):
+        def __init__(self) -> None:
+            mi.Texture.__init__(self, mi.Properties())
+
+        def values(self, si: mi.SurfaceInteraction3f) -> tuple[Array, Array, Array, Array]:
+            return finish.at(si.p.x, si.p.y, si.p.z, dr)
+
+        def is_spatially_varying(self) -> bool:
+            return True
+
+        def to_string(self) -> str:
+            return f"{type(self).__name__}[{finish}]"
+
+    class Albedo(Solid):
+        def eval(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Color3f:
+            red, green, blue, _ = self.values(si)
+            return mi.Color3f(red, green, blue)
+
+    class Roughness(Solid):
+        def eval_1(self, si: mi.SurfaceInteraction3f, active: mi.Bool | bool = True) -> mi.Float:
+            return self.values(si)[3]
+
+    return Albedo(), Roughness()

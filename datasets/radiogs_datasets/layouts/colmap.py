@@ -18,8 +18,9 @@ import torch
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Points, Scene
 
-from ..colmap_files import SparseModel, StoredCamera, StoredImage, files_of, find_model, read_model
-from ..lenses.lens import Lens, lens_of
+from ..cameras.colmap_files import files_of, find_model, read_model
+from ..cameras.colmap_model import SparseModel, StoredCamera, StoredImage
+from ..cameras.lens import Lens, lens_of
 from ..options import AS_STORED, SceneOptions
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .photos import Photo, held_out, masks_of, said_of_lenses, view_of

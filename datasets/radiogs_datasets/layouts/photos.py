@@ -15,10 +15,10 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 
 from ..bounded_reading import as_float32, read_bytes, read_numpy
+from ..cameras.lens import Lens
+from ..cameras.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..image_files import read_image
 from ..image_structure import png_layout
-from ..lenses.lens import Lens
-from ..lenses.undistortion import Pinhole, pinhole_of, undistorted, undistorted_coverage, undistorted_depth
 from ..options import TEST_EVERY
 from ..view_maps import read_alpha, read_colour
 from .inspection import shown

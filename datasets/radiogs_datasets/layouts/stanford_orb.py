@@ -27,9 +27,9 @@ from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
 from ..bounded_reading import as_float32, read_json, read_numpy
+from ..cameras.transforms import Transforms, read_transforms
 from ..image_files import read_image
 from ..lights import read_light
-from ..transforms import Transforms, read_transforms
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .photos import read_mask
 

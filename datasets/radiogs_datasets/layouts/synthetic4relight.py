@@ -25,8 +25,8 @@ from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 
+from ..cameras.transforms import Transforms, read_transforms
 from ..lights import read_light
-from ..transforms import Transforms, read_transforms
 from ..view_maps import read_alpha, read_colour, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 

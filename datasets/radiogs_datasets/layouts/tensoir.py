@@ -21,7 +21,7 @@ from torch import Tensor
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 
-from ..transforms import Transforms, read_transforms
+from ..cameras.transforms import Transforms, read_transforms
 from ..view_maps import read_alpha, read_colour, read_displayed, read_normal, read_value
 from .inspection import decode_if_small, inside, inspect, require_distinct, require_files, require_same_size
 from .tensoir_lights import find_lights, read_light

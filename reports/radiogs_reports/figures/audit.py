@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.scale import SymmetricalLogScale
 from matplotlib.ticker import FixedLocator, FuncFormatter
 
-from ..analysis.audit.lines import Line, audit_lines
+from ..analysis.audit_lines import Line, audit_lines
 from ..summary import Summary
 from ..wording import short_number
 from .axes import add_grid

@@ -1,13 +1,16 @@
-"""Quality against training cost, one panel per metric."""
+"""Quality against training cost, one panel per metric: every row, or a line for each knob of the budget, and slopes."""
 
 from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
+from ..analysis.cost_knobs import Doubling, Knob, doublings, knobs
 from ..analysis.pareto import Point, points
 from ..analysis.samples import COSTS, cost_of
-from ..summary import ColumnSummary, Summary
-from .axes import add_grid, better_is_up, cost_axis, metric_title
+from ..summary import ColumnSummary, Summary, reference_of, row_texts
+from ..wording import ARROWS
+from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, legend_columns, plain
 
 PANELS_ACROSS = 3
@@ -81,3 +84,124 @@ def _panel(axes: Axes, summary: Summary, column: ColumnSummary, cost: str, found
     cost_axis(axes, costs, LOGARITHMIC_FROM)
     axes.set_title(metric_title(column))
     add_grid(axes)
+
+
+KNOB_PANELS_ACROSS = 2
+KNOB_PANEL = (3.6, 2.7)
+KNOBS_LOGARITHMIC_FROM = 4.0
+"""Ratio of the largest to the smallest cost from which the axis is logarithmic."""
+
+FILE_NAMES = {"seconds": "cost", "rays": "cost-in-rays"}
+OTHER = "#777777"
+"""Colour of rows that belong to no knob."""
+
+TICKS = 5
+"""Ticks of an axis of slopes, at most: signed numbers are wide."""
+
+
+def knob_figures(summary: Summary) -> list[Sketch]:
+    """A figure for each kind of cost that is known, and one of slopes; none where no knob was turned."""
+    turned = knobs(summary)
+    if not turned:
+        return []
+    fronts = [_fronts(summary, turned, cost) for cost in COSTS]
+    return [*(sketch for sketch in fronts if sketch is not None), _doublings(summary, turned)]
+
+
+def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
+    columns = [column for column in summary["columns"] if points(summary, column, cost)]
+    if not columns:
+        return None
+    lines = -(-(len(columns) + 1) // KNOB_PANELS_ACROSS)
+    with rc_context(STYLE):
+        figure = blank(KNOB_PANEL[0] * KNOB_PANELS_ACROSS, KNOB_PANEL[1] * lines)
+        grid = figure.subplots(lines, KNOB_PANELS_ACROSS, squeeze=False).ravel()
+        for axes, column in zip(grid, columns, strict=False):
+            _knob_panel(axes, turned, column, points(summary, column, cost), reference_of(summary))
+            axes.set_xlabel(COSTS[cost])
+        grid[len(columns)].legend(handles=_knob_handles(summary, turned), loc="center left", frameon=False)
+        for axes in grid[len(columns) :]:
+            axes.set_axis_off()
+    caption = (
+        f"What accuracy costs in {COSTS[cost]}: means over the finished cells. A line joins the settings of one knob,"
+        " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the Pareto front"
+        " (dashed); bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel. A row"
+        " that costs nothing has no point."
+    )
+    return Sketch(FILE_NAMES[cost], caption, figure, on_page=True)
+
+
+def _knob_panel(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Point], reference: str) -> None:
+    by_row = {point.row: point for point in found}
+    best = sorted((point.cost, point.quality) for point in found if point.on_front)
+    axes.plot(*zip(*best, strict=True), linestyle="--", color="#aaaaaa", linewidth=0.9, zorder=1)
+    drawn = {reference}
+    for place, knob in enumerate(turned):
+        mine = [by_row[setting.row] for setting in knob.settings if setting.row in by_row]
+        colour = COLOURS[place % 8]
+        axes.plot([point.cost for point in mine], [point.quality for point in mine], color=colour, linewidth=0.9)
+        for point in mine:
+            if point.row != reference:
+                _mark(axes, point, "^" if point.row == knob.settings[-1].row else "o", colour, 5)
+                drawn.add(point.row)
+    for place, point in enumerate(point for point in found if point.row not in drawn):
+        _mark(axes, point, MARKERS[1 + place % 7], OTHER, 5)
+    if reference in by_row:
+        _mark(axes, by_row[reference], "*", "#000000", 9)
+    better_is_up(axes, [point.quality for point in found], column)
+    cost_axis(axes, [point.cost for point in found], KNOBS_LOGARITHMIC_FROM)
+    axes.set_title(metric_title(column))
+    add_grid(axes)
+
+
+def _mark(axes: Axes, point: Point, marker: str, colour: str, size: float) -> None:
+    axes.errorbar(
+        point.cost, point.quality, point.half_width, fmt=marker, color=colour, markersize=size,
+        markerfacecolor=colour if point.on_front else "white", elinewidth=0.5,
+    )  # fmt: skip
+
+
+def _knob_handles(summary: Summary, turned: list[Knob]) -> list[Line2D]:
+    texts = {row: plain(text) for row, text in row_texts(summary).items()}
+    reference = reference_of(summary)
+    known = {reference, *(setting.row for knob in turned for setting in knob.settings)}
+    handles = [Line2D([], [], linestyle="", marker="*", markersize=9, color="#000000", label=texts[reference])]
+    for place, knob in enumerate(turned):
+        label = f"{knob.text}:\n{', '.join(str(setting.value) for setting in knob.settings)}"
+        handles.append(Line2D([], [], marker="^", markersize=5, color=COLOURS[place % 8], label=label))
+    for place, row in enumerate(row for row in texts if row not in known):
+        handles.append(Line2D([], [], linestyle="", marker=MARKERS[1 + place % 7], color=OTHER, label=texts[row]))
+    return handles
+
+
+def _doublings(summary: Summary, turned: list[Knob]) -> Sketch:
+    found = doublings(summary, turned)
+    columns = [column for column in summary["columns"] if any(each.column == column for each in found)]
+    lines = -(-max(1, len(columns)) // KNOB_PANELS_ACROSS)
+    with rc_context(STYLE):
+        figure = blank(KNOB_PANEL[0] * KNOB_PANELS_ACROSS, (0.8 + 0.24 * len(turned)) * lines)
+        grid = figure.subplots(lines, KNOB_PANELS_ACROSS, squeeze=False, sharey=True).ravel()
+        for axes, column in zip(grid, columns, strict=False):
+            _slopes(axes, turned, column, [each for each in found if each.column == column])
+        for axes in grid[len(columns) :]:
+            axes.set_visible(False)
+    caption = (
+        "What each doubling of a knob gives: slope over its binary logarithm, with the 95 % t interval over seeds."
+    )
+    return Sketch("cost-doublings", caption, figure, on_page=True)
+
+
+def _slopes(axes: Axes, turned: list[Knob], column: ColumnSummary, found: list[Doubling]) -> None:
+    """One line per knob: the slope of one metric and its interval."""
+    for place, knob in enumerate(turned):
+        slope = next((each.slope for each in found if each.knob == knob), None)
+        if slope is not None:
+            bar = 0.0 if slope.high is None else slope.high - slope.mean
+            axes.errorbar(slope.mean, place, xerr=bar, fmt="o", color=COLOURS[place % 8], markersize=5)
+    axes.axvline(0, color="#888888", linewidth=0.8)
+    axes.xaxis.set_major_locator(MaxNLocator(TICKS))
+    axes.set_yticks(range(len(turned)), [knob.text for knob in turned])
+    axes.set_ylim(len(turned) - 0.5, -0.5)
+    axes.grid(color=GRID, linewidth=0.5, axis="x")
+    unit = f" ({column['unit']})" if column["unit"] else ""
+    axes.set_title(plain(f"{column['label']} {ARROWS[column['direction']]} per doubling{unit}"))

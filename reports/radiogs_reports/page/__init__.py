@@ -1,5 +1,1 @@
 """``report.html``: the run as one page in a single file that needs no network and no server."""
-
-from .assemble import write_page
-
-__all__ = ["write_page"]

@@ -1,6 +1,10 @@
-"""Assembles the page from template, style, script, plotting library, data and pictures."""
+"""Assembles ``report.html``, the run as one page that needs no network and no server.
+
+It is made of a template, styles, scripts, the plotting library, data and pictures, and says where its values come from.
+"""
 
 import base64
+import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,13 +22,12 @@ from ..analysis.settling import settling_report
 from ..figures.canvas import Drawn
 from ..files import fresh
 from ..summary import Summary
+from ..wording import count_of
 from ..write.caption import run_note
 from .assets import part, scripts, styles, templates
 from .embedding import content_security_policy, json_for_script
-from .origin import downloads, origin
-from .pictures import BUDGET, Album, album, scale_bar
+from .pictures import BUDGET, FOLDER, KIND, Album, album, scale_bar
 from .sheets import encoded
-from .shelf import FOLDER, KIND
 from .surfels import Packed, packed_surfels
 from .tables import cells_table, grid_table, paper_tables, suite_table
 
@@ -172,3 +175,48 @@ def missing(summary: Summary) -> dict[str, list[str]]:
             if reason is not None and column["label"] not in reasons.setdefault(reason, []):
                 reasons[reason].append(column["label"])
     return reasons
+
+
+SHORT = 10
+"""Characters of a commit."""
+
+
+def origin(summary: Summary) -> dict[str, str]:
+    """Dates, commits and command of the run, by heading; without those that are not known."""
+    sessions = [session for run in summary["runs"] for each in run["sessions"].values() for session in each]
+    days = sorted({session["date"][:10] for session in sessions if session.get("date")})
+    commits = sorted({_commit(session["git"]) for session in sessions if session.get("git")})
+    more = f" and {count_of(len(commits) - 2, 'other')}" if commits[2:] else ""
+    found = {
+        "Date": " to ".join(dict.fromkeys((*days[:1], *days[-1:]))),
+        "Commit": ", ".join(commits[:2]) + more,
+        "Command": command(summary),
+    }
+    return {heading: text for heading, text in found.items() if text}
+
+
+def _commit(git: dict[str, Any]) -> str:
+    return str(git["commit"])[:SHORT] + (" with changes" if git.get("dirty") else "")
+
+
+def command(summary: Summary) -> str:
+    """The command that asked for the run; where it was not kept, one for a suite and scenes of these names."""
+    if summary.get("command"):
+        return shlex.join(["radiogs-bench", *summary["command"]])
+    words = [
+        "radiogs-bench", "run", summary["suite"], "--scenes", ",".join(summary["scenes"]),
+        "--seeds", str(len(summary["seeds"])), "--preset", summary["preset"], "--protocol", summary["protocol"],
+    ]  # fmt: skip
+    return shlex.join(words)
+
+
+def downloads(summary: Summary) -> list[tuple[str, str]]:
+    """Names of files beside the page, with what they are."""
+    suite = summary["suite"]
+    return [
+        (f"{suite}.csv", "table as CSV"),
+        (f"{suite}.md", "table as Markdown"),
+        (f"{suite}.tex", "table as LaTeX"),
+        ("report.tex", "all tables and figures as LaTeX"),
+        ("summary.json", "all values"),
+    ]

@@ -1,12 +1,13 @@
-"""The page's own files: templates, scripts, styles."""
+"""The page's own files, templates, scripts and styles, and the symbols of labels as HTML."""
 
 from collections.abc import Sequence
 from importlib import resources
 from importlib.resources.abc import Traversable
 
 from jinja2 import Environment, FunctionLoader, StrictUndefined
+from markupsafe import Markup, escape
 
-from .formula import formula
+from ..wording import SYMBOL
 
 
 def part(*path: str) -> str:
@@ -35,4 +36,18 @@ def templates() -> Environment:
         lstrip_blocks=True,
     )
     made.filters["formula"] = formula
+    return made
+
+
+def formula(text: str) -> Markup:
+    """Plain text as HTML, with indices and exponents set as such.
+
+    >>> formula("λ_rad < L_G^PBR")
+    Markup('<i>λ</i><sub>rad</sub> &lt; <i>L</i><sub>G</sub><sup>PBR</sup>')
+    """
+    parts = SYMBOL.split(text)
+    made = escape(parts[0])
+    for symbol, lower, upper, rest in zip(parts[1::4], parts[2::4], parts[3::4], parts[4::4], strict=True):
+        raised = Markup("") if upper is None else Markup("<sup>{}</sup>").format(upper)
+        made += Markup("<i>{}</i><sub>{}</sub>{}").format(symbol, lower, raised) + escape(rest)
     return made

@@ -1,18 +1,21 @@
-"""Maps and error maps of every kept view of every cell, for the page's browser of images."""
+"""Maps and error maps of every kept view of every cell, for the page's browser of images.
 
-from collections.abc import Callable, Sequence
+The sheets stand inside the page as long as they are few bytes, and in a folder beside it from then on.
+"""
+
+import base64
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .. import maps
+from ..files import fresh
 from ..summary import RunSummary
-from .kept import Pair, pairs, shown_view
-from .sheets import Binder
-from .shelf import FOLDER, Full, Shelf
+from .sheets import Binder, Levels, encoded, name_of
 
 BUDGET = 20 * 2**20
 """Bytes of the pictures within a page, as text."""
@@ -67,6 +70,63 @@ def album(runs: Sequence[RunSummary], out: Path, alone: bool = False, budget: in
                 factor *= 2
             else:
                 shown = shown[: len(shown) // 2]
+
+
+FOLDER = "report_files"
+"""Beside the page."""
+
+KIND = ".webp"
+
+
+class Full(Exception):
+    """The sheets exceed the bytes that a page may hold, and there is no folder for them."""
+
+
+class Shelf:
+    """Keeps encoded sheets by name. ``budget``: bytes, as base64, that a page may hold.
+
+    ``folder``: where all sheets go once there are more; None: ``Full`` is raised then.
+    """
+
+    def __init__(self, budget: int, folder: Path | None) -> None:
+        self.budget, self.folder = budget, folder
+        self.inside: dict[str, str] = {}
+        """Sheets within the page by name, in base64; empty if they are in the folder."""
+        self.files: dict[str, Path] = {}
+        self.size = 0
+
+    def keep(self, sheet: Levels) -> str:
+        """Encode and keep a sheet, unless it is there; returns its name. Raises Full, OSError."""
+        name = name_of(sheet)
+        if name not in self.inside and name not in self.files:
+            content = base64.b64encode(encoded(sheet)).decode("ascii")
+            self.size += len(content)
+            self.inside[name] = content
+            if self.size > self.budget and self.folder is None:
+                raise Full
+            if self.size > self.budget:
+                self._write()
+        return name
+
+    def _write(self) -> None:
+        """Move all sheets from memory to the folder."""
+        assert self.folder is not None
+        for name, content in self.inside.items():
+            self.files[name] = fresh(self.folder / f"{name}{KIND}")
+            self.files[name].write_bytes(base64.b64decode(content))
+        self.inside = {}
+
+
+RENDER, TRUTH = "render", "truth"
+
+
+class Pair(NamedTuple):
+    """A map of a view, by the view's number in ``RunSummary.views``; ``mine`` and ``theirs`` are as they are stored."""
+
+    name: str
+    view: int
+    mine: maps.Image
+    theirs: maps.Image | None
 
 
 def bound(
@@ -130,3 +190,54 @@ def reduced_by(factor: int, image: maps.Image) -> maps.Image:
 def scale_bar() -> maps.Image:
     """The false colours, 0 on the left to 1 on the right."""
     return maps.false_colour(np.linspace(0, 1, 256)[None, :, None])
+
+
+def pairs(run: RunSummary, out: Path) -> Iterator[Pair]:
+    """The maps of a cell, map by map and view by view, one at a time; relit ones are ``relit/<light>``.
+
+    The view that the result shows is read from its float maps, all others from codes of 8 bits.
+    """
+    path = out / str(run["arrays"])
+    shown, exact = shown_view(run), _named_after_light(run, maps.read_maps(path))
+    with maps.open_codes(path) as archive:
+        there = frozenset(archive.files)
+        kept = {(shown, name.removeprefix(f"{RENDER}/")) for name in exact if name.startswith(f"{RENDER}/")}
+        for name in there:
+            beginning, _, rest = name.partition("/")
+            number, _, rest = rest.partition("/")
+            if f"{beginning}/" == maps.VIEWS and rest.startswith(f"{RENDER}/"):
+                kept.add((int(number), rest.removeprefix(f"{RENDER}/")))
+
+        def read(view: int, side: str, name: str) -> maps.Image | None:
+            if view == shown and f"{RENDER}/{name}" in exact:
+                return exact.get(f"{side}/{name}")
+            place = f"{maps.VIEWS}{view}/{side}/{name}"
+            return maps.decoded(name, archive[place]) if place in there else None
+
+        for name, view in _in_order(kept):
+            mine = read(view, RENDER, name)
+            assert mine is not None
+            yield Pair(name, view, mine, read(view, TRUTH, name))
+
+
+def shown_view(run: RunSummary) -> int:
+    """Number of the view whose float maps are stored; 0 where names of views are not."""
+    views = run.get("views", [])
+    return views.index(str(run["view"])) if run["view"] in views else 0
+
+
+def _named_after_light(run: RunSummary, arrays: Mapping[str, maps.Image]) -> dict[str, maps.Image]:
+    """The arrays, with the relit map of the shown light under its name alone."""
+    found = dict(arrays)
+    for side in (RENDER, TRUTH):
+        relit = found.pop(f"{side}/relit", None)
+        if relit is not None and run["light"]:
+            found.setdefault(f"{side}/relit/{run['light']}", relit)
+    return found
+
+
+def _in_order(kept: Iterable[tuple[int, str]]) -> list[tuple[str, int]]:
+    """Names of maps and views, in the order of ``maps.KINDS``; other arrays, such as the light, are left out."""
+    order = {kind: place for place, kind in enumerate(maps.KINDS)}
+    known = [(name, view) for view, name in kept if name.partition("/")[0] in order]
+    return sorted(known, key=lambda each: (order[each[0].partition("/")[0]], *each))

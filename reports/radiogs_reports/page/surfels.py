@@ -1,4 +1,4 @@
-"""Surfels of every cell packed for the page's 3-D view, within a budget of bytes.
+"""The 3-D view of surfels: those of every cell packed for the page within a budget of bytes, and a page of one model.
 
 A surfel takes 26 bytes, little-endian: its centre as three uint16 between the lowest and the highest of the cell, its
 two tangents as six int16 in shares of the longest component, and as bytes its opacity, radiance and albedo (both sRGB)
@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 from numpy.typing import NDArray
 
 from .. import maps
+from ..files import fresh
 from ..summary import RunSummary
+from .assets import scripts, styles, templates
+from .embedding import content_security_policy, json_for_script
 
 BUDGET = 12 * 2**20
 """Bytes of the packed surfels of all cells, as text."""
@@ -76,3 +80,30 @@ def packed(arrays: dict[str, NDArray[np.float64]]) -> Packed:
 
 def _bytes(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.rint(np.clip(values, 0, 1) * 255)
+
+
+SCRIPTS = ("shared", "theme", "surfels")
+STYLES = ("page", "comparison")
+MODEL = "model"
+
+
+def write_viewer(arrays: dict[str, NDArray], title: str, path: Path) -> Path:
+    """Write the page of a model's arrays (``surfels/...``, as cells keep them); returns its path. Raises OSError."""
+    script, style = scripts(SCRIPTS), styles(STYLES)
+    run = {"key": MODEL, "row": MODEL, "name": title}
+    text = (
+        templates()
+        .get_template("viewer.html")
+        .render(
+            title=title,
+            surfels={MODEL: packed(arrays)},
+            data=json_for_script({"rows": [{"key": MODEL, "text": title}], "runs": [run]}),
+            json_for_script=json_for_script,
+            policy=content_security_policy(script, style),
+            script=Markup(script),
+            style=Markup(style),
+        )
+    )
+    path = fresh(path)
+    path.write_text(text, encoding="utf-8")
+    return path

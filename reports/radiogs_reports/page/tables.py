@@ -20,8 +20,8 @@ from ..summary import (
     row_texts,
 )
 from ..wording import ARROWS, plus_minus, signed
-from ..write.paper.layout import as_printed
-from ..write.paper.reading import apart, change, is_beside, measured, measured_ranks, row_label
+from ..write.paper_layout import as_printed
+from ..write.paper_reading import apart, change, is_beside, measured, measured_ranks, row_label
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,13 @@ import torch
 
 from radiogs_core.scene.light import texel_directions
 from radiogs_datasets import load_scene
-from radiogs_datasets.blend import Request, own_files, write_scene
+from radiogs_datasets.blend import agreement
+from radiogs_datasets.blend.agreement import Part
 from radiogs_datasets.blend.cameras import shots
-from radiogs_datasets.blend.own_files import Part
 from radiogs_datasets.blend.passes import Maps
 from radiogs_datasets.blend.process import Blender
-from radiogs_datasets.blend.scene_folder import _write_lights
+from radiogs_datasets.blend.request import Request
+from radiogs_datasets.blend.scene_folder import _write_lights, write_scene
 from radiogs_datasets.blend.studio import Studio
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.probe import mitsuba_failure
@@ -32,7 +33,7 @@ def taken(
 ) -> tuple[Maps, Request]:
     """The maps of a view of these parts, written to a file and read again."""
     path = folder / "scene.blend"
-    blender.ask("author", description=own_files.description(parts), out=str(path))
+    blender.ask("author", description=agreement.description(parts), out=str(path))
     request = Request(path, lights, **({"size": 48, "samples": 64, "bounces": 4} | given))  # type: ignore[arg-type]
     opened = blender.ask("open", file=str(path), device="cpu", threads=1)
     maps = folder / "envmaps"
@@ -104,7 +105,7 @@ def test_a_dielectric_is_said_by_its_principled_material(blender: Blender, light
 
 
 def test_bounces_are_cut_and_deeper_ones_add_light(blender: Blender, lights: Path, tmp_path: Path) -> None:
-    parts = own_files.FILES["solids"]
+    parts = agreement.FILES["solids"]
     sums = [
         float(taken(blender, parts, lights, tmp_path, bounces=bounces, size=16)[0].indirect.sum())
         for bounces in (0, 1, 6)
@@ -114,7 +115,7 @@ def test_bounces_are_cut_and_deeper_ones_add_light(blender: Blender, lights: Pat
 
 
 def test_a_scene_is_made_from_a_file_by_two_processes(blender: Blender, lights: Path, tmp_path: Path) -> None:
-    path = own_files.write("copies", tmp_path, blender)
+    path = agreement.write_own_file("copies", tmp_path, blender)
     told: list[int] = []
     request = Request(path, lights, train=3, test=1, size=16, samples=4)
     found = write_scene(request, tmp_path / "made", 2, 1, lambda done, total: told.append(done))

@@ -15,9 +15,11 @@ from radiogs_bench.cli import main
 from radiogs_bench.cli.datasets import remarks
 from radiogs_core.errors import DataError, UsageError
 from radiogs_datasets import load_scene
-from radiogs_datasets.blend import Request, scene_folder, write_scene
+from radiogs_datasets.blend import scene_folder
 from radiogs_datasets.blend.passes import read_passes
 from radiogs_datasets.blend.process import Blender
+from radiogs_datasets.blend.request import Request
+from radiogs_datasets.blend.scene_folder import write_scene
 from radiogs_datasets.check import check_scene
 
 OPENED = {

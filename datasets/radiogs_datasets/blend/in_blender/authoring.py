@@ -10,7 +10,7 @@ AROUND, UPWARDS = 256, 128
 
 
 def write(description: dict[str, Any], out: str) -> None:
-    """Write the file. ``description``: see ``radiogs_datasets.blend.own_files.description``."""
+    """Write the file. ``description``: see ``radiogs_datasets.blend.agreement.description``."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     for part in description["parts"]:
         _place(part)

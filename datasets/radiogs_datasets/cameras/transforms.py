@@ -1,0 +1,186 @@
+"""Cameras in the ``transforms_*.json`` of NeRF-synthetic and its descendants (instant-ngp, nerfstudio): OpenGL
+camera-to-world, a lens for the file or for a frame (``transforms_fields``), paths of images, masks and depth.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.errors import DataError
+from radiogs_core.scene.camera import Camera
+
+from ..bounded_reading import read_json
+from .transforms_fields import FIELDS, PIXELS, LensOfSize, finite, lens_of_fields, said_of_fields
+
+SPLITS = ("train", "val", "test")
+
+RIGID_TOLERANCE = 1e-3
+"""How far R R^T may be from the identity: matrices are often printed with four digits."""
+
+
+DEPTH_UNIT = 1e-3
+"""World units of a level of a depth map where the file does not say: nerfstudio's millimetres."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """What the file says of one view.
+
+    ``camera_to_world`` has OpenCV axes, float32; ``lens`` is that of an image of (height, width). ``mask_path`` and
+    ``depth_path`` are as written, None where there is none.
+    """
+
+    file_path: str
+    camera_to_world: Float[Tensor, "4 4"]
+    lens: LensOfSize
+    mask_path: str | None = None
+    depth_path: str | None = None
+
+
+@dataclass(frozen=True)
+class Transforms:
+    """All views of a file, in its order.
+
+    ``depth_unit``: world units of a level of a depth map; ``points_path``: a PLY file of sparse points in the world of
+    the poses; ``splits``: lists of images by split, where the file names them; ``said``: what of the file is not used.
+    """
+
+    frames: tuple[Frame, ...]
+    depth_unit: float = DEPTH_UNIT
+    points_path: str | None = None
+    splits: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    said: tuple[str, ...] = ()
+
+    def camera(self, frame: Frame, height: int, width: int) -> Camera:
+        """The pinhole camera of a frame whose image has this size.
+
+        Raises DataError for a size that its lens does not know, and for a lens that distorts.
+        """
+        lens = frame.lens(height, width)
+        if not lens.pinhole:
+            raise DataError(
+                f"the lens of {frame.file_path} distorts",
+                "Images of this layout come with maps of their pixels, which are not undistorted.",
+                "Undistort the images, or use layout blender.",
+            )
+        return Camera(frame.camera_to_world, lens.fx, lens.fy, lens.cx, lens.cy, width, height)
+
+
+def read_transforms(path: Path, content: dict[str, Any] | None = None) -> Transforms:
+    """Read and check the file, or ``content`` as if it stood there. Raises DataError that names file, frame, field."""
+    table = _read_object(path) if content is None else content
+    frames = table.get("frames")
+    if not isinstance(frames, list) or not frames:
+        raise DataError(
+            f"{path}: 'frames' must be a list with at least one view, not {frames!r:.40}", "", "Correct the file."
+        )
+    own = [isinstance(frame, dict) and not FIELDS.isdisjoint(frame) for frame in frames]
+    common = None if all(own) else lens_of_fields(str(path), table)
+    _check_applied(path, table.get("applied_transform"))
+    return Transforms(
+        tuple(_frame(path, place, frame, table, common) for place, frame in enumerate(frames)),
+        _depth_unit(path, table),
+        _path(str(path), table, "ply_file_path"),
+        {split: names for split in SPLITS if (names := _names(path, table, f"{split}_filenames"))},
+        said_of_fields(str(path), table, [frame for frame in frames if isinstance(frame, dict)]),
+    )
+
+
+def _check_applied(path: Path, rows: object) -> None:
+    """nerfstudio's record of how it turned the world: poses and points are turned already, so it is only checked."""
+    if rows is None:
+        return
+    padded = [*rows, [0, 0, 0, 1]] if isinstance(rows, list) and len(rows) == 3 else rows
+    _rigid(f"{path}: 'applied_transform'", padded, "It says how the poses were turned into the world that they are in.")
+
+
+def _depth_unit(path: Path, table: dict[str, Any]) -> float:
+    name = "integer_depth_scale" if "integer_depth_scale" in table else "depth_unit_scale_factor"
+    unit = finite(table.get(name, DEPTH_UNIT))
+    if not (math.isfinite(unit) and unit > 0):
+        raise DataError(
+            f"{path}: '{name}' is {table[name]!r:.40}",
+            "It is the length of a level of a depth map in world units.",
+            "Correct the file.",
+        )
+    return unit
+
+
+def _names(path: Path, table: dict[str, Any], field_name: str) -> tuple[str, ...]:
+    names = table.get(field_name)
+    if names is None:
+        return ()
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise DataError(f"{path}: '{field_name}' must be a list of images", "It names a split.", "Correct the file.")
+    return tuple(names)
+
+
+def _path(what: str, fields: dict[str, Any], *names: str) -> str | None:
+    """The first of some fields that is there, as a path."""
+    name = next((name for name in names if fields.get(name) is not None), None)
+    value = None if name is None else fields[name]
+    if value is not None and (not isinstance(value, str) or not value or "\0" in value):
+        raise DataError(f"{what}: '{name}' is {value!r:.40}", "It must be the path of a file.", "Correct the file.")
+    return value
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    table = read_json(path)
+    if not isinstance(table, dict):
+        raise DataError(f"{path} must hold an object, not a {type(table).__name__}", "", "Correct the file.")
+    return table
+
+
+def _frame(path: Path, place: int, frame: object, table: dict[str, Any], common: LensOfSize | None) -> Frame:
+    name = frame.get("file_path") if isinstance(frame, dict) else None
+    if not isinstance(frame, dict) or not isinstance(name, str) or not name or "\0" in name:
+        raise DataError(
+            f"{path}: frame {place} has no text 'file_path'",
+            "It says which image the camera took.",
+            "Correct the file.",
+        )
+    what = f"{path}: frame {place} ({name})"
+    lens = common if common is not None and FIELDS.isdisjoint(frame) else lens_of_fields(what, _merged(table, frame))
+    pose = _rigid(f"{what}: 'transform_matrix'", frame.get("transform_matrix"), "It places the camera in the world.")
+    # OpenGL looks along -z with y up; OpenCV looks along z with y down.
+    pose[:3, 1:3] *= -1
+    mask, depth = _path(what, frame, "mask_path"), _path(what, frame, "depth_file_path", "depth_path")
+    return Frame(name, pose.float(), lens, mask, depth)
+
+
+def _merged(table: dict[str, Any], frame: dict[str, Any]) -> dict[str, Any]:
+    """The file's lens with the frame's fields in their place; a frame's angle makes the file's pixels void, and pixels
+    of a frame the file's angles."""
+    own_angle, own_pixels = "camera_angle_x" in frame and "fl_x" not in frame, "fl_x" in frame
+    void = (*PIXELS, "camera_angle_y") if own_angle else ("camera_angle_x", "camera_angle_y") if own_pixels else ()
+    return {name: value for name, value in table.items() if name not in void} | frame
+
+
+def _rigid(what: str, rows: object, purpose: str) -> Float[Tensor, "4 4"]:
+    """The matrix in float64; ``what`` names its place in errors."""
+    numbers = [finite(number) for row in rows for number in row] if _is_four_by_four(rows) else []  # type: ignore[attr-defined]
+    if not numbers or not all(math.isfinite(number) for number in numbers):
+        raise DataError(
+            f"{what} is not 4 rows of 4 finite numbers", purpose, "Correct the file, or take the view out of it."
+        )
+    matrix = torch.tensor(numbers, dtype=torch.float64).reshape(4, 4)
+    rotation = matrix[:3, :3]
+    deviation = float((rotation @ rotation.T - torch.eye(3, dtype=torch.float64)).abs().max())
+    affine = matrix[3].tolist() == [0, 0, 0, 1]
+    if not affine or deviation > RIGID_TOLERANCE or float(torch.linalg.det(rotation)) < 0:
+        raise DataError(
+            f"{what} is not a rigid motion (R R^T is {deviation:.2g} from the identity)",
+            "A scaled, mirrored or projective camera would bend every normal and depth.",
+            "Write camera-to-world matrices without scale, in OpenGL axes, with last row 0 0 0 1.",
+        )
+    return matrix
+
+
+def _is_four_by_four(rows: object) -> bool:
+    return isinstance(rows, list) and len(rows) == 4 and all(isinstance(row, list) and len(row) == 4 for row in rows)

@@ -1,0 +1,237 @@
+"""The fields of a ``transforms*.json``: the lens that they describe, and what becomes of those that are not read.
+
+A lens, for the whole file or for one frame, is either one angle of view, or focal lengths and a principal point in
+pixels; with the distortion that instant-ngp and nerfstudio write (k1, k2, k3, p1, p2 as OpenCV has them; k1 to k4 of
+its fisheye model).
+
+A field that is not read could still change what is seen: a lens, a crop, a mirrored axis. So those that do are refused
+by name when they are set; those known to be harmless are passed over; any other is listed among the scene's repairs.
+"""
+
+import math
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from radiogs_core.errors import DataError
+
+from .lens import LARGEST_COEFFICIENT, LENS, ORDER, PARAMETERS, Lens, Projection, coefficients_of
+
+SIZE = ("w", "h")
+PIXELS = ("fl_x", "fl_y", "cx", "cy")
+COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+OTHER_LENSES = ("ftheta_p0", "ftheta_p1", "latlong", "equirectangular", "rolling_shutter")
+"""instant-ngp's fields for cameras that OpenCV cannot undistort."""
+
+FIELDS = frozenset(
+    {*SIZE, *PIXELS, *COEFFICIENTS, *OTHER_LENSES, "camera_angle_x", "camera_angle_y", "camera_model", "is_fisheye"}
+)  # fmt: skip
+"""Fields of a lens: those of a frame take the place of the file's."""
+
+COMMON = frozenset({"k1", "k2", "k3", "p1", "p2"})
+"""Coefficients that all codes mean alike: k4 is a power of r for nerfstudio, and a divisor's for OpenCV."""
+
+SAME_FOCAL = 1e-3
+"""Share by which focal lengths of both angles of view may differ in square pixels: angles are rounded."""
+
+OTHER_FOCAL = 0.02
+"""Share by which angles of view may contradict focal lengths: some writers ignore distortion, or round the size."""
+
+LensOfSize = Callable[[int, int], Lens]
+"""The lens for an image of so many rows and columns; raises DataError for a size that it does not know."""
+
+
+def lens_of_fields(what: str, fields: Mapping[str, Any]) -> LensOfSize:
+    """The lens of a file or frame; ``what`` names it in errors. Raises DataError."""
+    refused = [name for name in OTHER_LENSES if is_set(fields.get(name))]
+    if refused:
+        raise DataError(
+            f"{what}: its lens has '{refused[0]}'", "OpenCV has no formula for it.", "Undistort the images first."
+        )
+    projection, coefficients = _distortion(what, fields)
+    if "fl_x" in fields:
+        return _of_pixels(what, fields, projection, coefficients)
+    if "fl_y" in fields:
+        raise DataError(f"{what}: there is 'fl_y' without 'fl_x'", "Focal lengths come in pairs.", "Correct the file.")
+    return _of_angle(what, fields, projection, coefficients)
+
+
+def finite(value: object) -> float:
+    """A number of a JSON file as a float; NaN for what is none, or too large for one."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return math.nan
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
+
+
+def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
+    """Of a horizontal field of view in radians, for images of any size: square pixels unless there is a vertical one,
+    the principal point in the middle unless it is written for a size."""
+    across = _ratio(what, "camera_angle_x", fields.get("camera_angle_x"))
+    vertical = fields.get("camera_angle_y")
+    down = None if vertical is None else _ratio(what, "camera_angle_y", vertical)
+    given = {name: finite(fields[name]) for name in (*PIXELS[2:], *SIZE) if fields.get(name) is not None}
+    if not all(map(math.isfinite, given.values())):
+        raise DataError(f"{what}: of {', '.join(given)} one is no finite number", "", "Correct the file.")
+
+    def lens(height: int, width: int) -> Lens:
+        columns, rows = given.get("w", float(width)), given.get("h", float(height))
+        if min(columns, rows) <= 0 or abs(columns * height - rows * width) > max(columns, rows, height, width):
+            raise _other_size(what, (columns, rows), (width, height))
+        cx, cy = given.get("cx", columns / 2) * width / columns, given.get("cy", rows / 2) * height / rows
+        fx = across * width
+        fy = fx if down is None or abs(down * height - fx) <= SAME_FOCAL * fx else down * height
+        return Lens(fx, fy, cx, cy, width, height, projection, bent)
+
+    return lens
+
+
+def _ratio(what: str, name: str, angle: object) -> float:
+    """Focal length over the side that an angle of view spans."""
+    if not 0 < finite(angle) < math.pi:
+        raise DataError(
+            f"{what}: '{name}' is {angle!r:.40}",
+            "It must be a field of view in radians, between 0 and pi; the focal length follows from it.",
+            "Correct the file.",
+        )
+    return 0.5 / math.tan(0.5 * finite(angle))
+
+
+def _other_size(what: str, written: tuple[float, float], found: tuple[int, int]) -> DataError:
+    return DataError(
+        f"{what} is written for images of {written[0]:g} x {written[1]:g} pixels, one is {found[0]} x {found[1]}",
+        "Its focal lengths count those pixels.",
+        "Use the images that the file was made for.",
+    )
+
+
+def _of_pixels(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
+    """Pixels of an image of one size; images of another size are refused, not guessed at."""
+    given = {"fl_y": fields["fl_x"], **fields}
+    names = (*PIXELS, *SIZE)
+    fx, fy, cx, cy, width, height = (finite(given.get(name)) for name in names)
+    try:
+        if width != width // 1 or height != height // 1:
+            raise ValueError("sizes are whole numbers of pixels")
+        stored = Lens(fx, fy, cx, cy, int(width), int(height), projection, bent)
+    except (ValueError, OverflowError) as error:
+        raise DataError(
+            f"{what}: {', '.join(names)} are {[given.get(name) for name in names]!r:.160}",
+            f"They must be finite numbers: {error}.",
+            "Correct the file.",
+        ) from error
+
+    _require_one_focal(what, fields, stored)
+
+    def lens(rows: int, columns: int) -> Lens:
+        if (stored.height, stored.width) != (rows, columns):
+            raise _other_size(what, (float(stored.width), float(stored.height)), (columns, rows))
+        return stored
+
+    return lens
+
+
+def _require_one_focal(what: str, fields: Mapping[str, Any], stored: Lens) -> None:
+    """Raise DataError where angles of view, written beside focal lengths, say something else."""
+    for name, focal, side in (
+        ("camera_angle_x", stored.fx, stored.width), ("camera_angle_y", stored.fy, stored.height)
+    ):  # fmt: skip
+        angle = fields.get(name)
+        if angle is not None and abs(_ratio(what, name, angle) * side - focal) > OTHER_FOCAL * focal:
+            raise DataError(
+                f"{what}: '{name}' makes a focal length of {_ratio(what, name, angle) * side:g}, beside {focal:g}",
+                "Which of them the images were taken with cannot be told.",
+                "Take the wrong one out of the file.",
+            )
+
+
+def _distortion(what: str, fields: Mapping[str, Any]) -> tuple[Projection, tuple[float, ...]]:
+    """The projection and OpenCV's coefficients. Raises DataError for what is no number, or not of the model."""
+    named = {name: finite(fields[name]) for name in COEFFICIENTS if fields.get(name) is not None}
+    broken = [name for name, value in named.items() if not math.isfinite(value)]
+    if broken:
+        raise DataError(
+            f"{what}: '{broken[0]}' is {fields[broken[0]]!r:.40}",
+            "A coefficient of distortion is a finite number.",
+            "Correct the file.",
+        )
+    model = fields.get("camera_model", "OPENCV_FISHEYE" if is_set(fields.get("is_fisheye")) else None)
+    if model is not None and (not isinstance(model, str) or model not in PARAMETERS):
+        raise DataError(
+            f"{what}: 'camera_model' is {model!r:.40}",
+            f"Undistorted on reading are: {', '.join(PARAMETERS)}.",
+            "Undistort the images first.",
+        )
+    known = COMMON if model in (None, "OPENCV") else frozenset(PARAMETERS[model]) - {*LENS, "f"}
+    foreign = [name for name, value in named.items() if value and name not in known]
+    if foreign:
+        raise DataError(
+            f"{what}: '{foreign[0]}' is {named[foreign[0]]:g}, which model {model or 'OPENCV'} does not have",
+            "Codes differ in what it means.",
+            "Name the lens by 'camera_model' (FULL_OPENCV has k1 to k6), or undistort the images first.",
+        )
+    projection: Projection = "fisheye" if model is not None and model.endswith("FISHEYE") else "perspective"
+    bent = coefficients_of(projection, {name: value for name, value in named.items() if name in ORDER[projection]})
+    if any(abs(value) > LARGEST_COEFFICIENT for value in bent):
+        raise DataError(
+            f"{what}: a coefficient of distortion is beyond {LARGEST_COEFFICIENT:g}",
+            "No lens has it.",
+            "Correct the file.",
+        )
+    return projection, bent
+
+
+def is_set(value: object) -> bool:
+    """Whether a field says anything but nothing, zero and false; lists of zeros say nothing."""
+    return any(map(is_set, value)) if isinstance(value, list) else bool(value)
+
+
+READ = FIELDS | {
+    "frames", "file_path", "transform_matrix", "mask_path", "depth_file_path", "depth_path", "applied_transform",
+    "integer_depth_scale", "depth_unit_scale_factor", "ply_file_path", "train_filenames", "val_filenames",
+    "test_filenames", "scene_name",
+}  # fmt: skip
+"""Fields that are applied, or refused where the lens is read."""
+
+HARMLESS = frozenset({
+    "aabb", "aabb_scale", "render_aabb", "scale", "offset", "from_na", "up", "n_frames", "n_extra_learnable_dims",
+    "enable_depth_loading", "enable_ray_loading", "applied_scale", "orientation_override", "auto_scale_poses_factor",
+    "sharpness", "rotation", "colmap_im_id", "colmap_id", "driver_parameters", "near", "far", "id", "index", "name",
+})  # fmt: skip
+"""How other programs frame the scene, choose photos, or made them: NeRF-synthetic's ``rotation`` turned its camera from
+one frame to the next, instant-ngp's ``scale`` and ``offset`` place the scene in its own unit cube, nerfstudio's
+``applied_scale`` is in the poses already."""
+
+CHANGES_IMAGES = re.compile(
+    r"(k|p|s|b)\d+|.*(distort|fisheye|fov|focal|principal|skew|shear|crop|shutter|lens|intrinsic|camera|extrinsic"
+    r"|flip|mirror|rotat|orient|convention|coordinate|axis|axes|gamma|exposure|white|colou?r|tonemap|premult|linear"
+    r"|transparent|mask|sharpen|pixel_aspect|downscale|resolution|hdr|time|light|matrix|transform|translation|pose).*",
+    re.IGNORECASE,
+)
+"""Names of fields that say how an image came about, or where from; ``time`` and ``light`` that it is another scene."""
+
+
+def said_of_fields(what: str, table: Mapping[str, Any], frames: Sequence[Mapping[str, Any]]) -> tuple[str, ...]:
+    """A sentence on fields that are not known and not read. Raises DataError for those that could change an image.
+
+    ``what`` names the file. A field of all frames with one and the same value of nothing (null, false, zero, empty)
+    says nothing.
+    """
+    counts = Counter(name for holder in (table, *frames) for name, value in holder.items() if is_set(value))
+    unknown = [name for name in counts if name not in READ and name not in HARMLESS]
+    refused = sorted(name for name in unknown if CHANGES_IMAGES.fullmatch(name))
+    if refused:
+        places = [place for place, frame in enumerate(frames) if refused[0] in frame]
+        where = (
+            f"{what}: frame {places[0]}" + (f" and {len(places) - 1} more" if places[1:] else "") if places else what
+        )
+        raise DataError(
+            f"{where}: '{refused[0]}' is not read"
+            + (f", nor are {', '.join(refused[1:])}"[:200] if refused[1:] else ""),
+            "By its name it could change what is seen, or from where.",
+            "Apply it to the images or poses; then, or if it does not matter, take the field out of the file.",
+        )
+    return (f"fields that are not known, and not used: {', '.join(sorted(unknown))}"[:300],) if unknown else ()

@@ -1,1 +1,0 @@
-"""Lenses that bend straight lines, and pinhole images made of what they saw."""

@@ -1,0 +1,163 @@
+"""Whether a scene can be used: where it lies and how large it is, what it is called, and how little it shows.
+
+Cameras and surfels are float32 and gradients go with the inverse square of a length, so a scene far from the origin for
+its size has cameras on a coarse grid, and a very small one has gradients beyond 3e38. Both are refused here by name:
+otherwise they end in a worse image, or in a failure that speaks of a gradient. How little a scene shows is told in
+sentences: what its images cannot say, metrics of them cannot mean.
+"""
+
+import hashlib
+import math
+from collections import defaultdict
+from collections.abc import Iterator
+
+import torch
+
+from radiogs_core.errors import DataError
+from radiogs_core.scene.scene import Scene, View
+
+from .bounded_reading import require_storable
+
+SMALLEST_EXTENT = 5e-2
+LARGEST_EXTENT = 1e7
+"""Of ``Scene.extent``, in world units. At .015 gradients of positions overflow on ``corner`` after 16 steps, at .004 at
+once. From about 1e8 on these gradients, which shrink as lengths grow, come near Adam's epsilon of 1e-15, and steps
+become shorter (docs/reliability.md has what was measured)."""
+
+FARTHEST = 100.0
+"""Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
+are so coarse that no normal is derived from depth; at 90 losses of training are those of smaller shifts."""
+
+OUTLIER = 1e4
+"""Times the median distance of cameras from their middle at which a camera is taken for damage."""
+
+FLOAT32_STEP = 2.0**-23
+PIXEL_SHARE = 0.25
+"""Share of a pixel, where cameras look, by which rounding a camera's place to float32 may move what it sees."""
+
+SHOWN = 3
+
+
+def require_placed(scene: Scene) -> None:
+    """Raise DataError for cameras out of all proportion, and for a scene too small, too large or too far away."""
+    views = [*scene.train, *scene.test]
+    if not scene.train:
+        return
+    origins = torch.stack([view.camera.centre for view in views]).double()
+    away = (origins - origins.median(0).values).norm(dim=-1)
+    middle = float(away.median())
+    lost = [place for place, distance in enumerate(away.tolist()) if distance > OUTLIER * middle > 0]
+    if lost:
+        named = ", ".join(f"{views[place].name} ({float(away[place]):.3g})" for place in lost[:SHOWN])
+        raise DataError(
+            f"{len(lost)} of {len(views)} cameras of scene '{scene.name}' are out of proportion: {named}",
+            f"The others are about {middle:.3g} world units from their middle.",
+            "Correct their poses, or take these views out of the scene.",
+        )
+    extent = scene.extent
+    if extent > 0 and not SMALLEST_EXTENT <= extent <= LARGEST_EXTENT:
+        raise DataError(
+            f"scene '{scene.name}' is {extent:.3g} world units large",
+            f"Between {SMALLEST_EXTENT:g} and {LARGEST_EXTENT:g}, gradients of positions neither overflow float32 nor"
+            " come near the epsilon of the optimiser.",
+            f"Divide the translations of all cameras (and points and depth) by {extent:.3g}.",
+        )
+    _require_near(scene, views)
+
+
+def _require_near(scene: Scene, views: list[View]) -> None:
+    if scene.extent <= 0:
+        return
+    centre = scene.centre
+    worst = max(views, key=lambda view: _rounding(view, centre))
+    share = _rounding(worst, centre)
+    if share > PIXEL_SHARE or float(centre.norm()) > FARTHEST * scene.extent:
+        raise DataError(
+            f"scene '{scene.name}' lies {float(worst.camera.centre.norm()):.3g} world units from the origin and is"
+            f" {scene.extent:.3g} large",
+            f"In float32 its cameras stand on a grid that moves the image of {worst.name} by {share:.2g} pixels, and"
+            f" its surfaces on one as coarse; up to {FARTHEST:g} times its size is accepted.",
+            "Subtract the mean of the cameras' places from all of them (and from points).",
+        )
+
+
+def _rounding(view: View, centre: torch.Tensor) -> float:
+    """Pixels by which half a float32 step of the camera's place moves what it looks at; 0 where it looks at itself."""
+    camera = view.camera
+    step = 0.5 * FLOAT32_STEP * float(camera.centre.abs().max())
+    distance = float((camera.centre.double() - centre).norm())
+    return max(camera.fx, camera.fy) * step / distance if distance > 0 and math.isfinite(distance) else 0.0
+
+
+def require_names(scene: Scene) -> None:
+    """Raise DataError for names of a scene, its views and lights that nothing, or only one of two, is stored under."""
+    require_storable(scene.name, "the scene's folder")
+    for names in ([view.name for view in scene.train], [view.name for view in scene.test], list(scene.lights)):
+        _require_apart(scene, names)
+    for view in (*scene.train, *scene.test, *scene.relight):
+        require_storable(view.name.replace("/", "_"), "a view")
+    for light in scene.lights:
+        require_storable(light.replace("/", "_"), "a light")
+
+
+def _require_apart(scene: Scene, names: list[str]) -> None:
+    stored: dict[str, str] = {}
+    for name in names:
+        other = stored.setdefault(name.replace("/", "_"), name)
+        if other != name:
+            raise DataError(
+                f"scene '{scene.name}' has views or lights '{other}' and '{name}'",
+                f"The renders of both would be stored as '{name.replace('/', '_')}', one over the other.",
+                "Rename one of them.",
+            )
+
+
+SSIM_WINDOW = 11
+"""Pixels of the window that SSIM compares: a smaller image has none."""
+
+FEWEST_VIEWS = 3
+"""Training views from which on a point is seen from two sides by more than chance."""
+
+FEWEST_PIXELS = 64
+"""Covered pixels of a view below which its values are those of a few."""
+
+
+def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
+    """What cameras alone tell: few training views or test views, all from one place, images below SSIM's window."""
+    said = []
+    if 0 < len(scene.train) < FEWEST_VIEWS:
+        said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")
+    elif scene.train and scene.extent == 0:
+        said.append("all training cameras stand in one place: depth is not determined")
+    if len(scene.test) == 1:
+        said.append("1 view to score: its metrics are of that view alone")
+    small = [view for view in scene.test if min(view.camera.height, view.camera.width) < SSIM_WINDOW]
+    if small:
+        said.append(
+            f"{_views(len(small))} to score with less than {SSIM_WINDOW} pixels a side: SSIM has no value there"
+        )
+    return tuple(said)
+
+
+def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]) -> Iterator[tuple[str, str]]:
+    """Of views with their image and alpha: (view, sentence) for images of one colour, hardly covered, or alike."""
+    alike: dict[bytes, list[str]] = defaultdict(list)
+    for view, image, alpha in views:
+        seen = image if alpha is None else image[alpha[..., 0] > 0]
+        if seen.numel() and float(seen.max()) == float(seen.min()):
+            level = {0.0: "black", 1.0: "white"}.get(float(seen.max()), "one colour")
+            yield view.name, f"its image is {level} throughout: nothing can be learnt or scored from it"
+        covered = None if alpha is None else int((alpha > 0.5).sum())
+        if covered is not None and covered < FEWEST_PIXELS:
+            yield view.name, f"{covered} of its pixels show the object: its metrics are those of a few pixels"
+        alike[hashlib.sha256(image.contiguous().numpy().tobytes()).digest()].append(view.name)
+    for names in alike.values():
+        if len(names) > 1:
+            yield (
+                names[1],
+                f"its image is that of {names[0]}" + (f", as are {len(names) - 2} more" if names[2:] else ""),
+            )
+
+
+def _views(count: int) -> str:
+    return "1 view" if count == 1 else f"{count} views"

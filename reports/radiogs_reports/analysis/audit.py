@@ -1,0 +1,118 @@
+"""The audit of plans: what leaving effects out has cost, beside what was predicted, from a run's summary alone.
+
+Its sentences and its grid are what every form of the report shows.
+"""
+
+from collections import Counter
+from typing import NamedTuple
+
+from ..statistics import Estimate
+from ..summary import Summary, last_stage_title, reference_of, row_texts
+from ..wording import count_of, signed
+from .audit_lines import LOSSES, Judgement, Line, audit_lines
+from .grid import Grid, Item, estimate_item, factor_item, name_item, share_item
+
+JUDGEMENT_TEXTS: dict[Judgement, str] = {
+    "yes": "yes", "within noise": "within noise", "no": "no", "above": "above; one seed has no interval",
+}  # fmt: skip
+
+DECIMALS = 3
+"""Printed decimals of dB: bounds are a few hundredths."""
+
+BY_HAND = "no probe: the effects were chosen by hand"
+UNTIMED = "these results are from before probes were timed"
+
+
+class AuditReport(NamedTuple):
+    """The lines of the audit, sentences about them, and the grid that shows them."""
+
+    lines: list[Line]
+    sentences: list[str]
+    grid: Grid
+
+
+def audit_report(summary: Summary) -> AuditReport | None:
+    """The report of a run; None unless it is an audit with a finished row that leaves effects out."""
+    lines = audit_lines(summary)
+    if not lines:
+        return None
+    texts = row_texts(summary)
+    sentences = []
+    for row, text in texts.items():
+        mine = [line for line in lines if line.row == row]
+        sentences += [sentence for sentence in (_range_sentence(text, mine), _bound_sentence(text, mine)) if sentence]
+    return AuditReport(lines, sentences, _grid(summary, lines, texts))
+
+
+def _range_sentence(text: str, lines: list[Line]) -> str | None:
+    """The smallest and the largest loss over the scenes."""
+    found = sorted((loss.mean, line.scene) for line in lines if (loss := line.losses["nvs"]) is not None)
+    if not found:
+        return None
+    (least, where), (most, there) = found[0], found[-1]
+    text = f"{text}: NVS loss {signed(least, DECIMALS)} dB ({where})"
+    return f"{text}." if len(found) == 1 else f"{text} to {signed(most, DECIMALS)} dB ({there})."
+
+
+def _bound_sentence(text: str, lines: list[Line]) -> str | None:
+    """In how many scenes the loss is under its bound, and its whole interval under the tolerance."""
+    counted = Counter(line.judgement for line in lines if line.judgement is not None)
+    if not counted:
+        return None
+    sentence = f"{text}: NVS loss under the predicted bound in {counted['yes']} of {count_of(counted.total(), 'scene')}"
+    for judgement in ("within noise", "above", "no"):
+        if counted[judgement]:
+            sentence += f", {judgement} in {counted[judgement]}"
+    within = [
+        loss.high <= line.tolerance for line in lines
+        if line.tolerance is not None and (loss := line.losses["nvs"]) is not None and loss.high is not None
+    ]  # fmt: skip
+    if not within:
+        return f"{sentence}."
+    tolerance = max(line.tolerance for line in lines if line.tolerance is not None)
+    return (
+        f"{sentence}; its 95 % interval is under the tolerance of {tolerance:g} dB in {sum(within)} of {len(within)}."
+    )
+
+
+def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
+    note = (
+        f"Compared with '{texts[reference_of(summary)]}', paired over seeds; ± is the half-width of the 95 % t"
+        " interval. A positive loss means worse. The bound is the largest of all probes and seeds; rows whose effects"
+        " were chosen by hand have none. NVS loss under it: yes, if the mean is; within noise, if the low end of the"
+        " interval is. Rays saved: share of the reference's. Times as fast: geometric mean, with the ends of its"
+        " interval. Probes: share of the seconds; n/a where the results do not hold it."
+    )
+    last = last_stage_title(summary)
+    heads = ["scene", "row", *(f"{name} loss, dB" for name in ("NVS", "albedo", "relighting")), "predicted bound, dB",
+             "NVS loss under it", "rays saved", f"{last}, times as fast", "training, times as fast",
+             f"probes, share of {last}", "probes, share of training", "left out at the end"]  # fmt: skip
+    rows = [
+        [
+            name_item(line.scene),
+            name_item(texts[line.row]),
+            *(estimate_item(line.losses[name], DECIMALS, "the results have no such value") for name in LOSSES),
+            *_prediction(line),
+            share_item(line.rays_saved, "the reference traces no rays either"),
+            factor_item(line.last_stage),
+            factor_item(line.training),
+            *(_probe_share(line, each) for each in (line.probes_of_last_stage, line.probes_of_training)),
+            name_item(line.left_out) if line.left_out else Item("n/a", None, "the results hold no plan"),
+        ]
+        for line in lines
+    ]
+    return Grid("audit", "What leaving effects out cost, and what it saved", note, heads, rows)
+
+
+def _prediction(line: Line) -> tuple[Item, Item]:
+    """The bound, and whether the loss is under it."""
+    if not line.probed:
+        return Item("none", None, BY_HAND), name_item("by hand")
+    if line.bound is None:
+        return Item("n/a", None, "the results hold no bound"), name_item("n/a")
+    text = "n/a" if line.judgement is None else JUDGEMENT_TEXTS[line.judgement]
+    return Item(f"{line.bound:.{DECIMALS}f}", line.bound), name_item(text)
+
+
+def _probe_share(line: Line, share: Estimate | None) -> Item:
+    return share_item(share, UNTIMED) if line.probed else Item("none", None, BY_HAND)

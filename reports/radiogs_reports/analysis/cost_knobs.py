@@ -1,0 +1,160 @@
+"""Knobs of a run, and what turning one gives and costs: from setting to setting, and per doubling over all settings.
+
+A knob is a field of the budget in which alone some rows differ from the reference row.
+"""
+
+import math
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+from ..statistics import Estimate, Pair, estimate, exponential, paired_difference, paired_ratio
+from ..summary import ColumnSummary, Summary, reference_of
+from .samples import costs_of, made_from, values_of
+
+RADIOGS = "radiogs"
+
+TEXTS: Mapping[str, Mapping[str, str]] = {
+    RADIOGS: {
+        "inverse_iterations": "iterations of stage 2",
+        "incident_samples": "rays a surfel, N_s",
+        "consistency_surfels": "surfels a step, N_g",
+        "refresh_interval": "steps between refreshes of the cache",
+        "initialise_iterations": "iterations of stage 1",
+    },
+}
+"""What fields of the budget are called, by method; a field that is not listed is called by its own name."""
+
+COMPARED = ("method", "variant", "settings")
+"""Parts of a key's content that rows of one knob share."""
+
+
+class Setting(NamedTuple):
+    """A value of a knob and the row that has it."""
+
+    value: int
+    row: str
+
+
+class Knob(NamedTuple):
+    """A field of the budget with its settings, lowest value first; the reference row has one of them."""
+
+    field: str
+    text: str
+    settings: tuple[Setting, ...]
+
+
+def knobs(summary: Summary) -> list[Knob]:
+    """Every field with at least two settings, in the order of the table's rows.
+
+    Empty without a reference row, and where its results do not hold a budget.
+    """
+    if summary["reference"] is None:
+        return []
+    base = made_from(summary, reference_of(summary))
+    if base is None or "budget" not in base:
+        return []
+    found: dict[str, list[Setting]] = {}
+    for row in summary["rows"]:
+        content = made_from(summary, row["key"])
+        field = None if content is None else only_difference(content, base)
+        if content is not None and field is not None:
+            found.setdefault(field, []).append(Setting(content["budget"][field], row["key"]))
+    texts = TEXTS.get(base.get("method", RADIOGS), {})  # results from before methods were named are RadioGS's
+    return [
+        Knob(
+            field,
+            texts.get(field, field.replace("_", " ")),
+            tuple(sorted([*settings, Setting(base["budget"][field], reference_of(summary))])),
+        )
+        for field, settings in found.items()
+    ]
+
+
+def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str | None:
+    """The field of the budget in which a cell differs from another, if it is the only one and a positive integer."""
+    if any(content.get(part) != base.get(part) for part in COMPARED):
+        return None
+    budget, other = content.get("budget", {}), base["budget"]
+    changed = [name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)]
+    if len(changed) != 1:
+        return None
+    (field,) = changed
+    counts = all(type(each.get(field)) is int and each[field] > 0 for each in (budget, other))
+    return field if counts else None
+
+
+class Step(NamedTuple):
+    """From one setting to the next: the difference in every metric, and the ratios of training time and rays."""
+
+    knob: Knob
+    low: Setting
+    high: Setting
+    differences: dict[str, Estimate]
+    """By column; columns in which the two rows share no pair are absent."""
+    time_ratio: Estimate | None
+    ray_ratio: Estimate | None
+
+
+class Doubling(NamedTuple):
+    """Slope of a metric over log2 of the knob, and the factor in training time per doubling."""
+
+    knob: Knob
+    column: ColumnSummary
+    slope: Estimate
+    time_ratio: Estimate | None
+
+
+def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
+    """Every pair of neighbouring settings of every knob."""
+    found = []
+    for knob in knobs:
+        for low, high in pairwise(knob.settings):
+            changes = {
+                column["key"]: paired_difference(
+                    values_of(summary, high.row, column["key"]), values_of(summary, low.row, column["key"])
+                )
+                for column in summary["columns"]
+            }
+            time_ratio, ray_ratio = (
+                paired_ratio(costs_of(summary, high.row, cost), costs_of(summary, low.row, cost))
+                for cost in ("seconds", "rays")
+            )
+            known = {key: change for key, change in changes.items() if change is not None}
+            found.append(Step(knob, low, high, known, time_ratio, ray_ratio))
+    return found
+
+
+def doublings(summary: Summary, knobs: list[Knob]) -> list[Doubling]:
+    """Slopes for every knob and column, over the (scene, seed) pairs that have all settings."""
+    found = []
+    for knob in knobs:
+        log_seconds = {
+            setting.row: {pair: math.log2(each) for pair, each in costs_of(summary, setting.row, "seconds").items()}
+            for setting in knob.settings
+        }
+        time_ratio = exponential(_slope(knob, log_seconds), 2.0)
+        for column in summary["columns"]:
+            values = {setting.row: values_of(summary, setting.row, column["key"]) for setting in knob.settings}
+            slope = _slope(knob, values)
+            if slope is not None:
+                found.append(Doubling(knob, column, slope, time_ratio))
+    return found
+
+
+def _slope(knob: Knob, samples: Mapping[str, Mapping[Pair, float]]) -> Estimate | None:
+    """Mean over (scene, seed) of the least-squares slope over log2 of the settings; ``samples`` are by row."""
+    complete = sorted(set.intersection(*(set(sample) for sample in samples.values())))
+    places = [math.log2(setting.value) for setting in knob.settings]
+    centre = math.fsum(places) / len(places)
+    spread = math.fsum((place - centre) ** 2 for place in places)
+    return estimate(
+        [
+            math.fsum(
+                (place - centre) * samples[setting.row][pair]
+                for place, setting in zip(places, knob.settings, strict=True)
+            )
+            / spread
+            for pair in complete
+        ]
+    )

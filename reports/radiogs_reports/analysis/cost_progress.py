@@ -1,0 +1,149 @@
+"""Quality during training: the best row after equal time, and the time to equal quality.
+
+Values during training are means over a few test views: compare them with each other, not with the table's.
+"""
+
+import math
+from itertools import pairwise
+from typing import NamedTuple
+
+from ..statistics import Estimate, Pair, estimate, paired_difference
+from ..summary import ColumnSummary, Summary, reference_of
+from .samples import runs_of
+from .settling import Point, curve
+
+SHARES = (0.5, 0.75, 0.9, 1.0)
+"""Targets, as shares of what the reference row gains from its first scored point to its last."""
+
+
+class AtTime(NamedTuple):
+    """The best row after so many seconds, by the mean of its runs' values then, and the reference row's mean."""
+
+    seconds: float
+    column: ColumnSummary
+    row: str
+    value: float
+    reference: float | None
+
+
+class ToQuality(NamedTuple):
+    """Time to a target (its mean over scenes and seeds): mean seconds of the fastest row and of the reference row.
+
+    ``reached`` counts the rows that reach the target.
+    """
+
+    column: ColumnSummary
+    share: float
+    target: float
+    row: str
+    seconds: float
+    reference: float
+    reached: int
+
+
+def curves(summary: Summary, row: str, column: str) -> dict[Pair, list[Point]]:
+    """Curves of the row's finished runs that were scored during training."""
+    found = {pair: curve(run, column) for pair, run in runs_of(summary, row).items()}
+    return {pair: points for pair, points in found.items() if points}
+
+
+def at_equal_time(summary: Summary) -> list[AtTime]:
+    """The best row at the time of each scored point of the reference row, taken from its slowest run."""
+    found = []
+    for column in summary["columns"]:
+        every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
+        reference = every[reference_of(summary)]
+        for place in range(min((len(points) for points in reference.values()), default=0)):
+            seconds = max(points[place].seconds for points in reference.values())
+            means = {row: _mean([value_at(points, seconds) for points in runs.values()]) for row, runs in every.items()}
+            known = {row: mean for row, mean in means.items() if mean is not None}
+            best = max(known, key=lambda row: _goodness(known[row], column))
+            found.append(AtTime(seconds, column, best, known[best], known[reference_of(summary)]))
+    return found
+
+
+def to_equal_quality(summary: Summary) -> list[ToQuality]:
+    """Time to each share of the reference row's gain, in columns that it improves in each of its runs.
+
+    Every (scene, seed) has its own target, because scenes differ in quality. A row reaches a target if it does so in
+    every (scene, seed) of the reference row.
+    """
+    found = []
+    for column in summary["columns"]:
+        every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
+        ends = {pair: (points[0].value, points[-1].value) for pair, points in every[reference_of(summary)].items()}
+        if not ends or any(_goodness(last, column) <= _goodness(first, column) for first, last in ends.values()):
+            continue
+        for share in SHARES:
+            targets = {
+                pair: last if share == 1 else first + share * (last - first) for pair, (first, last) in ends.items()
+            }
+            found.append(_to_targets(summary, column, share, targets, every))
+    return found
+
+
+def _to_targets(
+    summary: Summary,
+    column: ColumnSummary,
+    share: float,
+    targets: dict[Pair, float],
+    every: dict[str, dict[Pair, list[Point]]],
+) -> ToQuality:
+    times = {
+        row: _mean([seconds_to(points.get(pair, []), target, column) for pair, target in targets.items()])
+        for row, points in every.items()
+    }
+    known = {row: seconds for row, seconds in times.items() if seconds is not None}
+    fastest = min(known, key=lambda row: known[row])
+    target = math.fsum(targets.values()) / len(targets)
+    return ToQuality(column, share, target, fastest, known[fastest], known[reference_of(summary)], len(known))
+
+
+def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | None:
+    """Gain in a metric between the last two scored points of the reference row, and their share of training seconds.
+
+    Models are scored at halves, quarters and so on of the last stage: its second half lies between the last two points.
+    """
+    scored = curves(summary, reference_of(summary), column)
+    whole = {pair: points for pair, points in scored.items() if len(points) >= 2}
+    gain = paired_difference(
+        {pair: points[-1].value for pair, points in whole.items()},
+        {pair: points[-2].value for pair, points in whole.items()},
+    )
+    share = estimate([1 - points[-2].seconds / points[-1].seconds for _, points in sorted(whole.items())])
+    return None if gain is None or share is None else (gain, share)
+
+
+def value_at(points: list[Point], seconds: float) -> float | None:
+    """The value after so many seconds, linear between scored points; None before the first."""
+    if seconds < points[0].seconds:
+        return None
+    for before, after in pairwise(points):
+        if seconds < after.seconds:
+            share = (seconds - before.seconds) / (after.seconds - before.seconds)
+            return before.value + share * (after.value - before.value)
+    return points[-1].value
+
+
+def seconds_to(points: list[Point], target: float, column: ColumnSummary) -> float | None:
+    """Seconds until the value is first as good as the target, linear between scored points; None if it never is."""
+    aim = _goodness(target, column)
+    if not points:
+        return None
+    if _goodness(points[0].value, column) >= aim:
+        return points[0].seconds
+    for before, after in pairwise(points):
+        start, end = _goodness(before.value, column), _goodness(after.value, column)
+        if end >= aim:
+            return before.seconds + (aim - start) / (end - start) * (after.seconds - before.seconds)
+    return None
+
+
+def _goodness(value: float, column: ColumnSummary) -> float:
+    return {"up": value, "down": -value, "zero": -abs(value)}[column["direction"]]
+
+
+def _mean(values: list[float | None]) -> float | None:
+    """The mean; None if a value is None or there are no values."""
+    known = [value for value in values if value is not None]
+    return math.fsum(known) / len(known) if known and len(known) == len(values) else None
