@@ -20,9 +20,8 @@ from ..runtime import (
     launch,
     workers,
 )
-from .breadth_first_source import MOST_HITS
 from .bvh import SurfelBVH
-from .hits_source import BUFFER, FINISHED, NO_SURFEL, hit_kernels
+from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, hit_kernels
 from .ray_order import coherent_order
 
 RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
