@@ -6,10 +6,10 @@ from typing import Any
 
 import torch
 
-from radiogs.effects.decide.probe import Findings, Occasion, probe
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from radiogs.effects.measure.step_cost import Step
+from radiogs.effects.image_share import image_share
+from radiogs.effects.probe import Findings, Occasion, probe
+from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.step_cost import Step
 from radiogs.tracing import Rays
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions

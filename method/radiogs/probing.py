@@ -13,13 +13,13 @@ from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 
 from .budget import Budget
-from .effects.decide.difference_maps import difference_maps
-from .effects.decide.evidence import Evidence
-from .effects.decide.new_light import IN_RELIGHTING, decide_light_sampling
-from .effects.decide.probe import Findings, Occasion, probe
-from .effects.measure.probe_scene import ProbeRays, ProbeScene, trace_scene
-from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
-from .effects.measure.step_cost import Step
+from .effects.difference_maps import difference_maps
+from .effects.evidence import Evidence
+from .effects.new_light import IN_RELIGHTING, decide_light_sampling
+from .effects.probe import Findings, Occasion, probe
+from .effects.probe_scene import ProbeRays, ProbeScene, trace_scene
+from .effects.radiosity import BOUNCES, OFFSET, Decay, solved
+from .effects.step_cost import Step
 from .model import Model
 from .relighting import probe_relighting, training_viewpoints
 from .tracing import Rays

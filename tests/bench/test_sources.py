@@ -74,7 +74,7 @@ MODULES: Mapping[str, set[str]] = {
     # RadioGS: stages, showing
     "radiogs.stages.initialise": FIRST | SECOND | TRAINED,
     "radiogs.stages.invert": SECOND | TRAINED,
-    "radiogs.effects.measure.bounds": SECOND | TRAINED,
+    "radiogs.effects.bounds": SECOND | TRAINED,
     # The model is shown by what metrics are computed with; a stage that is scored along the way is shown too.
     "radiogs.trained": TRAINED | {"cost: invert"},
     # loaders

@@ -14,7 +14,7 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from ..budget import Budget
-from ..effects.measure.probe_scene import KeptLight
+from ..effects.probe_scene import KeptLight
 from ..tracing import Rays
 
 

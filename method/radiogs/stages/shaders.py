@@ -22,9 +22,9 @@ from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from ..budget import Budget
 from ..consistency import RadiometricConsistency, split_sum_consistency_loss
-from ..effects.decide.planner import Planner
-from ..effects.decide.staleness import Staleness, staleness
-from ..effects.measure.step_cost import Step
+from ..effects.planner import Planner
+from ..effects.staleness import Staleness, staleness
+from ..effects.step_cost import Step
 from ..given import Start
 from ..model import Model
 from ..tracing import Rays

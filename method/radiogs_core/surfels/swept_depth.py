@@ -13,8 +13,8 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import avg_pool2d, normalize
 
-from ..kernels.sweep.matching import Matched, Textures, matching_costs
-from ..kernels.sweep.matching_source import COVERED
+from ..kernels.image.matching import Matched, Textures, matching_costs
+from ..kernels.image.matching_source import COVERED
 from ..scene.camera import Camera
 from ..scene.scene import View
 from .semi_global_matching import aggregated, lowest

@@ -42,7 +42,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "optimiser": ("radiogs_core.surfels.optimiser",),
     "density": ("radiogs_core.surfels.density", "radiogs_core.learning.contribution"),
     "starting points": (
-        "radiogs_core.kernels.sweep",
+        "radiogs_core.kernels.image.matching",
         "radiogs_core.surfels.starting_points",
         "radiogs_core.surfels.semi_global_matching",
         "radiogs_core.surfels.swept_depth",

@@ -10,11 +10,11 @@ import pytest
 import torch
 
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.evidence import Evidence
-from radiogs.effects.decide.new_light import reference_colour
-from radiogs.effects.decide.probe import Findings
-from radiogs.effects.measure.probe_scene import ProbeScene
-from radiogs.effects.measure.radiosity import Decay, scattered
+from radiogs.effects.evidence import Evidence
+from radiogs.effects.new_light import reference_colour
+from radiogs.effects.probe import Findings
+from radiogs.effects.probe_scene import ProbeScene
+from radiogs.effects.radiosity import Decay, scattered
 from radiogs.probing import (
     EFFECTS,
     bounces_needed,

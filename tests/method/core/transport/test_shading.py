@@ -8,9 +8,9 @@ import pytest
 import torch
 
 from radiogs.consistency import RadiometricConsistency
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.image_share import image_share
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer

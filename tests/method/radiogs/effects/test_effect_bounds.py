@@ -5,10 +5,7 @@ import math
 import pytest
 import torch
 
-from radiogs.effects.decide.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
-from radiogs.effects.decide.evidence import Evidence, Measured
-from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.bounds import (
+from radiogs.effects.bounds import (
     RESAMPLES_PER_TAIL,
     _drawn,
     bootstrap_t,
@@ -16,6 +13,9 @@ from radiogs.effects.measure.bounds import (
     sidak,
     zero_events_upper,
 )
+from radiogs.effects.decision import GRADIENT_TOLERANCE, LEAST_SHARE, OFF_BELOW, decide
+from radiogs.effects.evidence import Evidence, Measured
+from radiogs.effects.tolerance import Tolerance
 
 LEVEL = 0.05
 TRIALS = 300

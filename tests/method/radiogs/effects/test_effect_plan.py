@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.assessment import Assessment
+from radiogs.effects.assessment import Assessment
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.rendering import Renderer
 from radiogs.stages import Initialisation, InverseRendering

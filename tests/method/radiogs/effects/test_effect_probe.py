@@ -10,13 +10,13 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, found, grey, seen, sky
-from radiogs.effects.decide.assessment import Assessment
-from radiogs.effects.decide.probe import _accepted
-from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.gradient import image_gradient
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, ProbeView
-from radiogs.effects.measure.step_cost import Step
+from radiogs.effects.assessment import Assessment
+from radiogs.effects.gradient import image_gradient
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe import _accepted
+from radiogs.effects.probe_scene import SHARP_ROUGHNESS, ProbeView
+from radiogs.effects.step_cost import Step
+from radiogs.effects.tolerance import Tolerance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.sampling import tangent_frame

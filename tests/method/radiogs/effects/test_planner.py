@@ -9,12 +9,12 @@ import torch
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.planner import Planner
-from radiogs.effects.decide.probe import Occasion
-from radiogs.effects.decide.staleness import Staleness, decide_refresh
-from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
-from radiogs.effects.measure.step_cost import Step
+from radiogs.effects.planner import Planner
+from radiogs.effects.probe import Occasion
+from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
+from radiogs.effects.staleness import Staleness, decide_refresh
+from radiogs.effects.step_cost import Step
+from radiogs.effects.tolerance import Tolerance
 from radiogs.stages import Initialisation, InverseRendering
 from radiogs.tracing import Rays
 from radiogs.variant import Variant

@@ -8,12 +8,12 @@ import torch
 
 from probed_scenes import CLAY, cameras, found, grey, hidden, seen, sheet, shown, sky
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.difference_maps import difference_maps
-from radiogs.effects.decide.new_light import model_error, scene_under
-from radiogs.effects.measure.gradient import image_gradient
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.difference_maps import difference_maps
+from radiogs.effects.gradient import image_gradient
+from radiogs.effects.image_share import image_share
+from radiogs.effects.new_light import model_error, scene_under
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.probing import probe_scene, probe_scene_of_model
 from radiogs.relighting import probe_relighting

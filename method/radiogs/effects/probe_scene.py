@@ -14,7 +14,7 @@ from radiogs_core.transport.sampling import LightSampler, hemisphere_directions,
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
-from ...tracing import Rays
+from ..tracing import Rays
 
 PROBE_OFFSET = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the

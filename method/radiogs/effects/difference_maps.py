@@ -10,12 +10,12 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.transport.plan import HIGHEST_DEGREE, everything
 from radiogs_core.transport.splatting import SOLID_ALPHA
 
-from ..measure.covered_pixels import rendered_views
-from ..measure.plan_radiance import PlanRadiance
-from ..measure.probe_scene import ProbeScene
-from ..measure.substitutes import plan_without
-from ..measure.tile_errors import light_factor
 from .assessment import light_factor_is_free
+from .covered_pixels import rendered_views
+from .plan_radiance import PlanRadiance
+from .probe_scene import ProbeScene
+from .substitutes import plan_without
+from .tile_errors import light_factor
 
 
 def difference_maps(

@@ -13,11 +13,11 @@ from radiogs_core.transport.plan import EffectPlan, everything
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer
 
-from ..measure.bounds import bootstrap_t
-from ..measure.step_cost import Step, cost
+from .bounds import bootstrap_t
 from .decision import decide
 from .evidence import Evidence, Measured
 from .probe import Occasion
+from .step_cost import Step, cost
 from .tolerance import Tolerance
 
 CHECKED = 256

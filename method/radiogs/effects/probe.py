@@ -5,13 +5,13 @@ from dataclasses import dataclass, field, replace
 
 from radiogs_core.transport.plan import EffectPlan, everything
 
-from ..measure.bounds import sidak
-from ..measure.probe_scene import ProbeScene
-from ..measure.step_cost import Step
-from ..measure.substitutes import combined, partial_plans, partial_ray_plans, plan_without
 from .assessment import Assessment
+from .bounds import sidak
 from .decision import LEAST_SHARE, OFF_BELOW
 from .evidence import Evidence, Measured, Verdict
+from .probe_scene import ProbeScene
+from .step_cost import Step
+from .substitutes import combined, partial_plans, partial_ray_plans, plan_without
 from .tolerance import TOLERANCE_DB, Tolerance
 
 LEVEL = 0.01

@@ -13,13 +13,13 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
 
-from ...tracing import Rays
-from ..measure.image_share import image_share
-from ..measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from ..measure.step_cost import Step
+from ..tracing import Rays
 from .evidence import Evidence
+from .image_share import image_share
 from .probe import IN_TRAINING, PROBES, Findings, Occasion, level_of, probe
+from .probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
 from .staleness import Staleness, decide_refresh
+from .step_cost import Step
 
 DIRECTIONS = 16
 """Directions that a probe traces from every surfel, or half of those of training if that is less: two probes are then

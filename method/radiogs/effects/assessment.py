@@ -9,16 +9,16 @@ from torch import Tensor
 
 from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
 
-from ..measure.bounds import Bootstrap, zero_events_upper
-from ..measure.covered_pixels import CoveredPixels, rendered_views
-from ..measure.gradient import Gradients
-from ..measure.plan_radiance import PlanRadiance
-from ..measure.probe_scene import ProbeScene
-from ..measure.step_cost import Step, cost
-from ..measure.substitutes import restricted_to
-from ..measure.tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
+from .bounds import Bootstrap, zero_events_upper
+from .covered_pixels import CoveredPixels, rendered_views
 from .decision import decide
 from .evidence import Measured, Verdict
+from .gradient import Gradients
+from .plan_radiance import PlanRadiance
+from .probe_scene import ProbeScene
+from .step_cost import Step, cost
+from .substitutes import restricted_to
+from .tile_errors import ReferenceImage, TileErrors, mean_error, tile_errors
 from .tolerance import Tolerance
 
 NOT_ABSORBED = ("view-dependence", "samples")

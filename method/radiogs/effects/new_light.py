@@ -20,15 +20,15 @@ from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import own_radiance, shade_surfels
 
-from ...tracing import Rays
-from ..measure.bounds import bootstrap_t, sidak
-from ..measure.covered_pixels import CoveredPixels, rendered_views
-from ..measure.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from ..measure.step_cost import Step
-from ..measure.tile_errors import ReferenceImage, mean_error
+from ..tracing import Rays
+from .bounds import bootstrap_t, sidak
+from .covered_pixels import CoveredPixels, rendered_views
 from .decision import decide
 from .evidence import Evidence, Measured
 from .probe import LEVEL, PROBES, Findings, Occasion, probe
+from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from .step_cost import Step
+from .tile_errors import ReferenceImage, mean_error
 from .tolerance import TOLERANCE_DB, Tolerance
 
 CHECKED = 128
