@@ -1,4 +1,4 @@
-"""Images of surfels: splatting named channels, and the maps that evaluation compares."""
+"""Images of surfels: splatting named channels, the maps that evaluation compares, and normals of a depth map."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -7,6 +7,7 @@ from itertools import accumulate
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
+from torch.nn.functional import pad
 
 from ..kernels.image.display import displayed
 from ..kernels.image.normals import one_sided_normals
@@ -15,7 +16,6 @@ from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
 from ..surfels.harmonics import radiance_of_harmonics, surfel_radiance
 from ..surfels.surfels import Surfels
-from .depth_normals import depth_normals
 from .incident import Incident
 from .shading import shade_materials
 from .splitsum import PrefilteredLight, split_sum_radiance
@@ -195,3 +195,22 @@ def split_sum_maps(
     )
     direct = diffuse + specular
     return _maps(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct), straight)
+
+
+def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Float[Tensor, "height width 3"]:
+    """Unit normals of the surface through per-pixel world points, by central differences, facing ``toward``.
+
+    ``toward`` is the camera's centre [3]. The border pixel is zero; so is a pixel whose neighbours coincide.
+    """
+    across = points[1:-1, 2:] - points[1:-1, :-2]
+    down = points[2:, 1:-1] - points[:-2, 1:-1]
+    return pad(_facing(across, down, points[1:-1, 1:-1], toward), (0, 0, 1, 1, 1, 1))
+
+
+def _facing(across: Tensor, down: Tensor, points: Tensor, toward: Tensor) -> Tensor:
+    # x right times y down points away from the camera: the order is swapped to face it.
+    normal = torch.linalg.cross(down, across)
+    length = normal.square().sum(-1, keepdim=True)
+    unit = normal * torch.where(length > 0, length, torch.inf).rsqrt()
+    facing = (unit * (toward - points)).sum(-1, keepdim=True)
+    return torch.where(facing < 0, -unit, unit)

@@ -14,15 +14,16 @@ from radiogs.effects.evidence import Evidence
 from radiogs.effects.new_light import reference_colour
 from radiogs.effects.probe import Findings
 from radiogs.effects.probe_scene import ProbeScene
-from radiogs.effects.radiosity import Decay, scattered
 from radiogs.probing import (
     EFFECTS,
+    Decay,
     bounces_needed,
     findings_of,
     findings_under,
     probe_scene,
     probed,
     sampling_of,
+    scattered,
     true_model,
 )
 from radiogs.variant import Variant

@@ -3,7 +3,7 @@
 import torch
 
 from elsewhere import elsewhere, registered
-from radiogs_core.instruments.tally import Tally
+from radiogs_core.instruments import Tally
 
 
 def test_counts_of_host_and_device_add_up_and_are_awaited_once() -> None:

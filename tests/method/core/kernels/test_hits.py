@@ -6,7 +6,7 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs_core.instruments.recording import recording
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.kernels.lanes import LANES
 from radiogs_core.kernels.surfel.geometry import SplatGeometry

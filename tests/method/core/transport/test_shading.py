@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.consistency import RadiometricConsistency
 from radiogs.effects.image_share import image_share
 from radiogs.effects.plan_radiance import PlanRadiance
 from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer
+from radiogs.stages.consistency import RadiometricConsistency
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording

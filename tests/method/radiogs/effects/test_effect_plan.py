@@ -11,7 +11,8 @@ from radiogs.budget import PRESETS
 from radiogs.effects.assessment import Assessment
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.rendering import Renderer
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording

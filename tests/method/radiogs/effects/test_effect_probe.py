@@ -10,8 +10,7 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, found, grey, seen, sky
-from radiogs.effects.assessment import Assessment
-from radiogs.effects.gradient import image_gradient
+from radiogs.effects.assessment import Assessment, image_gradient
 from radiogs.effects.plan_radiance import PlanRadiance
 from radiogs.effects.probe import _accepted
 from radiogs.effects.probe_scene import SHARP_ROUGHNESS, ProbeView

@@ -15,7 +15,8 @@ from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
 from radiogs.effects.staleness import Staleness, decide_refresh
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording

@@ -8,14 +8,13 @@ import torch
 
 from probed_scenes import CLAY, cameras, found, grey, hidden, seen, sheet, shown, sky
 from radiogs.budget import PRESETS
-from radiogs.effects.difference_maps import difference_maps
-from radiogs.effects.gradient import image_gradient
+from radiogs.effects.assessment import image_gradient
 from radiogs.effects.image_share import image_share
 from radiogs.effects.new_light import model_error, scene_under
 from radiogs.effects.plan_radiance import PlanRadiance
 from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
-from radiogs.probing import probe_scene, probe_scene_of_model
+from radiogs.probing import difference_maps, probe_scene, probe_scene_of_model
 from radiogs.relighting import probe_relighting
 from radiogs.tracing import Rays
 from radiogs.variant import Variant

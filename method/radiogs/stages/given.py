@@ -18,7 +18,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import KnownRadiance, surfels_on
 from radiogs_core.surfels.surfels import Surfels
 
-from .known_indirect import Nearest
+from ..known_indirect import Nearest
 
 SPACING = 0.0125
 """Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""

@@ -16,7 +16,7 @@ from radiogs_core.transport.shading import shade_materials
 from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
-from .variant import Variant
+from ..variant import Variant
 
 Residual = Callable[[Tensor, Tensor], Tensor]
 """The difference of L_G and L_PBR, with gradient to both of them or to one."""
