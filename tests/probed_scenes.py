@@ -14,7 +14,7 @@ from radiogs.tracing import Rays
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
-from radiogs_core.transport.splatting import shaded_maps
+from radiogs_core.transport.maps import shaded_maps
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box
 from scenes import look_at, surfels_over

@@ -21,7 +21,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import HIGHEST_DEGREE, everything
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SOLID_ALPHA, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
@@ -198,7 +198,7 @@ def difference_maps(
     """
     radiance = PlanRadiance(replace(scene, views=scene.views[:1]))
     plans = {effect: plan_without(effect) for effect in effects}
-    sent = {"shaded": radiance.shaded(everything()), "own": radiance.own(HIGHEST_DEGREE)}
+    sent = {"shaded": radiance.shaded(EffectPlan()), "own": radiance.own(HIGHEST_DEGREE)}
     for effect, plan in plans.items():
         own = plan.sh_degree < HIGHEST_DEGREE
         sent[effect] = radiance.own(plan.sh_degree) if own else radiance.shaded(plan)

@@ -15,10 +15,10 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.met_surface import met_features, met_radiance, traced_openness
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
-from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 

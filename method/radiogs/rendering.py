@@ -7,8 +7,8 @@ from torch import Tensor
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
-from radiogs_core.transport.splatting import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .model import Model

@@ -14,7 +14,7 @@ from torch import Tensor
 
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.rasterize import blend
-from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 
 from .bounds import Bootstrap, zero_events_upper
 from .covered_pixels import CoveredPixels, rendered_views
@@ -52,11 +52,11 @@ class Assessment:
         self.radiance = PlanRadiance(scene)
         self.gradients = Gradients(self.radiance)
         full = {
-            "shaded": self.radiance.shaded(everything()).detach(),
+            "shaded": self.radiance.shaded(EffectPlan()).detach(),
             "own": self.radiance.own(HIGHEST_DEGREE),
         }
         if scene.sharpest is not None:
-            full["sharp"] = self.radiance.shaded(everything(), sharp=True).detach()
+            full["sharp"] = self.radiance.shaded(EffectPlan(), sharp=True).detach()
         rendered = rendered_views(self.radiance.projections, full.values())
         self.pixels = CoveredPixels.of(scene.views, rendered, scene.straight)
         shown = zip(full, self.pixels.take(rendered), strict=True)
@@ -71,7 +71,7 @@ class Assessment:
 
     def was_left_out(self, plan: EffectPlan, before: EffectPlan) -> bool:
         """Whether ``before`` left out as much already; a plan that leaves out more has to pass the stricter rule."""
-        return bool(before.off) and self.step.saving(plan, everything()) <= self.step.saving(before, everything())
+        return bool(before.off) and self.step.saving(plan, EffectPlan()) <= self.step.saving(before, EffectPlan())
 
     def by_images(self, effect: str, plan: EffectPlan, measured: Measured, before: EffectPlan) -> tuple[Verdict, str]:
         """The rule without gradients. Hysteresis compares with what ``before`` left out of the same effect."""
@@ -143,8 +143,8 @@ class Assessment:
         worst_tile = max(float(each.difference.max()) for each in errors.values())
         tail = worst_tile / tolerance.local_error if tolerance.local_error > 0 else float(worst_tile > 0)
         tiles = len(next(iter(errors.values())).difference)
-        saved = self.step.work(everything())["rays"] - self.step.work(plan)["rays"]
-        seconds = 1e-6 * (cost(self.step.work(everything())) - cost(self.step.work(plan)))
+        saved = self.step.work(EffectPlan())["rays"] - self.step.work(plan)["rays"]
+        seconds = 1e-6 * (cost(self.step.work(EffectPlan())) - cost(self.step.work(plan)))
         return Measured(
             contribution=max(tolerance.loss(each.mean) for each in bounds.values()),
             lowest=max(tolerance.loss(each.below) for each in bounds.values()),
@@ -153,7 +153,7 @@ class Assessment:
             tail=tail,
             unseen=zero_events_upper(tiles, self.level) if tail < 1 else 1.0,
             gradient=0.0,
-            share=self.step.saving(plan, everything()),
+            share=self.step.saving(plan, EffectPlan()),
             rays=round(saved),
             seconds=seconds,
         )
@@ -174,7 +174,7 @@ def image_gradient(radiance: PlanRadiance) -> Float[Tensor, "surfels views 3"]:
 
     Zero for views without a target.
     """
-    sent = radiance.shaded(everything()).detach().requires_grad_()
+    sent = radiance.shaded(EffectPlan()).detach().requires_grad_()
     total = sent.new_zeros(())
     for place, (view, projection) in enumerate(zip(radiance.scene.views, radiance.projections, strict=True)):
         if view.target is not None:
@@ -198,7 +198,7 @@ class Gradients:
     @cached_property
     def full(self) -> dict[str, Tensor]:
         """With everything on."""
-        return self.of(everything())
+        return self.of(EffectPlan())
 
     def of(self, plan: EffectPlan) -> dict[str, Tensor]:
         """Gradients under a plan, by name of the leaf."""

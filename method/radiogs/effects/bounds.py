@@ -31,19 +31,6 @@ def zero_events_upper(trials: int, level: float) -> float:
     return -math.expm1(math.log(level) / trials) if trials else 1.0
 
 
-def empirical_bernstein_upper(values: Float[Tensor, " sample"], largest: float, level: float) -> float:
-    """Upper bound on the mean of independent values in [0, largest], whatever their distribution (Maurer 2009).
-
-    mean + sqrt(2 V ln(2/level) / n) + 7 largest ln(2/level) / (3 (n - 1)).
-    """
-    count = len(values)
-    if count < 2:
-        return largest
-    logarithm = math.log(2 / level)
-    spread = math.sqrt(2 * float(values.double().var()) * logarithm / count)
-    return min(largest, float(values.double().mean()) + spread + 7 * largest * logarithm / (3 * (count - 1)))
-
-
 class Bootstrap:
     """One-sided bounds on means by the bootstrap-t, each with an error of ``level``.
 

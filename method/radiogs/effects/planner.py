@@ -11,7 +11,7 @@ from torch import Tensor
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, everything, plan_of
+from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, plan_of
 
 from ..tracing import Rays
 from .evidence import Evidence
@@ -93,7 +93,7 @@ class Planner:
             if stale is not None:
                 found = with_refresh(found, stale, step, occasion)
         except NumericalFailure as failure:
-            self.plan = everything()
+            self.plan = EffectPlan()
             why = f"the probe failed: {failure.what}"
             self.evidence += (Evidence("plan", "on", why, iteration, occasion.seed, 0.0, None),)
             return not same_rays(before, self.plan)

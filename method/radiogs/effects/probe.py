@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 
 from .assessment import Assessment
 from .bounds import sidak
@@ -33,7 +33,7 @@ class Occasion:
 
     seed: int
     iteration: int = 0
-    before: EffectPlan = field(default_factory=everything)
+    before: EffectPlan = field(default_factory=EffectPlan)
 
 
 @dataclass(frozen=True)
@@ -163,14 +163,14 @@ def _accepted(
     Effects interact: without indirect light, rays that some surfels keep for it only darken them. Returns the plan, its
     record, and the effects that it leaves out.
     """
-    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect], everything()))
+    left = sorted(chosen, key=lambda effect: -assessment.step.saving(chosen[effect], EffectPlan()))
     seed, decibel = assessment.seed, assessment.tolerance.decibel
     while left:
-        plan = everything()
+        plan = EffectPlan()
         for effect in left:
             plan = combined(plan, chosen[effect])
         verdict, why, measured = assessment.decided("plan", plan, assessment.measure([("plan", plan)])[0], before)
         if verdict == "off":
             return plan, Evidence("plan", "off", why, iteration, seed, decibel, measured), left
         left.pop()
-    return everything(), Evidence("plan", "on", "nothing is left out", iteration, seed, decibel, None), left
+    return EffectPlan(), Evidence("plan", "on", "nothing is left out", iteration, seed, decibel, None), left

@@ -9,7 +9,7 @@ from torch import Tensor
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.splatting import shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer
 
@@ -89,6 +89,6 @@ def decide_refresh(
     elif before.refresh > 1 and measured.bound > LATER**2 * tolerance.decibel:
         # The present interval exceeds the tolerance already.
         factor //= LATER
-    left_out = factor > everything().refresh
+    left_out = factor > EffectPlan().refresh
     verdict = "off" if left_out else "on"
     return factor, Evidence("refresh", verdict, why, occasion.iteration, occasion.seed, tolerance.decibel, measured)

@@ -7,7 +7,7 @@ import torch
 
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan, everything
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
 
 from .plan_radiance import PlanRadiance
 
@@ -25,8 +25,8 @@ def plan_without(effect: str) -> EffectPlan:
     Rays serve visibility and indirect light alike; so visibility is only left out together with indirect light.
     """
     if effect == "visibility":
-        return everything().without("indirect").without("visibility")
-    return everything().without(effect)
+        return EffectPlan().without("indirect").without("visibility")
+    return EffectPlan().without(effect)
 
 
 def partial_plans(effect: str, surfels: Surfels) -> list[EffectPlan]:
@@ -47,7 +47,7 @@ def partial_ray_plans(radiance: PlanRadiance, tolerated: float) -> list[EffectPl
     the images.
     """
     without = radiance.shaded(plan_without("visibility")).detach()
-    change = srgb_encode(without) - srgb_encode(radiance.shaded(everything()).detach())
+    change = srgb_encode(without) - srgb_encode(radiance.shaded(EffectPlan()).detach())
     error = radiance.scene.share * change.square().mean(-1).amax(1)
     ordered, place = error.sort()
     together = ordered.cumsum(0)
@@ -74,7 +74,7 @@ _FIELDS: Mapping[str, tuple[str, ...]] = {
 
 def restricted_to(plan: EffectPlan, effect: str) -> EffectPlan:
     """The plan that leaves out of one effect what ``plan`` does, and nothing else."""
-    return replace(everything(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
+    return replace(EffectPlan(), **{name: getattr(plan, name) for name in _FIELDS[effect]})
 
 
 def combined(first: EffectPlan, second: EffectPlan) -> EffectPlan:

@@ -35,7 +35,7 @@ HELD: Mapping[str, tuple[str, ...]] = {
 """The raw parameters that each part is. Indirect light is none: it is traced elsewhere.
 
 How far surfels reach and how opaque they are is not of the true surface but of how it is represented: equal discs reach
-over silhouettes and creases. Both are fitted to the images (``stages.starting_values.rates_of``).
+over silhouettes and creases. Both are fitted to the images (``invert.rates_of``).
 """
 
 

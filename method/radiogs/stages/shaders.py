@@ -19,7 +19,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import shade_surfels, towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
@@ -75,7 +75,7 @@ class Shader(Protocol):
 class SplitSum:
     """Pre-filtered light: no ray, nothing to plan, no state."""
 
-    plan = everything()
+    plan = EffectPlan()
     evidence: tuple[Mapping[str, Any], ...] = ()
 
     def due(self, iteration: int) -> bool:

@@ -16,7 +16,7 @@ from ..kernels.trace.bvh import SurfelBVH
 from ..kernels.trace.trace import Hits, trace
 from ..surfels.surfels import Surfels
 from .incident import Incident
-from .plan import EffectPlan, everything
+from .plan import EffectPlan
 from .sampling import hemisphere_directions
 
 SELF_OFFSET = 1.0
@@ -30,7 +30,7 @@ of a solid has no surfels: a ray that enters it there must not leave it again on
 surfels of the ray's own surface that are met from behind: they lie as a layer about as thick as they are wide."""
 
 
-EVERYTHING = everything()
+EVERYTHING = EffectPlan()
 
 
 RAYS_AT_ONCE = 1 << 18

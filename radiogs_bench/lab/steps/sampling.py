@@ -17,6 +17,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "rasterizer": (
         "radiogs_core.kernels.rasterize",
         "radiogs_core.transport.splatting",
+        "radiogs_core.transport.maps",
         "radiogs_core.transport.blending_weights",
     ),
     "tracing": (

@@ -17,7 +17,7 @@ from radiogs_baselines.methods.r3dg.labels import labels_of
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model
 from radiogs_baselines.methods.r3dg.variant import Variant
-from radiogs_core.surfels.ply import read_ply
+from surfel_files import read_ply
 
 CAMERA = SCENE.test[0].camera
 

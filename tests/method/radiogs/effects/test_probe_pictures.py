@@ -21,7 +21,7 @@ from radiogs.variant import Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import radiance_maps
+from radiogs_core.transport.maps import radiance_maps
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.solids import Sphere
 from scenes import sphere_scene, surfels_over
