@@ -206,7 +206,7 @@ def difference_maps(
     images = dict(zip(sent, rendered.channels.split(3, -1), strict=True))
     covered = rendered.alpha > SOLID_ALPHA
 
-    def shown(linear: Tensor) -> Tensor:
+    def encoded(linear: Tensor) -> Tensor:
         return displayed(linear, rendered.alpha, scene.straight)
 
     maps = {}
@@ -214,8 +214,8 @@ def difference_maps(
         full, less = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"], images[effect]
         if light_factor_is_free(effect, scene):
             less = less * light_factor(less[covered], full[covered])
-        maps[effect] = (shown(less) - shown(full)).abs().mean(-1)
-    return shown(images["shaded"]), maps
+        maps[effect] = (encoded(less) - encoded(full)).abs().mean(-1)
+    return encoded(images["shaded"]), maps
 
 
 @torch.no_grad()

@@ -37,7 +37,7 @@ class Renderer:
             self.incident = _incident(model, samples, variant)
 
     def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
-        """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
+        """The indirect radiance that arrives (see ``maps.incident_map``); not for split-sum shading."""
         assert self.incident is not None
         return incident_map(camera, self.model.surfels, self.incident)
 

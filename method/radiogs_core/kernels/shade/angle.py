@@ -6,6 +6,5 @@ from ..native_text import native_file
 
 ANGLE = native_file(__package__, "angle.inl")
 
-
 ATAN_TERMS = {torch.float32: 9, torch.float64: 20}
 """Terms of the series of atan up to tan(pi/8) that reach the last digit of each type."""
