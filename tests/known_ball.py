@@ -7,7 +7,8 @@ from typing import Any
 import torch
 
 from radiogs.budget import PRESETS, Budget
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.kernels.surfel.frame import frames
 from radiogs_core.scene.colour import srgb_encode

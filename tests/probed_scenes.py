@@ -6,15 +6,15 @@ from typing import Any
 
 import torch
 
-from radiogs.effects.decide.probe import Findings, Occasion, probe
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
-from radiogs.effects.measure.step_cost import Step
+from radiogs.effects.image_share import image_share
+from radiogs.effects.probe import Findings, Occasion, probe
+from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.step_cost import Step
 from radiogs.tracing import Rays
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
-from radiogs_core.transport.splatting import shaded_maps
+from radiogs_core.transport.maps import shaded_maps
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box
 from scenes import look_at, surfels_over

@@ -14,7 +14,8 @@ from .model import Model
 from .probing import probed
 from .profile import PROFILES
 from .rehearsing import short_run, sizes
-from .stages import Initialisation, InverseRendering
+from .stages.initialise import Initialisation
+from .stages.invert import InverseRendering
 from .trained import TrainedRadioGS
 from .variant import Variant
 

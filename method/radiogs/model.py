@@ -11,7 +11,7 @@ from torch import Tensor
 from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.restoring import restored_map, restored_surfels
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Model:
 
     surfels: Surfels
     log_environment: Float[Tensor, "height width 3"]
-    plan: EffectPlan = field(default_factory=everything)
+    plan: EffectPlan = field(default_factory=EffectPlan)
     evidence: tuple[Mapping[str, Any], ...] = ()
     indirect: KnownRadiance | None = None
 

@@ -1,28 +1,75 @@
-"""Which effects RadioGS needs on a scene as it truly is, or for a trained model: in training, or relit by a light."""
+"""Which effects RadioGS needs on a scene as it truly is, or for a trained model: in training, or relit by a light.
 
-from dataclasses import replace
+A probe of the true scene follows light over its surfels bounce by bounce (``solved``), and says how much each further
+one adds. ``difference_maps`` shows where effects matter.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Float
+from torch import Tensor
 
 from radiogs_core.capabilities import EffectRecord, Probe
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError
+from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import surfels_on
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.sampling import hemisphere_directions
+from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SOLID_ALPHA, SPECULAR_DIRECT, shade_surfels
+from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
 from .budget import Budget
-from .effects.decide.difference_maps import difference_maps
-from .effects.decide.evidence import Evidence
-from .effects.decide.new_light import IN_RELIGHTING, decide_light_sampling
-from .effects.decide.probe import Findings, Occasion, probe
-from .effects.measure.probe_scene import ProbeRays, ProbeScene, trace_scene
-from .effects.measure.radiosity import BOUNCES, OFFSET, Decay, solved
-from .effects.measure.step_cost import Step
+from .effects.assessment import light_factor_is_free
+from .effects.covered_pixels import rendered_views
+from .effects.evidence import Evidence
+from .effects.new_light import IN_RELIGHTING, decide_light_sampling
+from .effects.plan_radiance import PlanRadiance
+from .effects.probe import Findings, Occasion, probe
+from .effects.probe_scene import ProbeRays, ProbeScene, trace_scene
+from .effects.step_cost import Step
+from .effects.substitutes import plan_without
+from .effects.tile_errors import light_factor
 from .model import Model
 from .relighting import probe_relighting, training_viewpoints
 from .tracing import Rays
+
+OFFSET = 0.1
+"""Where rays start, in standard deviations: on surfels that lie exactly on their surface little more than rounding is
+in the way."""
+
+BOUNCES = 8
+"""Surfaces that light is followed over, as in the pictures of generated scenes."""
+
+
+@dataclass(frozen=True)
+class Decay:
+    """Energy that arrives after one surface, after two, and so on: means over surfels and channels, linear."""
+
+    energy: tuple[float, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Of the second to the first; 0 where nothing arrives."""
+        return self.energy[1] / self.energy[0] if self.energy[0] > 0 else 0.0
+
+    def needed(self, first: float, tolerated: float) -> int:
+        """Bounces after which what is missing costs less than is tolerated; ``first``: what all but one of them add.
+
+        Both are squared errors, which fall by the square of the ratio with every further bounce.
+        """
+        if first <= tolerated or self.ratio <= 0:
+            return 1
+        falling = math.log(min(self.ratio, 0.99) ** 2)
+        return 1 + math.ceil(math.log(tolerated / first) / falling)
+
 
 EFFECTS = ("visibility", "indirect", "bounces", "specular", "samples")
 """Effects that a probe of a scene measures: view-dependence is none, as true surfels are given the same radiance in all
@@ -140,3 +187,72 @@ def shown(scene: ProbeScene, found: Findings, effects: tuple[str, ...], bounces:
         pictured=taken is not None,
         differences={effect: change.cpu() for effect, change in differences.items()},
     )
+
+
+def difference_maps(
+    scene: ProbeScene, effects: Sequence[str]
+) -> tuple[Float[Tensor, "height width 3"], dict[str, Float[Tensor, "height width"]]]:
+    """The first view with everything on, and how much leaving each effect out changes each pixel, mean over channels.
+
+    Both in display sRGB.
+    """
+    radiance = PlanRadiance(replace(scene, views=scene.views[:1]))
+    plans = {effect: plan_without(effect) for effect in effects}
+    sent = {"shaded": radiance.shaded(EffectPlan()), "own": radiance.own(HIGHEST_DEGREE)}
+    for effect, plan in plans.items():
+        own = plan.sh_degree < HIGHEST_DEGREE
+        sent[effect] = radiance.own(plan.sh_degree) if own else radiance.shaded(plan)
+    (rendered,) = rendered_views(radiance.projections, [value.detach() for value in sent.values()])
+    images = dict(zip(sent, rendered.channels.split(3, -1), strict=True))
+    covered = rendered.alpha > SOLID_ALPHA
+
+    def encoded(linear: Tensor) -> Tensor:
+        return displayed(linear, rendered.alpha, scene.straight)
+
+    maps = {}
+    for effect, plan in plans.items():
+        full, less = images["own" if plan.sh_degree < HIGHEST_DEGREE else "shaded"], images[effect]
+        if light_factor_is_free(effect, scene):
+            less = less * light_factor(less[covered], full[covered])
+        maps[effect] = (encoded(less) - encoded(full)).abs().mean(-1)
+    return encoded(images["shaded"]), maps
+
+
+@torch.no_grad()
+def solved(
+    surfels: Surfels, light: EnvironmentMap, samples: int, seed: int, bounces: int = BOUNCES
+) -> tuple[Surfels, Decay]:
+    """The surfels with the radiance that they send out under a light, the same to all sides, and how it builds up."""
+    normal = surfels.frame[..., 2]
+    direction, weight = hemisphere_directions(normal, samples, torch.Generator().manual_seed(seed))
+    hits = SurfelTracer(surfels, OFFSET).trace(torch.arange(len(surfels)), direction, torch.zeros_like(surfels.albedo))
+    lit = Incident(direction, weight, visibility_of(hits)[0].view(weight.shape), torch.zeros_like(direction))
+    parts = shade_surfels(surfels, surfels.albedo, lit, normal[:, None], light.radiance)[:, 0]
+    sent = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
+    total, decay = scattered(surfels, sent, direction, weight, bounces - 1)
+    harmonics = torch.cat([radiance_to_sh(total)[:, None], torch.zeros_like(surfels.sh[:, 1:])], 1)
+    return Surfels.of(surfels.parameters() | {"sh": harmonics}), decay
+
+
+@torch.no_grad()
+def scattered(
+    surfels: Surfels,
+    sent: Float[Tensor, "surfels 3"],
+    direction: Float[Tensor, "surfels samples 3"],
+    weight: Float[Tensor, "surfels samples"],
+    times: int,
+) -> tuple[Float[Tensor, "surfels 3"], Decay]:
+    """Radiance after what is ``sent`` was scattered that many times, and the energy of each.
+
+    Radiosity by Jacobi's iteration over traced rays; surfaces scatter by Lambert's law.
+    """
+    tracer, index = SurfelTracer(surfels, OFFSET), torch.arange(len(surfels))
+    flow = (direction * surfels.frame[:, None, :, 2]).sum(-1, keepdim=True) * weight[..., None] / torch.pi
+    total, energy = sent.clone(), []
+    for _ in range(times):
+        hits = tracer.trace(index, direction, sent)
+        met = (hits.features * visibility_of(hits)[1][:, None]).view(direction.shape)
+        sent = surfels.albedo * (flow * met).sum(1)
+        energy.append(float(sent.mean()))
+        total = total + sent
+    return total, Decay(tuple(energy))

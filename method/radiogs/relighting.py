@@ -15,19 +15,19 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
+from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.met_surface import met_features, met_radiance, traced_openness
 from radiogs_core.transport.plan import EffectPlan, plan_of
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
-from radiogs_core.transport.splatting import radiance_maps, shaded_maps
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
-from .effects.decide.evidence import Evidence
-from .effects.decide.new_light import model_error, plan_for_light, scene_under
-from .effects.decide.planner import PROBE_VIEWS
-from .effects.decide.probe import Findings
-from .effects.measure.image_share import image_share
-from .effects.measure.probe_scene import ProbeScene, ProbeView, Viewpoints
+from .effects.evidence import Evidence
+from .effects.image_share import image_share
+from .effects.new_light import model_error, plan_for_light, scene_under
+from .effects.planner import PROBE_VIEWS
+from .effects.probe import Findings
+from .effects.probe_scene import ProbeScene, ProbeView, Viewpoints
 from .model import Model
 from .tracing import Rays
 

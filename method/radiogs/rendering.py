@@ -7,8 +7,8 @@ from torch import Tensor
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
-from radiogs_core.transport.splatting import incident_map, shaded_maps, split_sum_maps
 from radiogs_core.transport.tracer import gather_incident, incident_along
 
 from .model import Model
@@ -37,7 +37,7 @@ class Renderer:
             self.incident = _incident(model, samples, variant)
 
     def incident_map(self, camera: Camera) -> Float[Tensor, "height width 3"]:
-        """The indirect radiance that arrives (see ``splatting.incident_map``); not for split-sum shading."""
+        """The indirect radiance that arrives (see ``maps.incident_map``); not for split-sum shading."""
         assert self.incident is not None
         return incident_map(camera, self.model.surfels, self.incident)
 

@@ -16,7 +16,7 @@ from radiogs_core.transport.shading import lambert_albedo, shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
-from .effects.measure.image_share import image_share
+from .effects.image_share import image_share
 from .rendering import Renderer
 
 FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {

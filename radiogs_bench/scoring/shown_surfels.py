@@ -1,16 +1,26 @@
 """The surfels of a trained model as arrays that are kept with its result, for the report's 3-D view."""
 
+from typing import Protocol, runtime_checkable
+
 import numpy as np
 import torch
 
 from radiogs_core.contract import Trained
 from radiogs_core.scene.standpoint import Standpoint
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.made_of import MadeOfSurfels
 from radiogs_core.surfels.surfels import Surfels
 
 MOST = 50_000
 """Surfels of a larger model that are kept: those that cover most, by area times opacity. About 2 MB."""
+
+
+@runtime_checkable
+class MadeOfSurfels(Protocol):
+    """A trained model that can be shown in 3-D, as the surfels that it exports."""
+
+    @property
+    def surfels(self) -> Surfels:
+        """Its surfels, with the materials that other programs get."""
 
 
 def surfel_arrays(model: Trained, seen_from: Standpoint) -> dict[str, np.ndarray]:

@@ -39,7 +39,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import everything
+from radiogs_core.transport.plan import EffectPlan
 
 STEPS = 3
 CPU = torch.device("cpu")
@@ -119,7 +119,7 @@ class FakeTrained:
         self.place, self.kept = tensors["place"], dict(tensors)
 
     def facts(self) -> dict[str, Any]:
-        return {"surfels": 4, "effects": {"plan": everything().plain(), "evidence": []}}
+        return {"surfels": 4, "effects": {"plan": EffectPlan().plain(), "evidence": []}}
 
     def export(self, folder: Path) -> list[Path]:
         return []

@@ -20,7 +20,8 @@ from radiogs.memory import memory_of
 from radiogs.model import Model
 from radiogs.rehearsing import short_run
 from radiogs.relighting import RelitBySurfels, fine_tuned, relight
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.capabilities import TrainingImages
 from radiogs_core.contract import Run

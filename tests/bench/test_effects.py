@@ -18,7 +18,7 @@ from radiogs_bench.suites.suite import with_field
 from radiogs_bench.suites.toml_file import read_suite
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
-from radiogs_core.transport.plan import EFFECTS, everything
+from radiogs_core.transport.plan import EFFECTS, EffectPlan
 from radiogs_datasets.generate.catalogue import RECIPES
 from radiogs_datasets.image_files import write_hdr
 from radiogs_datasets.registry import scene_names
@@ -72,7 +72,7 @@ def test_a_model_trained_by_evidence_keeps_its_plan_and_can_be_probed_and_relit(
     assert read_about(out)["variant"]["effects"] == "auto"
     facts = read_trained(out, torch.device("cpu"))[1].facts()["effects"]
     assert {record["iteration"] for record in facts["evidence"]} == {0, 10}
-    assert facts["plan"].keys() == everything().plain().keys()
+    assert facts["plan"].keys() == EffectPlan().plain().keys()
     capsys.readouterr()
 
     picture = tmp_path / "where.png"

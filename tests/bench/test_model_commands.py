@@ -12,9 +12,9 @@ from radiogs.trained import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.store.seal import seal_of
-from radiogs_core.surfels.ply import read_ply
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import read_exr, read_png, write_exr, write_hdr, write_png
+from surfel_files import read_ply
 
 CPU = torch.device("cpu")
 

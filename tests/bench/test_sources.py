@@ -72,11 +72,11 @@ RESULTS = {*TRAINED, "parity", "stability"}
 MODULES: Mapping[str, set[str]] = {
     # the kit: what is shared by all, and what the second stage alone uses
     "radiogs_core.kernels.rasterize.rasterize_source": FIRST | SECOND | RESULTS,
-    "radiogs_core.transport.horizon": SECOND | {*TRAINED, "parity"},
+    "radiogs_core.transport.tracer": SECOND | {*TRAINED, "parity"},
     # RadioGS: stages, showing
     "radiogs.stages.initialise": FIRST | SECOND | TRAINED,
     "radiogs.stages.invert": SECOND | TRAINED,
-    "radiogs.effects.measure.bounds": SECOND | TRAINED,
+    "radiogs.effects.bounds": SECOND | TRAINED,
     # The model is shown by what metrics are computed with; a stage that is scored along the way is shown too.
     "radiogs.trained": TRAINED | {"cost: invert"},
     # loaders

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from radiogs_core.errors import UsageError
-from radiogs_core.scene.held_pixels import Levels, held
+from radiogs_core.learning.views import Levels, held
 from radiogs_datasets import load_scene
 from radiogs_datasets.enlargement import enlarged
 

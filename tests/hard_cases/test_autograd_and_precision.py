@@ -16,9 +16,15 @@ from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.colour import DISPLAY_KNEE, LINEAR_KNEE, srgb_decode, srgb_encode
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.depth_normals import depth_normals
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import own_radiance, own_radiance_twice, shade_surfels, splat, towards
+from radiogs_core.transport.splatting import (
+    depth_normals,
+    own_radiance,
+    own_radiance_twice,
+    shade_surfels,
+    splat,
+    towards,
+)
 from radiogs_core.transport.tracer import SurfelTracer
 from reference.differences import slope
 

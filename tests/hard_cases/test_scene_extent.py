@@ -10,7 +10,7 @@ from radiogs.model import Model
 from radiogs.rendering import Renderer
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
-from radiogs_core.kernels.rasterize.binning import tile_lists
+from radiogs_core.kernels.rasterize.rasterize import tile_lists
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import _begins, _entries

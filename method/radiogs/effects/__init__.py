@@ -1,5 +1,6 @@
 """Which light-transport effects a scene needs, by measured evidence.
 
-``measure`` finds what leaving an effect out would change and what it costs; ``decide`` compares that with a tolerance,
-once or during training. The decision itself is a ``radiogs_core.transport.plan.EffectPlan``.
+Some modules find what leaving an effect out would change (radiance under a plan, image errors, gradients) and what it
+costs; ``probe``, ``planner`` and ``new_light`` compare that with a tolerance, once, during training and for relighting.
+The decision itself is a ``radiogs_core.transport.plan.EffectPlan``.
 """

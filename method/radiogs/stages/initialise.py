@@ -14,10 +14,10 @@ from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
-from ..consistency import split_sum_consistency_loss
 from ..learning import SplitSumLearning
 from ..model import Model, constant_light
 from ..variant import Variant
+from .consistency import split_sum_consistency_loss
 
 
 class Initialisation(FitGeometry):

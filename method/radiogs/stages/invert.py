@@ -1,6 +1,10 @@
-"""Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11)."""
+"""Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11).
+
+It starts from surfels and radiance of stage 1, new materials, a new light, and rates of them all (``start_of``).
+"""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import torch
@@ -10,6 +14,7 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.backward import backward
 from radiogs_core.learning.fit_geometry import surfels_of
+from radiogs_core.learning.light_start import light_and_albedo, white_light
 from radiogs_core.learning.losses import (
     environment_smoothness,
     light_prior,
@@ -20,15 +25,18 @@ from radiogs_core.learning.losses import (
 from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import HIGHEST_DEGREE
 from radiogs_core.transport.splatting import own_radiance, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
 from ..budget import Budget
-from ..model import Model
+from ..model import Model, constant_light
+from ..profile import START_RADIANCE
+from ..tracing import Rays
 from ..variant import Variant
+from .given import Start, given_geometry, replaced
 from .shaders import shader_of
-from .starting_values import start_of
 
 
 class InverseRendering:
@@ -151,3 +159,56 @@ class InverseRendering:
         self.optimiser.restore(state["optimiser"])
         self.generator.set_state(state["generator"])
         self.shader.restore(state["shader"])
+
+
+def start_of(
+    scene: Scene,
+    variant: Variant,
+    rows: int,
+    views: tuple[TrainingView, ...],
+    learnt: Surfels,
+    seed: int,
+    generator: torch.Generator,
+) -> Start:
+    """The start with a light of ``rows`` rows, and what is given as the truth in the place of what was learnt."""
+    surfels = given_geometry(learnt, variant.given, scene)
+    surfels, log_light = _materials_and_light(surfels, variant, rows, views, generator)
+    return replaced(Start(surfels, log_light, rates_of(variant, scene.extent)), variant.given, scene, seed)
+
+
+def _materials_and_light(
+    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> tuple[Surfels, Tensor]:
+    """The surfels with the materials that they start with, and the logarithm of the light."""
+    start, device = variant.materials.start, learnt.centre.device
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    if "start-light" in variant.deviations:
+        return surfels, constant_light(rows, START_RADIANCE, device)
+    found = None
+    if start.light == "least-variation":
+        two_sided = Rays.of(variant).back_offset is not None
+        found = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
+    if found is None:
+        return surfels, constant_light(rows, white_light(views, start.white, start.brightest), device)
+    light, albedo = found
+    return replace(surfels, albedo_logit=torch.logit(albedo)), light.log()
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units.
+
+    Surfels on given surfaces have had no stage 1: their extents and opacities are learnt at its rates.
+    """
+    rates, before = variant.materials.rates, variant.geometry.rates
+    share = 1.0 if "geometry" in variant.given else rates.geometry
+    return {
+        "centre": rates.geometry * (before.position * extent),
+        "rotation": rates.geometry * before.rotation,
+        "log_scale": share * before.scale,
+        "opacity_logit": share * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }

@@ -1,17 +1,42 @@
-"""The text of native snippets, written for a scalar type and for what compiles it."""
+"""The text of native snippets: files of C++ beside the modules that use them, for a scalar type and its compiler.
 
+A file ``NAME.inl`` has sections, the bodies of functions or parts of them. SCALAR, ON_CUDA and the file's own words are
+replaced for each kernel. A compiler's message names the file and its line.
+"""
+
+import re
 from collections.abc import Mapping
+from importlib.resources import files
 
 import torch
 
 from .runtime import scalar_type
 
-_STAND_INS = """
-#if ON_CUDA && !defined(__CUDA_ARCH__)
-    #define __ffs(bits) __builtin_ffs(bits)
-    #define atomicAdd(address, value) *(address) += (value)
-#endif
-"""
+_SECTION = re.compile(r"// ---- (\w+)")
+_INCLUDE = re.compile(r'#include "([\w.:]+)"')
+
+
+def native_file(package: str, name: str, **others: Mapping[str, str]) -> dict[str, str]:
+    """The sections of a file beside a module, by their names.
+
+    A section goes from its line ``// ---- name`` to the next one. A line ``#include "name"`` in it is replaced by an
+    earlier section of the file, ``#include "lanes.inl:name"`` by one of ``others``, given as ``lanes=``.
+    """
+    lines = files(package).joinpath(name).read_text(encoding="utf-8").splitlines()
+    known = {f"{file}.inl:{section}": text for file, sections in others.items() for section, text in sections.items()}
+    sections: dict[str, str] = {}
+    for number, line in enumerate(lines, start=1):
+        if heading := _SECTION.fullmatch(line):
+            section = heading[1]
+            sections[section] = f'\n#line {number + 1} "{name}"\n'
+        elif sections and (include := _INCLUDE.fullmatch(line)):
+            sections[section] += f'{(known | sections)[include[1]]}#line {number + 1} "{name}"\n'
+        elif sections:
+            sections[section] += f"{line}\n"
+    return sections
+
+
+_STAND_INS = native_file(__package__, "native_text.inl")["stand_ins"]
 
 
 def native_text(snippet: str, dtype: torch.dtype, on_cuda: bool, words: Mapping[str, str]) -> str:
@@ -26,4 +51,4 @@ def native_text(snippet: str, dtype: torch.dtype, on_cuda: bool, words: Mapping[
         **words,
     }.items():
         text = text.replace(word, meaning)
-    return text
+    return text + '#line 1 "generated"\n'

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import torch
 from torch import Tensor
 
-from ..instruments.finite import require_finite
+from ..instruments import require_finite
 
 
 def backward(

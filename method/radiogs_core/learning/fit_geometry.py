@@ -1,10 +1,10 @@
 """``fit_geometry``: surfels from posed images by novel-view synthesis alone, with the losses of 2DGS.
 
 The first stage of every surfel method: what a method learns besides (its own shading of the same surfels) is a
-``Shading`` that it hands to the stage.
+``Shading`` that it hands to the stage. Surfels that make up little of every image are found in all training views.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import Any, Protocol, runtime_checkable
 
@@ -24,9 +24,9 @@ from ..surfels.optimiser import SurfelOptimiser
 from ..surfels.starting_points import initial_surfels
 from ..surfels.surfels import Surfels
 from ..surfels.surroundings import surrounded_surfels
+from ..transport.blending_weights import blending_weights
 from ..transport.splatting import Splat, own_radiance_twice, splat
 from .backward import backward
-from .contribution import largest_contribution
 from .geometry import GeometryLearning, turning
 from .losses import mask_entropy, normal_consistency, reconstruction
 from .views import TrainingView, chosen_views, load, mean_distance, view_at
@@ -332,3 +332,11 @@ def require_some(surfels: Surfels, iteration: int) -> None:
 def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:
     """A blended image in display sRGB, over a grey background."""
     return display + background * (1 - alpha)[..., None]
+
+
+def largest_contribution(surfels: Surfels, views: Sequence[TrainingView]) -> Float[Tensor, " surfels"]:
+    """The sum of a surfel's blending weights over the pixels of a view, in the view where it is largest; pixels."""
+    largest = torch.zeros_like(surfels.opacity_logit, requires_grad=False)
+    for view in views:
+        largest = torch.maximum(largest, blending_weights(view.camera, surfels))
+    return largest

@@ -14,10 +14,9 @@ from pathlib import Path
 import numpy as np
 import torch
 from jaxtyping import Float
-from plyfile import PlyData, PlyElement, PlyParseError
+from plyfile import PlyData, PlyElement
 from torch import Tensor
 
-from ..errors import DataError
 from .display_harmonics import display_harmonics
 from .harmonics import COEFFICIENTS
 from .surfels import Surfels
@@ -75,28 +74,6 @@ def write_ply(surfels: Surfels, path: Path, attributes: Sequence[str] = ALL) -> 
     PlyData(
         [PlyElement.describe(rows, "vertex")], byte_order="<", comments=["f_dc, f_rest: display sRGB; radiance: linear"]
     ).write(str(path))
-
-
-def read_ply(path: Path) -> Surfels:
-    """The inverse of ``write_ply``, bit for bit. Raises DataError for what is no such file."""
-    try:
-        rows = PlyData.read(str(path))["vertex"].data
-    except (OSError, PlyParseError, KeyError) as error:
-        raise DataError(f"{path} is no PLY file of surfels", f"{error}.", "Give one that `train` wrote.") from error
-    lacking = [column for columns in PARTS.values() for column in columns if column not in rows.dtype.names]
-    if lacking:
-        raise DataError(
-            f"{path} lacks {', '.join(lacking[:4])}{' and others' if len(lacking) > 4 else ''}",
-            "Without materials there is nothing to shade.",
-            "Give a file that `train` wrote.",
-        )
-    raw = {
-        part: torch.from_numpy(np.stack([rows[column].astype(np.float32) for column in columns], -1))
-        for part, columns in PARTS.items()
-    }
-    first, rest = raw["sh"][:, :3, None], raw["sh"][:, 3:].view(len(rows), 3, COEFFICIENTS - 1)
-    raw["sh"] = torch.cat([first, rest], 2).transpose(1, 2).contiguous()
-    return Surfels.of(raw | {name: raw[name][:, 0] for name in ("opacity_logit", "roughness_logit")})
 
 
 def _as_stored(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfels 48"]:

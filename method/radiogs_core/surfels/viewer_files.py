@@ -5,6 +5,8 @@
 | `3dgs-ply` | the 62 attributes of 3DGS; the third scale is a thousandth of the smaller of both |
 | `2dgs-ply` | those of 2DGS: 3DGS's without a third scale |
 | `supersplat` | `3dgs-ply`, turned so that it stands upright in SuperSplat, which takes -Y of a PLY file for up |
+
+Turning the world turns the surfels' places, frames, and the directions that their radiance depends on.
 """
 
 from pathlib import Path
@@ -12,10 +14,11 @@ from pathlib import Path
 import torch
 from jaxtyping import Float
 from torch import Tensor
+from torch.nn.functional import normalize
 
+from .display_harmonics import DIRECTIONS, basis_along, spread_directions
 from .ply import OF_3DGS, write_ply
 from .surfels import Surfels
-from .turning import turned, upright
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
 
@@ -30,3 +33,47 @@ def write_for_viewer(surfels: Surfels, form: str, up: Float[Tensor, "3"], path: 
     if form == "supersplat":
         surfels = turned(surfels, upright(up, UP_IN_SUPERSPLAT))
     write_ply(surfels, path, OF_2DGS if form == "2dgs-ply" else OF_3DGS)
+
+
+def turned(surfels: Surfels, turn: Float[Tensor, "4"]) -> Surfels:
+    """Surfels after a rotation of the world about its origin by the unit quaternion ``turn`` (w, x, y, z); on the CPU.
+
+    Harmonics of one degree turn into others of that degree, so that radiance stays what it was towards a viewer who
+    turns along.
+    """
+    raw = {name: value.detach().cpu().double() for name, value in surfels.parameters().items()}
+    by = matrix_of(turn.double())
+    raw["centre"] = raw["centre"] @ by.T
+    raw["rotation"] = product(turn.double().expand_as(raw["rotation"]), raw["rotation"])
+    raw["sh"] = torch.einsum("ij,njk->nik", harmonics_after(by), raw["sh"])
+    return Surfels.of({name: value.float() for name, value in raw.items()})
+
+
+def upright(up: Float[Tensor, "3"], wanted: Float[Tensor, "3"]) -> Float[Tensor, "4"]:
+    """The quaternion of the shortest turn from one direction to another; float64. Half a turn is about any axis."""
+    start, end = normalize(up.double(), dim=0), normalize(wanted.double(), dim=0)
+    axis, cosine = torch.linalg.cross(start, end), start @ end
+    if 1 + cosine < 1e-12:
+        aside = torch.eye(3, dtype=torch.float64)[start.abs().argmin()]
+        return torch.cat([torch.zeros(1).double(), normalize(torch.linalg.cross(start, aside), dim=0)])
+    return normalize(torch.cat([(1 + cosine)[None], axis]), dim=0)
+
+
+def matrix_of(turn: Float[Tensor, "4"]) -> Float[Tensor, "3 3"]:
+    """The matrix of a unit quaternion, which turns column vectors."""
+    scalar, vector = turn[0], turn[1:]
+    crossed = torch.linalg.cross(vector.expand(3, 3), torch.eye(3, dtype=turn.dtype)).T
+    return torch.eye(3, dtype=turn.dtype) + 2 * scalar * crossed + 2 * crossed @ crossed
+
+
+def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
+    """The quaternion that turns by the second, and then by the first."""
+    a, b = first[..., 1:], second[..., 1:]
+    scalar = first[..., :1] * second[..., :1] - (a * b).sum(-1, keepdim=True)
+    return torch.cat([scalar, first[..., :1] * b + second[..., :1] * a + torch.linalg.cross(a, b)], -1)
+
+
+def harmonics_after(by: Float[Tensor, "3 3"]) -> Float[Tensor, "16 16"]:
+    """What a turn of the world makes of harmonics: f(d) becomes f(by^T d). Degrees 0 to 3 are closed under it."""
+    directions = spread_directions(DIRECTIONS)
+    return torch.linalg.pinv(basis_along(directions)) @ basis_along(directions @ by)

@@ -130,16 +130,11 @@ class EffectPlan:
         return self.state() | shares
 
 
-def everything() -> EffectPlan:
-    """The plan that leaves nothing out."""
-    return EffectPlan()
-
-
 def plan_of(effects: Effects) -> EffectPlan:
     """The plan that a variant begins with: everything, unless it names the effects that are on."""
     if isinstance(effects, str):
-        return everything()
-    plan = everything()
+        return EffectPlan()
+    plan = EffectPlan()
     for name in EFFECTS:
         if name not in effects:
             plan = plan.without(name)

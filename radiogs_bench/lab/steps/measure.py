@@ -35,6 +35,7 @@ PARTS: dict[str, tuple[str, ...]] = {
     "rasterizer": (
         "radiogs_core.kernels.rasterize",
         "radiogs_core.transport.splatting",
+        "radiogs_core.transport.maps",
         "radiogs_core.transport.blending_weights",
     ),
     "tracing": (
@@ -52,25 +53,20 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.scene.light",
     ),
     "surfels' values": ("radiogs_core.kernels.surfel", "radiogs_core.surfels.surfels"),
-    "image losses": (
-        "radiogs_core.kernels.image",
-        "radiogs_core.learning.losses",
-        "radiogs_core.transport.depth_normals",
-    ),
+    "image losses": ("radiogs_core.kernels.image", "radiogs_core.learning.losses"),
     "optimiser": ("radiogs_core.surfels.optimiser",),
-    "density": ("radiogs_core.surfels.density", "radiogs_core.learning.contribution"),
+    "density": ("radiogs_core.surfels.density",),
     "starting points": (
-        "radiogs_core.kernels.sweep",
+        "radiogs_core.kernels.image.matching",
         "radiogs_core.surfels.starting_points",
-        "radiogs_core.surfels.semi_global_matching",
         "radiogs_core.surfels.swept_depth",
         "radiogs_core.surfels.swept_points",
         "radiogs_core.surfels.surroundings",
     ),
     "light's start": ("radiogs_core.learning.light_start", "radiogs_core.learning.radiance_solver"),
-    "images": ("radiogs_datasets", "radiogs_core.learning.views", "radiogs_core.scene.held_pixels"),
+    "images": ("radiogs_datasets", "radiogs_core.learning.views"),
 }
-"""Packages and modules of each part. The innermost one on the stack counts."""
+"""Packages and modules of each part, of which the most specific counts. The innermost one on the stack counts."""
 
 OTHER = "other"
 
@@ -80,10 +76,13 @@ AUTOGRAD = "torch.autograd"
 @cache
 def part_of(module: str) -> str | None:
     """The part that a module belongs to; None for one that may serve any."""
-    for part, places in PARTS.items():
-        if any(module == place or module.startswith(f"{place}.") for place in places):
-            return part
-    return None
+    found = [
+        (len(place), part)
+        for part, places in PARTS.items()
+        for place in places
+        if module == place or module.startswith(f"{place}.")
+    ]
+    return max(found)[1] if found else None
 
 
 def placed(frame: FrameType | None) -> tuple[str, str]:

@@ -7,13 +7,13 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.given import DARKEST, HELD, SPACING, Start, given_geometry, log_radiance, replaced
 from radiogs.known_indirect import KnownIndirectTracer, Nearest
 from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
-from radiogs.stages import Initialisation, InverseRendering
-from radiogs.stages.starting_values import rates_of
+from radiogs.stages.given import DARKEST, HELD, SPACING, Start, given_geometry, log_radiance, replaced
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering, rates_of
 from radiogs.trained import TrainedRadioGS, _Own, _Relit
 from radiogs.variant import Variant
 from radiogs_bench.runs.cell import Work, cell_of

@@ -13,7 +13,8 @@ from known_ball import SCENE as BALL_SCENE
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Relighting, Variant
 from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure

@@ -10,19 +10,20 @@ import pytest
 import torch
 
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.evidence import Evidence
-from radiogs.effects.decide.new_light import reference_colour
-from radiogs.effects.decide.probe import Findings
-from radiogs.effects.measure.probe_scene import ProbeScene
-from radiogs.effects.measure.radiosity import Decay, scattered
+from radiogs.effects.evidence import Evidence
+from radiogs.effects.new_light import reference_colour
+from radiogs.effects.probe import Findings
+from radiogs.effects.probe_scene import ProbeScene
 from radiogs.probing import (
     EFFECTS,
+    Decay,
     bounces_needed,
     findings_of,
     findings_under,
     probe_scene,
     probed,
     sampling_of,
+    scattered,
     true_model,
 )
 from radiogs.variant import Variant

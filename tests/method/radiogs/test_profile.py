@@ -8,7 +8,8 @@ import torch
 
 from radiogs.model import Model
 from radiogs.profile import PROFILES, RELEASED
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError

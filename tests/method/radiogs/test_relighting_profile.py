@@ -17,8 +17,9 @@ from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.maps import radiance_maps
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.splatting import own_radiance, radiance_maps
+from radiogs_core.transport.splatting import own_radiance
 from scenes import surfels_over
 
 SPREAD = 24

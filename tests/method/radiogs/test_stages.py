@@ -8,7 +8,8 @@ import torch
 
 from radiogs.budget import INVERSE_ONLY, Budget
 from radiogs.model import Model
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.contract import Stage
 from radiogs_core.errors import NumericalFailure

@@ -9,7 +9,7 @@ import torch
 from known_ball import BALL, COLOUR, SCENE, WHITE, changed, inverse_rendering, noise, tilted
 from radiogs.learning import MaterialLearning, MaterialRates, MaterialWeights
 from radiogs.rendering import Renderer
-from radiogs.stages import InverseRendering
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh

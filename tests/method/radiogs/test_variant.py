@@ -9,7 +9,8 @@ import pytest
 import torch
 
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning

@@ -21,7 +21,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.scene.scene import View
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh, roughness_to_logit
-from radiogs_core.transport.plan import everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Sphere
 from scenes import look_at, sphere_scene, surfels_of_room, surfels_over
@@ -142,7 +142,7 @@ def test_unchanged_it_shows_what_is_evaluated() -> None:
 
 def test_surfels_without_a_lobe_are_shown_as_they_are_evaluated() -> None:
     """What the lobe would scatter is in their diffuse part, and does not grow with albedo."""
-    plan = replace(everything(), specular=False)
+    plan = replace(EffectPlan(), specular=False)
     run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)
     model = TrainedRadioGS(Model(ball(SHINY), sunny().log(), plan), run)
     (camera, *_), prepared = around(), model.prepare()

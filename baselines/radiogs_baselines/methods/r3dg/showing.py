@@ -16,7 +16,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import incident_map, shaded_maps
+from radiogs_core.transport.maps import incident_map, shaded_maps
 
 from ..surfel_showing import INCIDENT, SHOWN, TrainedOnSurfels
 from .local_light import arriving

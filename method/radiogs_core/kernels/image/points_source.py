@@ -7,31 +7,10 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..native_text import native_text
+from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 
-_RAY = """
-    const SCALAR x = (SCALAR(item % width) + SCALAR(0.5) - offset[0]) / focal[0];
-    const SCALAR y = (SCALAR(item / width) + SCALAR(0.5) - offset[1]) / focal[1];
-    SCALAR ray[3];
-    for (int c = 0; c < 3; ++c) ray[c] = pose.data[4 * c] * x + pose.data[4 * c + 1] * y + pose.data[4 * c + 2];
-"""
-
-_FORWARD = (
-    _RAY
-    + """
-    for (int c = 0; c < 3; ++c) out.data[3LL * item + c] = pose.data[4 * c + 3] + depth.data[item] * ray[c];
-"""
-)
-
-_BACKWARD = (
-    _RAY
-    + """
-    SCALAR sum = SCALAR(0);
-    for (int c = 0; c < 3; ++c) sum += pull.data[3LL * item + c] * ray[c];
-    out.data[item] = sum;
-"""
-)
+_TEXT = native_file(__package__, "points.inl")
 
 
 @cache
@@ -44,7 +23,7 @@ def point_kernels(dtype: torch.dtype) -> Any:
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
     pair = wp.types.vector(2, scalar)
-    forward_text, backward_text = (native_text(text, dtype, False, {}) for text in (_FORWARD, _BACKWARD))
+    forward_text, backward_text = (native_text(_TEXT[part], dtype, False, {}) for part in ("forward", "backward"))
 
     @wp.func_native(forward_text)
     def place(item: wp.int32, width: wp.int32, focal: pair, offset: pair, pose: flat, depth: flat, out: flat): ...

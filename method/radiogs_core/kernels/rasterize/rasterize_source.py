@@ -18,10 +18,12 @@ from typing import Any
 import torch
 import warp as wp
 
-from ..lanes import BELL, SUMS_OF_LANES, VECTORS, bell_words
-from ..native_text import native_text
+from ..lanes import LANES, bell_words
+from ..native_text import native_file, native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
+
+_TEXT = native_file(__package__, "rasterize.inl", lanes=LANES)
 
 TILE = 4
 """Pixels along a tile's edge: its 16 pixels are one or two vector registers."""
@@ -36,178 +38,6 @@ PIXEL_SUMS = 5
 def pixels_an_item(on_cuda: bool) -> int:
     """How many pixels of a tile one item of the kernels blends."""
     return 1 if on_cuda else TILE * TILE
-
-
-_TILE = (
-    """
-    constexpr int LANES = PIXELS_AN_ITEM;
-"""
-    + VECTORS
-    + """
-"""
-    + BELL
-    + """
-    const Lanes zero = {}, one = zero + SCALAR(1);
-    const Mask none = {};
-    const int tile = item * LANES / (TILE * TILE);
-    const int tile_column = tile % image.tiles_across * TILE, tile_row = tile / image.tiles_across * TILE;
-    const int begin = splats.starts.data[tile];
-    Lanes rx, ry;
-    Whole inside;
-    int pixel[LANES];
-    for (int c = 0; c < LANES; ++c) {
-        const int place = item * LANES % (TILE * TILE) + c;
-        const int column = tile_column + place % TILE, row = tile_row + place / TILE;
-        LANE(rx, c) = (SCALAR(column) + SCALAR(0.5) - image.cx) / image.fx;
-        LANE(ry, c) = (SCALAR(row) + SCALAR(0.5) - image.cy) / image.fy;
-        const bool is_inside = (column < image.width) & (row < image.height);
-        LANE(inside, c) = is_inside;
-        pixel[c] = is_inside ? row * image.width + column : -1;
-    }
-    Mask open = inside != Whole{};
-    if (!any(open)) return;
-"""
-)
-
-# Lanes that the surfel does not reach have met = 0 and zeros, so that their products vanish.
-_MEET = """
-        const int member = splats.members.data[entry];
-        const SCALAR* r = splats.records.data + RECORD * (long long)member;
-        const SCALAR* feature = splats.features.data + CHANNELS * (long long)member;
-        const Lanes slope = r[0] * rx + r[1] * ry + r[2];
-        const Lanes inverse = one / (slope < zero ? slope : -one);
-        Lanes depth = r[9] * inverse;
-        const Lanes u = (r[3] * rx + r[4] * ry + r[5]) * inverse;
-        const Lanes v = (r[6] * rx + r[7] * ry + r[8]) * inverse;
-        Lanes square = u * u + v * v;
-        Mask met = (slope < zero) & (depth > zero) & (square <= zero + r[11]) & open;
-        if (!any(met)) continue;
-        depth = met ? depth : zero;
-        square = met ? square : zero;
-"""
-
-_FORWARD = (
-    _TILE
-    + """
-    Lanes left = one, total[CHANNELS] = {}, weights = zero, depths = zero, distortion = zero;
-    Lanes moments = zero, squares = zero;
-    Whole end = Whole{} + splats.starts.data[tile + 1], blended = {};
-    for (int entry = begin; entry < splats.starts.data[tile + 1]; ++entry) {
-"""
-    + _MEET
-    + """
-        Lanes alpha = r[10] * bell(square);
-        alpha = alpha < zero + SCALAR(MAX_ALPHA) ? alpha : zero + SCALAR(MAX_ALPHA);
-        const Lanes rest = left * (one - alpha);
-        const Mask full = met & (rest < zero + SCALAR(STOP));
-        met = met & (full == none);
-        const Lanes weight = met ? alpha * left : zero;
-        left = met ? rest : left;
-        const Lanes moment = depth / image.depth_unit;
-        distortion += weight * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
-        weights += weight;
-        depths += weight * depth;
-        moments += weight * moment;
-        squares += weight * moment * moment;
-        blended += met ? Whole{} + 1 : Whole{};
-        for (int k = 0; k < CHANNELS; ++k) total[k] += weight * feature[k];
-        if (any(full)) {
-            end = full ? Whole{} + entry : end;
-            open = open & (full == none);
-            if (!any(open)) break;
-        }
-    }
-    for (int c = 0; c < LANES; ++c) {
-        if (pixel[c] < 0) continue;
-        for (int k = 0; k < CHANNELS; ++k) out_features.data[CHANNELS * (long long)pixel[c] + k] = LANE(total[k], c);
-        SCALAR* sums = out_sums.data + SUMS * (long long)pixel[c];
-        sums[0] = LANE(weights, c);
-        sums[1] = LANE(depths, c);
-        sums[2] = LANE(distortion, c);
-        sums[3] = LANE(moments, c);
-        sums[4] = LANE(squares, c);
-        out_end.data[pixel[c]] = LANE(end, c);
-        out_blended.data[pixel[c]] = LANE(blended, c);
-    }
-"""
-)
-
-_BACKWARD = (
-    _TILE
-    + """
-#if !ON_CUDA
-"""
-    + SUMS_OF_LANES
-    + """
-#endif
-    Lanes pull[CHANNELS] = {}, pull_weight = zero, pull_depth = zero, pull_distortion = zero;
-    Lanes weights = zero, moments = zero, squares = zero, left = one, behind = zero;
-    Whole end = {};
-    int last = begin;
-    for (int c = 0; c < LANES; ++c) {
-        if (pixel[c] < 0) continue;
-        const SCALAR* sum = sums.data + SUMS * (long long)pixel[c];
-        const SCALAR* pulls = grad_sums.data + SUMS * (long long)pixel[c];
-        LANE(pull_weight, c) = pulls[0];
-        LANE(pull_depth, c) = pulls[1];
-        LANE(pull_distortion, c) = pulls[2];
-        LANE(weights, c) = sum[0];
-        LANE(moments, c) = sum[3];
-        LANE(squares, c) = sum[4];
-        // sum_i w_i dL/dw_i over the whole pixel; what is behind a hit is this minus what is in front of it.
-        SCALAR whole = pulls[0] * sum[0] + pulls[1] * sum[1] + SCALAR(2) * pulls[2] * sum[2];
-        for (int k = 0; k < CHANNELS; ++k) {
-            const SCALAR by_channel = grad_features_out.data[CHANNELS * (long long)pixel[c] + k];
-            LANE(pull[k], c) = by_channel;
-            whole += by_channel * features_out.data[CHANNELS * (long long)pixel[c] + k];
-        }
-        LANE(behind, c) = whole;
-        LANE(end, c) = ends.data[pixel[c]];
-        last = ends.data[pixel[c]] > last ? ends.data[pixel[c]] : last;
-    }
-    for (int entry = begin; entry < last; ++entry) {
-        open = Whole{} + entry < end;
-"""
-    + _MEET
-    + """
-        Lanes slope_weight = pull_weight + pull_depth * depth;
-        for (int k = 0; k < CHANNELS; ++k) slope_weight += pull[k] * feature[k];
-        const Lanes height = bell(square), raw = r[10] * height;
-        const Mask uncapped = met & (raw < zero + SCALAR(MAX_ALPHA));
-        const Lanes alpha = met ? (uncapped ? raw : zero + SCALAR(MAX_ALPHA)) : zero;
-        const Lanes moment = depth / image.depth_unit;
-        const Lanes weight = alpha * left;
-        slope_weight += pull_distortion * (moment * moment * weights + squares - SCALAR(2) * moment * moments);
-        behind -= weight * slope_weight;
-        const Lanes by_alpha = left * slope_weight - behind / (one - alpha);
-        const Lanes by_depth = weight
-            * (pull_depth + SCALAR(2) * pull_distortion * (moment * weights - moments) / image.depth_unit);
-        const Lanes by_height = uncapped ? by_alpha * height : zero;
-        const Lanes by_u = met ? -by_height * r[10] * u * inverse : zero;
-        const Lanes by_v = met ? -by_height * r[10] * v * inverse : zero;
-        const Lanes by_t = met ? by_depth * inverse : zero;
-        const Lanes by_slope = met ? -(by_u * u + by_v * v + by_t * depth) : zero;
-        // A row each: the record's numbers but the last, then the features.
-        Lanes by[ROWS] = {
-            by_slope * rx, by_slope * ry, by_slope, by_u * rx, by_u * ry, by_u, by_v * rx, by_v * ry, by_v,
-            by_t, by_height,
-        };
-        for (int k = 0; k < CHANNELS; ++k) by[RECORD - 1 + k] = weight * pull[k];
-        left *= one - alpha;
-        SCALAR* to_record = grad_records.data + RECORD * (long long)member;
-        SCALAR* to_feature = grad_features.data + CHANNELS * (long long)member;
-#if ON_CUDA
-        for (int i = 0; i < RECORD - 1; ++i) wp::atomic_add(to_record + i, by[i]);
-        for (int k = 0; k < CHANNELS; ++k) wp::atomic_add(to_feature + k, by[RECORD - 1 + k]);
-#else
-        SCALAR total[ROWS];
-        for (int row = 0; row < ROWS; row += LANES) sums_of(by + row, total + row);
-        for (int i = 0; i < RECORD - 1; ++i) to_record[i] += total[i];
-        for (int k = 0; k < CHANNELS; ++k) to_feature[k] += total[RECORD - 1 + k];
-#endif
-    }
-"""
-)
 
 
 @cache
@@ -236,7 +66,7 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
         records: flat
         features: flat
 
-    @wp.func_native(_written_for(_FORWARD, dtype, channels, on_cuda))
+    @wp.func_native(_written_for(_TEXT["forward"], dtype, channels, on_cuda))
     def blend_item(
         item: wp.int32,
         image: Image,
@@ -247,7 +77,7 @@ def blend_kernels(dtype: torch.dtype, channels: int, on_cuda: bool) -> Any:
         out_blended: integers,
     ): ...
 
-    @wp.func_native(_written_for(_BACKWARD, dtype, channels, on_cuda))
+    @wp.func_native(_written_for(_TEXT["backward"], dtype, channels, on_cuda))
     def pull_item(
         item: wp.int32,
         image: Image,

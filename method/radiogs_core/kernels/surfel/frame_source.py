@@ -7,58 +7,10 @@ from typing import Any
 import torch
 import warp as wp
 
+from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 
-# The largest entry is divided out first: in float32 the squares of entries below 1e-19 lose their digits. A zero
-# quaternion has inverse = 0: its frame is zero, and so is its gradient.
-_UNIT = """
-    const SCALAR* given = rotation.data + 4LL * surfel;
-    SCALAR largest = SCALAR(0), square = SCALAR(0), q[4];
-    for (int k = 0; k < 4; ++k) {
-        const SCALAR size = given[k] < SCALAR(0) ? -given[k] : given[k];
-        largest = size > largest ? size : largest;
-    }
-    const SCALAR unit = largest > SCALAR(0) ? largest : SCALAR(1);
-    for (int k = 0; k < 4; ++k) {
-        q[k] = given[k] / unit;
-        square += q[k] * q[k];
-    }
-    const SCALAR inverse = square == SCALAR(0) ? SCALAR(0) : SCALAR(1) / SCALAR(sqrt(square));
-    const SCALAR w = q[0] * inverse, x = q[1] * inverse, y = q[2] * inverse, z = q[3] * inverse;
-"""
-
-# The diagonal by four squares, not by 1 - 2 (y^2 + z^2), which would make a zero quaternion the identity.
-_FORWARD = (
-    _UNIT
-    + """
-    SCALAR* m = out.data + 9LL * surfel;
-    m[0] = w * w + x * x - y * y - z * z;
-    m[1] = SCALAR(2) * (x * y - w * z);
-    m[2] = SCALAR(2) * (x * z + w * y);
-    m[3] = SCALAR(2) * (x * y + w * z);
-    m[4] = w * w - x * x + y * y - z * z;
-    m[5] = SCALAR(2) * (y * z - w * x);
-    m[6] = SCALAR(2) * (x * z - w * y);
-    m[7] = SCALAR(2) * (y * z + w * x);
-    m[8] = w * w - x * x - y * y + z * z;
-"""
-)
-
-_BACKWARD = (
-    _UNIT
-    + """
-    const SCALAR* g = pull.data + 9LL * surfel;
-    const SCALAR to[4] = {
-        SCALAR(2) * (w * (g[0] + g[4] + g[8]) - z * g[1] + y * g[2] + z * g[3] - x * g[5] - y * g[6] + x * g[7]),
-        SCALAR(2) * (x * (g[0] - g[4] - g[8]) + y * g[1] + z * g[2] + y * g[3] - w * g[5] + z * g[6] + w * g[7]),
-        SCALAR(2) * (y * (g[4] - g[0] - g[8]) + x * g[1] + w * g[2] + x * g[3] + z * g[5] - w * g[6] + z * g[7]),
-        SCALAR(2) * (z * (g[8] - g[0] - g[4]) - w * g[1] + x * g[2] + w * g[3] + y * g[5] + x * g[6] + y * g[7]),
-    };
-    // The length of a quaternion changes nothing: what pulls along it is taken out.
-    const SCALAR along = w * to[0] + x * to[1] + y * to[2] + z * to[3];
-    for (int k = 0; k < 4; ++k) out.data[4LL * surfel + k] = (to[k] - q[k] * inverse * along) * inverse / unit;
-"""
-)
+_TEXT = native_file(__package__, "frame.inl")
 
 
 @cache
@@ -67,7 +19,7 @@ def frame_kernels(dtype: torch.dtype) -> Any:
     start_warp()
     scalar = scalar_type(dtype)
     flat = wp.array(dtype=scalar)
-    forward_text, backward_text = (text.replace("SCALAR", f"wp::{scalar.__name__}") for text in (_FORWARD, _BACKWARD))
+    forward_text, backward_text = (native_text(_TEXT[part], dtype, False, {}) for part in ("forward", "backward"))
 
     @wp.func_native(forward_text)
     def frame_of(surfel: wp.int32, rotation: flat, out: flat): ...

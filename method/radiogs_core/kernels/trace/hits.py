@@ -1,4 +1,7 @@
-"""Finding what rays meet: for each ray its hits in order, as one packed list."""
+"""Finding what rays meet: for each ray its hits in order, as one packed list.
+
+Rays are followed in an order in which neighbours walk the same nodes (``coherent_order``).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,12 +21,11 @@ from ..runtime import (
     compile_for,
     in_parallel,
     launch,
+    launch_in_parallel,
     workers,
 )
-from .breadth_first_source import MOST_HITS
 from .bvh import SurfelBVH
-from .hits_source import BUFFER, FINISHED, NO_SURFEL, hit_kernels
-from .ray_order import coherent_order
+from .hits_source import BUFFER, FINISHED, MOST_HITS, NO_SURFEL, hit_kernels
 
 RAYS_AT_ONCE, RAYS_AT_ONCE_ON_CUDA = 1 << 14, 1 << 20
 """Rays gathered together at most: bounds the buffers, of which the CPU touches what it fills (12 bytes a hit)."""
@@ -204,3 +206,29 @@ def _entries(counts: Int[Tensor, " rays"]) -> int:
 
 def _require_countable(hits: int) -> None:
     require_countable(hits, "hits of rays and surfels", "Trace fewer rays together.")
+
+
+CELLS = 512
+"""Cells along the longest side of a box around the origins; 9 bits of each of the three places."""
+
+BOUNDED = 16
+"""One in so many origins bounds that box: those beyond it count as in its outermost cells. All take longer to compare
+than to sort."""
+
+
+@torch.no_grad()
+def coherent_order(origin: Float[Tensor, "rays 3"], direction: Float[Tensor, "rays 3"]) -> Int[Tensor, " rays"]:
+    """Ray numbers sorted by the octant that a ray points to, then along a Morton curve through the origins.
+
+    Measured against random order: 1.3 to 1.8 times as fast, of which the octant is 2 to 5 %.
+    """
+    kernels = hit_kernels(origin.dtype, as_on_cuda(origin.device))
+    count, device = len(origin), origin.device
+    code = torch.zeros(count, dtype=torch.int32, device=device)
+    if count > 0:
+        low, high = torch.stack(torch.aminmax(origin[::BOUNDED], dim=0)).tolist()
+        span = max(end - begin for begin, end in zip(low, high, strict=True))
+        rays = [value.contiguous() for value in (origin, direction)]
+        cells = (CELLS - 1) / span if span > 0 else 0.0
+        launch_in_parallel(kernels.code, count, device, lambda _: [*rays, kernels.vector(*low), cells, code])
+    return code.argsort(stable=True).int()

@@ -9,13 +9,21 @@ from types import SimpleNamespace
 import torch
 import warp as wp
 
-from ..lanes import bell_words
-from ..native_text import native_text
+from ..lanes import LANES, bell_words
+from ..native_text import native_file, native_text
 from ..runtime import NATIVE, scalar_type, start_warp
 from ..surfel.geometry import MAX_ALPHA
-from .breadth_first_source import BREADTH_FIRST, MOST_HITS, MOST_NODES
-from .nearest_first_source import NEAREST_FIRST, STACK
-from .ray_source import RAY
+
+_TEXT = native_file(__package__, "hits.inl", lanes=LANES)
+
+MOST_NODES = 512
+"""Nodes, and leaves, that a ray may enter; one that enters more is followed nearest first."""
+
+MOST_HITS = 248
+"""Hits that are put in order together; a ray with more is followed nearest first."""
+
+STACK = 96
+"""Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
 BUFFER = 32
 """Hits that a ray is followed for nearest first in one round; more measured faster than to begin again more often."""
@@ -28,38 +36,6 @@ NO_SURFEL = 2**31 - 1
 
 RAYS_AHEAD = 4
 """A ray's numbers are fetched while this many rays before it are followed."""
-
-_GATHER = (
-    """
-    const int ray = rays.data[slot];
-    const auto origin = origins.data[ray], direction = directions.data[ray];
-    const SCALAR start_t = starts_t.data[slot], start_rest = starts_rest.data[slot], back_t = backs_t.data[ray];
-    const int start_id = starts_id.data[slot];
-"""
-    + RAY
-    + """
-    if (slot + RAYS_AHEAD < rays.shape[0]) {
-        const int later = rays.data[slot + RAYS_AHEAD];
-        FETCH(origins.data + later);
-        FETCH(directions.data + later);
-        FETCH(backs_t.data + later);
-    }
-#if ON_CUDA
-    const long long place = (long long)slot * BUFFER;
-#else
-    const int place = used.data[0];
-    if (place + MOST_HITS > hits_t.shape[0]) {
-        found_out.data[slot] = nodes_out.data[slot] = leaves_out.data[slot] = 0;
-        rest_out.data[slot] = start_rest;
-        return;
-    }
-#endif
-    SCALAR *hit_t = hits_t.data + place, *hit_alpha = hits_alpha.data + place;
-    int* hit_id = hits_id.data + place;
-"""
-    + BREADTH_FIRST
-    + NEAREST_FIRST
-)
 
 
 @cache
@@ -100,7 +76,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
                 found += 1 << (27 + axis)
         out[ray] = found
 
-    @wp.func_native(native_text(_GATHER, dtype, on_cuda, words))
+    @wp.func_native(native_text(_TEXT["gather"], dtype, on_cuda, words))
     def gather_hits(
         slot: wp.int32,
         rays: wp.array(dtype=wp.int32),

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from ...instruments import fire
 from ..arguments import packed
-from .nearest_first_source import STACK
+from .hits_source import STACK
 from .sah_source import sah_kernel
 
 WIDTH = 8

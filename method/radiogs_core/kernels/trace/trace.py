@@ -7,8 +7,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ...instruments import count, fire
-from ...instruments.finite import require_finite_blend
+from ...instruments import count, fire, require_finite_blend
 from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import TRACE_TRANSMITTANCE_STOP, SplatGeometry

@@ -16,7 +16,7 @@ from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
 from radiogs_baselines.methods.r3dg.model import Model
 from radiogs_baselines.methods.r3dg.settings import PRESETS, Variant
 from radiogs_baselines.methods.r3dg.showing import labels_of
-from radiogs_core.surfels.ply import read_ply
+from surfel_files import read_ply
 
 CAMERA = SCENE.test[0].camera
 

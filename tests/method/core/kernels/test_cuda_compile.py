@@ -1,4 +1,4 @@
-"""Every kernel, forward and backward, compiles for CUDA on a machine that has none (NVRTC comes with Warp)."""
+"""Every kernel compiles: for CUDA on a machine that has none (NVRTC comes with Warp), for the CPU without a warning."""
 
 from itertools import product
 from pathlib import Path
@@ -9,6 +9,7 @@ import warp as wp
 
 from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
+from radiogs_core.kernels.image.matching_source import sweep_kernel
 from radiogs_core.kernels.image.normals_source import normal_kernels
 from radiogs_core.kernels.image.points_source import point_kernels
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
@@ -24,28 +25,28 @@ from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
 from radiogs_core.kernels.surfel.support_source import support_kernel
 from radiogs_core.kernels.trace.fit_source import fit_kernels
 from radiogs_core.kernels.trace.hits_source import hit_kernels
+from radiogs_core.kernels.trace.sah_source import sah_kernel
 from radiogs_core.kernels.trace.trace_source import trace_kernels
 
 
-@pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
-def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
+def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
     splitsum, frames, binning, harmonics, shading, hits, tracing, blending, similarity, normals, edges = (
-        splitsum_kernels(dtype, 5, 0.2, on_cuda=True),
+        splitsum_kernels(dtype, 5, 0.2, on_cuda),
         frame_kernels(dtype),
         binning_kernels(dtype),
         harmonics_kernels(dtype),
-        shade_kernels(dtype, on_cuda=True),
-        hit_kernels(dtype, on_cuda=True),
-        trace_kernels(dtype, on_cuda=True),
-        blend_kernels(dtype, 13, on_cuda=True),
-        similarity_kernels(dtype, on_cuda=True),
+        shade_kernels(dtype, on_cuda),
+        hit_kernels(dtype, on_cuda),
+        trace_kernels(dtype, on_cuda),
+        blend_kernels(dtype, 13, on_cuda),
+        similarity_kernels(dtype, on_cuda),
         normal_kernels(dtype),
-        edge_kernels(dtype, on_cuda=True, channels=3),
+        edge_kernels(dtype, on_cuda, channels=3),
     )
-    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype, on_cuda=True)
+    footprints, records, display = footprint_kernels(dtype), record_kernels(dtype), display_kernels(dtype, on_cuda)
     points, fits = point_kernels(dtype), fit_kernels(dtype)
-    lookup = lookup_kernels(dtype, on_cuda=True)
-    kernels = [
+    lookup = lookup_kernels(dtype, on_cuda)
+    return [
         shading.forward, shading.backward, hits.code, hits.gather, hits.pack, tracing.forward, tracing.backward,
         blending.forward, blending.backward, binning.bound, binning.entries,
         harmonics.forward, harmonics.backward, frames.forward, frames.backward,
@@ -56,8 +57,28 @@ def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_pat
         support_kernel(dtype), points.forward, points.backward, fits.leaves, fits.nodes,
         lookup.forward, lookup.backward,
     ]  # fmt: skip
-    for place, kernel in enumerate(kernels):
+
+
+@pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
+def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
+    for place, kernel in enumerate(kernels_of(dtype, on_cuda=True)):
         folder = tmp_path / str(place)
         folder.mkdir()
         wp.compile_aot_module(kernel.module, arch=architecture, module_dir=folder, use_ptx=True)
         assert any(path.suffix == ".ptx" for path in folder.iterdir())
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:compile_aot_module:UserWarning")  # of -march=native
+@pytest.mark.parametrize("on_cuda", [False, True])
+def test_kernels_compile_for_the_cpu_without_a_warning(
+    on_cuda: bool, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """In float32; what is arranged for CUDA compiles for the CPU as well. Clang writes past ``sys.stderr``."""
+    kernels = [*kernels_of(torch.float32, on_cuda), sweep_kernel(torch.float32), sah_kernel()]
+    for place, kernel in enumerate(kernels):
+        folder = tmp_path / str(place)
+        folder.mkdir()
+        wp.compile_aot_module(kernel.module, device="cpu", module_dir=folder)
+        assert any(path.suffix == ".o" for path in folder.iterdir())
+    assert "warning:" not in capfd.readouterr().err

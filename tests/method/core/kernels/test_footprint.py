@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_core.kernels.rasterize.records import records_of
+from radiogs_core.kernels.rasterize.rasterize import records_of
 from radiogs_core.kernels.surfel.footprint import widened
 from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
 from radiogs_core.kernels.surfel.support import support_of

@@ -6,14 +6,13 @@ import pytest
 import torch
 import warp as wp
 
-from radiogs_core.instruments.recording import recording
+from radiogs_core.instruments import recording
 from radiogs_core.kernels.arrangement import cpu_as_cuda
-from radiogs_core.kernels.lanes import SQUEEZE
+from radiogs_core.kernels.lanes import LANES
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
-from radiogs_core.kernels.trace.breadth_first_source import MOST_HITS, MOST_NODES
 from radiogs_core.kernels.trace.bvh import SurfelBVH
 from radiogs_core.kernels.trace.hits import HitLists, find_hits
-from radiogs_core.kernels.trace.hits_source import BUFFER
+from radiogs_core.kernels.trace.hits_source import BUFFER, MOST_HITS, MOST_NODES
 
 RAYS = 40
 
@@ -108,7 +107,7 @@ def test_lanes_are_squeezed_alike_with_every_instruction_set(processor: str) -> 
     if processor != "this" and " avx2 " not in processor_flags():
         pytest.skip("this processor does not run the instructions of the other")
     text = (
-        SQUEEZE
+        LANES["squeeze"]
         + """
         const Eight together = squeezed(Eight{3, 1, 4, 1, 5, 9, 2, 6}, bits);
         for (int lane = 0; lane < 8; ++lane) out.data[8 * bits + lane] = together[lane];

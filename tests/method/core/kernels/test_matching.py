@@ -3,8 +3,8 @@
 import pytest
 import torch
 
+from radiogs_core.kernels.image.matching import Matched, Textures, matching_costs
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.kernels.sweep.matching import Matched, Textures, matching_costs
 from radiogs_core.scene.camera import Camera
 from reference import matching as reference
 

@@ -6,8 +6,7 @@ import pytest
 import torch
 
 from radiogs_core.instruments import recording
-from radiogs_core.kernels.rasterize.binning import counted_lists, sorted_lists, tile_lists
-from radiogs_core.kernels.rasterize.rasterize import rasterize
+from radiogs_core.kernels.rasterize.rasterize import counted_lists, rasterize, sorted_lists, tile_lists
 from radiogs_core.kernels.rasterize.rasterize_source import TILE
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.kernels.surfel.geometry import SplatGeometry

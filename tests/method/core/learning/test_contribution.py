@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs_core.learning.contribution import largest_contribution
+from radiogs_core.learning.fit_geometry import largest_contribution
 from radiogs_core.learning.views import load
 from radiogs_core.surfels.surfels import inverse_sigmoid
 from radiogs_core.transport.blending_weights import blending_weights

@@ -6,16 +6,16 @@ from typing import Any, Literal
 import pytest
 import torch
 
-from radiogs.stages import Initialisation
+from radiogs.stages.initialise import Initialisation
 from radiogs.variant import Variant
 from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import DataError
-from radiogs_core.learning.contribution import largest_contribution
 from radiogs_core.learning.fit_geometry import (
     GEOMETRY_BUDGET,
     FitGeometry,
     GeometryBudget,
     fit_geometry,
+    largest_contribution,
     surfels_of,
 )
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates

@@ -3,7 +3,7 @@ import torch
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.learning.losses import light_prior, mask_entropy, normal_consistency, reconstruction
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.depth_normals import depth_normals
+from radiogs_core.transport.splatting import depth_normals
 
 
 def test_reconstruction_is_zero_for_equal_images_and_forgives_over_exposure() -> None:

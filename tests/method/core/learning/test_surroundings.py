@@ -10,7 +10,7 @@ from radiogs_core.learning.fit_geometry import FitGeometry, NoShading
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import radiance_maps
+from radiogs_core.transport.maps import radiance_maps
 from rooms import room_scene
 from scenes import sphere_scene
 from short_training import BUDGET, CPU

@@ -4,8 +4,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.learning.views import chosen_views, load, view_at
-from radiogs_core.scene.held_pixels import held, size
+from radiogs_core.learning.views import bytes_of, chosen_views, held, load, view_at
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene
 from scenes import sphere_scene
@@ -38,21 +37,21 @@ def test_compositing_covers_what_the_mask_leaves_open() -> None:
 def test_pixels_of_image_files_are_held_as_levels_bit_for_bit(most: int) -> None:
     pixels = torch.arange(most + 1).float()[torch.randperm(most + 1)].view(-1, 2, 1) / most
     kept = held(pixels, torch.device("cpu"))
-    assert size(kept) == (most + 1) * (1 if most == 255 else 2)
+    assert bytes_of(kept) == (most + 1) * (1 if most == 255 else 2)
     assert torch.equal(kept.values(), pixels)
 
 
 def test_pixels_between_the_levels_are_held_as_they_are() -> None:
     pixels = torch.rand(8, 8, 3)
     kept = held(pixels, torch.device("cpu"))
-    assert size(kept) == 4 * pixels.numel()
+    assert bytes_of(kept) == 4 * pixels.numel()
     assert torch.equal(kept.values(), pixels)
 
 
 def test_a_scene_of_8_bits_takes_four_bytes_a_pixel_and_is_what_the_files_hold() -> None:
     scene = load_scene("corner")
     for view, loaded in zip(scene.train[:3], load(scene.train[:3], torch.device("cpu")), strict=True):
-        assert size(loaded.pixels) + size(loaded.covered) == 4 * view.camera.width * view.camera.height
+        assert bytes_of(loaded.pixels) + bytes_of(loaded.covered) == 4 * view.camera.width * view.camera.height
         assert torch.equal(loaded.image, view.read("image"))
         assert torch.equal(loaded.mask, view.read("alpha")[..., 0])
 

@@ -2,15 +2,14 @@
 
 from pathlib import Path
 
-import pytest
 import torch
 from plyfile import PlyData
 
-from radiogs_core.errors import DataError
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.harmonics import surfel_radiance
-from radiogs_core.surfels.ply import read_ply, write_ply
+from radiogs_core.surfels.ply import write_ply
 from radiogs_core.surfels.surfels import Surfels
+from surfel_files import read_ply
 
 
 def some_surfels() -> Surfels:
@@ -109,14 +108,3 @@ def test_colours_change_with_the_view_as_they_do_on_a_display(tmp_path: Path) ->
     linear = surfel_radiance(surfels.sh, outgoing).double()
     assert float((shown - truth).abs().max()) < 0.01
     assert float((linear - truth).abs().mean()) > 0.1, "linear radiance would be shown dark"
-
-
-def test_what_is_no_file_of_surfels_is_a_data_error(tmp_path: Path) -> None:
-    (tmp_path / "text.ply").write_text("hello")
-    for path in (tmp_path / "text.ply", tmp_path / "absent.ply"):
-        with pytest.raises(DataError, match="no PLY file"):
-            read_ply(path)
-    points = "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n"
-    (tmp_path / "points.ply").write_text(points)
-    with pytest.raises(DataError, match="lacks y, z"):
-        read_ply(tmp_path / "points.ply")

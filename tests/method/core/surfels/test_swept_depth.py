@@ -3,8 +3,7 @@ import itertools
 import pytest
 import torch
 
-from radiogs_core.surfels.semi_global_matching import aggregated, lowest
-from radiogs_core.surfels.swept_depth import DepthSweep, SmallView, swept_depths
+from radiogs_core.surfels.swept_depth import DepthSweep, SmallView, aggregated, lowest, swept_depths
 from scenes import sphere_scene
 
 STEP, JUMP = 0.3, 0.7

@@ -11,8 +11,7 @@ from torch.nn.functional import normalize
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS, surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.surfels.turning import matrix_of, turned, upright
-from radiogs_core.surfels.viewer_files import FORMS, write_for_viewer
+from radiogs_core.surfels.viewer_files import FORMS, matrix_of, turned, upright, write_for_viewer
 
 UP = torch.tensor([0.0, 0.0, 1.0])
 

@@ -8,7 +8,7 @@ import torch
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.normals import one_sided_normals
 from radiogs_core.scene.camera import Camera
-from radiogs_core.transport.depth_normals import depth_normals
+from radiogs_core.transport.splatting import depth_normals
 
 CENTRE = torch.zeros(3, dtype=torch.float64)
 SIZE = 33

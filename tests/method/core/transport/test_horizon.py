@@ -7,9 +7,15 @@ import torch
 from torch.nn.functional import normalize
 
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
-from radiogs_core.transport.horizon import NEIGHBOURS, SAME_SURFACE, above, nearest, patch_normal
 from radiogs_core.transport.sampling import hemisphere_directions
-from radiogs_core.transport.tracer import SurfelTracer
+from radiogs_core.transport.tracer import (
+    NEIGHBOURS,
+    SAME_SURFACE,
+    SurfelTracer,
+    above_horizon,
+    nearest_surfels,
+    patch_normal,
+)
 from scenes import surfels_facing
 
 
@@ -28,7 +34,7 @@ def askew(normal: torch.Tensor, degrees: float, seed: int = 0) -> torch.Tensor:
 
 def horizon(surfels: Surfels) -> torch.Tensor:
     every = torch.arange(len(surfels))
-    return patch_normal(surfels, every, nearest(surfels.geometry()))
+    return patch_normal(surfels, every, nearest_surfels(surfels.geometry()))
 
 
 def angle(first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
@@ -83,14 +89,14 @@ def test_what_no_ray_can_meet_is_nobodys_neighbour() -> None:
 def test_few_surfels_have_few_neighbours(count: int) -> None:
     up = torch.tensor([0.0, 0.0, 1.0]).expand(count, 3)
     surfels = surfels_facing(grid(3)[:count], up)
-    assert nearest(surfels.geometry()).shape == (count, count)
+    assert nearest_surfels(surfels.geometry()).shape == (count, count)
     torch.testing.assert_close(horizon(surfels), surfels.frame[..., 2])
 
 
 def test_a_set_in_which_nothing_can_be_met_has_its_own_horizons() -> None:
     surfels = surfels_facing(grid(2), torch.tensor([0.0, 0.0, 1.0]).expand(4, 3))
     surfels.opacity_logit[:] = inverse_sigmoid(1e-4)
-    assert nearest(surfels.geometry()).tolist() == [[0], [1], [2], [3]]
+    assert nearest_surfels(surfels.geometry()).tolist() == [[0], [1], [2], [3]]
 
 
 def test_without_rays_the_sky_is_seen_above_the_horizon_and_dark_below() -> None:
@@ -100,7 +106,7 @@ def test_without_rays_the_sky_is_seen_above_the_horizon_and_dark_below() -> None
     direction, weight = hemisphere_directions(surfels.frame[..., 2], 256, None)
     found = SurfelTracer(surfels).untraced(torch.arange(400), direction, weight)
     assert not found.radiance.any()
-    assert torch.equal(found.visibility, above(direction, horizon(surfels)))
+    assert torch.equal(found.visibility, above_horizon(direction, horizon(surfels)))
     # The horizons themselves are 5.5 degrees off, to any side: the angle between both planes is 20 in the mean.
     hidden = (weight * (1 - found.visibility)).sum(1) / (2 * math.pi)
     assert float(hidden.mean()) == pytest.approx(20 / 180, rel=0.1)

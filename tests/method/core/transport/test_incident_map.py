@@ -3,7 +3,8 @@
 import torch
 
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.splatting import incident_map, splat
+from radiogs_core.transport.maps import incident_map
+from radiogs_core.transport.splatting import splat
 from scenes import sphere_scene, surfels_facing
 
 

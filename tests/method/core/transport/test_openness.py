@@ -10,7 +10,7 @@ from radiogs_core.transport import met_surface
 from radiogs_core.transport import tracer as tracing
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.met_surface import enclosed, openness, traced_openness
-from radiogs_core.transport.plan import everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets.generate.materials import Material
@@ -40,7 +40,7 @@ def test_openness_is_the_same_when_rays_are_traced_in_pieces(monkeypatch: pytest
     monkeypatch.setattr(met_surface, "RAYS_AT_ONCE", 7 * 32)
     monkeypatch.setattr(tracing, "RAYS_AT_ONCE", 3 * 32)
     with patch.object(tracer, "incident", side_effect=tracer.incident) as traced:
-        torch.testing.assert_close(traced_openness(tracer, surfels, 32, False, everything()), whole)
+        torch.testing.assert_close(traced_openness(tracer, surfels, 32, False, EffectPlan()), whole)
     assert max(len(call.args[0]) for call in traced.call_args_list) == 3
 
 

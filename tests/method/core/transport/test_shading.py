@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.consistency import RadiometricConsistency
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.image_share import image_share
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
 from radiogs.rendering import Renderer
+from radiogs.stages.consistency import RadiometricConsistency
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording
@@ -22,7 +22,7 @@ from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.shading import lobe_albedo, shade_materials
 from radiogs_core.transport.splatting import shade_surfels, towards
@@ -142,9 +142,9 @@ def test_radiance_that_a_matt_surface_sends_in_a_furnace_is_consistent() -> None
 @pytest.mark.parametrize(
     "plan",
     [
-        everything(),
-        everything().without("specular"),
-        everything().without("specular").without("indirect"),
+        EffectPlan(),
+        EffectPlan().without("specular"),
+        EffectPlan().without("specular").without("indirect"),
         EffectPlan(specular_at=torch.arange(10_000) % 2 == 0),
     ],
 )
@@ -170,14 +170,14 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
 
 def test_maps_report_the_albedo_itself() -> None:
     surfels, light = ball(), sky()
-    plan = everything().without("specular")
+    plan = EffectPlan().without("specular")
     maps: list[dict[str, Any]] = [
-        Renderer(Model(surfels, light.log(), each), 16, Variant()).render(CAMERA) for each in (everything(), plan)
+        Renderer(Model(surfels, light.log(), each), 16, Variant()).render(CAMERA) for each in (EffectPlan(), plan)
     ]
     tracer_free = unoccluded(*hemisphere_directions(surfels.frame[..., 2], 16, None))
     maps += [
         RelitByRays(surfels, surfels.albedo, EnvironmentMap(light), tracer_free, each).render(CAMERA)
-        for each in (everything(), plan)
+        for each in (EffectPlan(), plan)
     ]
     for each in maps[1:]:
         assert torch.equal(each["albedo"], maps[0]["albedo"])

@@ -8,15 +8,16 @@ import pytest
 import torch
 
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.assessment import Assessment
+from radiogs.effects.assessment import Assessment
 from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.rendering import Renderer
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.plan import EFFECTS, EffectPlan, everything, plan_of
+from radiogs_core.transport.plan import EFFECTS, EffectPlan, plan_of
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from scenes import sphere_scene
 
@@ -195,8 +196,8 @@ def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initiali
         return Renderer(dataclasses.replace(model, plan=plan), 8, Variant()).render(camera)["image"]
 
     for plan in (NO_RAYS, local_rays(initialised)):
-        assert torch.equal(shown(plan), shown(everything()))
-        assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(everything()))
+        assert torch.equal(shown(plan), shown(EffectPlan()))
+        assert not torch.equal(shown(dataclasses.replace(plan, kept=False)), shown(EffectPlan()))
 
 
 def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_was(
@@ -242,11 +243,11 @@ def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, An
 
 
 def test_plans_are_named_by_what_they_leave_out() -> None:
-    assert everything().off == ()
+    assert EffectPlan().off == ()
     for name in EFFECTS:
         assert plan_of(but(name)).off == (name,)
     assert not plan_of(()).traces
-    assert plan_of("auto") == everything()
+    assert plan_of("auto") == EffectPlan()
 
 
 def test_variants_know_the_effects() -> None:
@@ -272,9 +273,9 @@ def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[st
 def test_only_a_plan_that_saves_no_more_than_what_was_left_out_counts_as_left_out() -> None:
     assessment = Assessment.__new__(Assessment)
     assessment.step = SimpleNamespace(saving=lambda plan, full: len(plan.off) - len(full.off))  # type: ignore[assignment]
-    some = everything().without("indirect")
+    some = EffectPlan().without("indirect")
     more = some.without("specular")
     assert assessment.was_left_out(some, some)
     assert assessment.was_left_out(some, more)
     assert not assessment.was_left_out(more, some)
-    assert not assessment.was_left_out(everything(), everything())
+    assert not assessment.was_left_out(EffectPlan(), EffectPlan())

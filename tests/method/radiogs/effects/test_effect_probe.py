@@ -10,15 +10,14 @@ import torch
 from scipy.spatial.transform import Rotation
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, found, grey, seen, sky
-from radiogs.effects.decide.assessment import Assessment
-from radiogs.effects.decide.probe import _accepted
-from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.gradient import image_gradient
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, ProbeView
-from radiogs.effects.measure.step_cost import Step
+from radiogs.effects.assessment import Assessment, image_gradient
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe import _accepted
+from radiogs.effects.probe_scene import SHARP_ROUGHNESS, ProbeView
+from radiogs.effects.step_cost import Step
+from radiogs.effects.tolerance import Tolerance
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import tangent_frame
 from radiogs_datasets.generate.materials import Material
 from radiogs_datasets.generate.solids import Box, Sphere
@@ -117,7 +116,7 @@ def test_bolder_masks_leave_out_more_and_masked_images_lie_between() -> None:
     table = Box((-0.5, -0.5, 0.4), (0.5, 0.5, 0.45), CLAY)
     made = seen(surfels_over([FLOOR, table], 0.12), sky())
     radiance = PlanRadiance(made)
-    full = radiance.shaded(everything()).detach()
+    full = radiance.shaded(EffectPlan()).detach()
     masks = [made.occlusion > edge for edge in (0.05, 0.2, 0.4)]
     reduced = [radiance.shaded(EffectPlan(traced=mask)).detach() for mask in masks]
     changes = [float((each - full).square().mean()) for each in reduced]
@@ -147,8 +146,8 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
     local = EffectPlan(traced=torch.arange(100) < 30)
     chosen = {
         "visibility": local,
-        "indirect": everything().without("indirect"),
-        "samples": everything().without("samples"),
+        "indirect": EffectPlan().without("indirect"),
+        "samples": EffectPlan().without("samples"),
     }
 
     class TogetherTooMuch(Assessment):
@@ -170,7 +169,7 @@ def test_of_effects_that_only_together_cost_too_much_those_that_save_most_stay_o
             }
             return ("on" if refused <= left_out else "off", "", None)
 
-    plan, record, left = _accepted(TogetherTooMuch(), chosen, everything(), 7)
+    plan, record, left = _accepted(TogetherTooMuch(), chosen, EffectPlan(), 7)
     assert set(left) == {"visibility", "samples"}
     assert plan.indirect
     assert plan.traced is local.traced

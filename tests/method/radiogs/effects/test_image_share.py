@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from radiogs.effects.measure.image_share import image_share
+from radiogs.effects.image_share import image_share
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import splat
 from scenes import look_at, surfels_facing

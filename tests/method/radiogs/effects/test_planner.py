@@ -9,18 +9,19 @@ import torch
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.planner import Planner
-from radiogs.effects.decide.probe import Occasion
-from radiogs.effects.decide.staleness import Staleness, decide_refresh
-from radiogs.effects.decide.tolerance import Tolerance
-from radiogs.effects.measure.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
-from radiogs.effects.measure.step_cost import Step
-from radiogs.stages import Initialisation, InverseRendering
+from radiogs.effects.planner import Planner
+from radiogs.effects.probe import Occasion
+from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
+from radiogs.effects.staleness import Staleness, decide_refresh
+from radiogs.effects.step_cost import Step
+from radiogs.effects.tolerance import Tolerance
+from radiogs.stages.initialise import Initialisation
+from radiogs.stages.invert import InverseRendering
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.instruments import recording
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.plan import EffectPlan, everything
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 from radiogs_datasets.generate.solids import Box, Sphere
@@ -37,13 +38,13 @@ def test_the_work_of_a_step_is_what_it_asks_for() -> None:
 
     Every surfel is shaded, and those drawn for both sides of radiometric consistency; a ray blends four surfels.
     """
-    work = Step(100, 20, 8, 10).work(everything())
+    work = Step(100, 20, 8, 10).work(EffectPlan())
     rays = 8 * (20 + 100 / 10)
     assert work == {
         "rays": rays, "shaded_samples": 140 * 8, "lobes": 140 * 8, "coefficients": (140 + 4 * rays) * 16,
         "surfels": 100,
     }  # fmt: skip
-    assert Step(10, 20, 8, 10).work(everything())["rays"] == 8 * (10 + 1)
+    assert Step(10, 20, 8, 10).work(EffectPlan())["rays"] == 8 * (10 + 1)
 
 
 CPU = torch.device("cpu")
@@ -66,11 +67,11 @@ def planned(initialised: dict[str, Any]) -> InverseRendering:
 
 def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    stage.shader.planner.plan = everything().without("indirect").without("visibility")
+    stage.shader.planner.plan = EffectPlan().without("indirect").without("visibility")
     stage.initialised = copy.deepcopy(initialised)
     stage.initialised["optimiser"]["tensors"]["sh"][:] = torch.nan
     stage.step()
-    assert stage.shader.plan == everything()
+    assert stage.shader.plan == EffectPlan()
     assert "failed" in stage.shader.planner.evidence[-1].why
 
 
@@ -92,7 +93,7 @@ def views_of(made: ProbeScene) -> list[View]:
 def without_rays() -> Planner:
     """A planner that has left out all rays."""
     planner = Planner("auto", 0, 30, SAMPLES, Rays(), straight=True)
-    planner.plan = dataclasses.replace(everything().without("indirect").without("visibility"), kept=True)
+    planner.plan = dataclasses.replace(EffectPlan().without("indirect").without("visibility"), kept=True)
     return planner
 
 

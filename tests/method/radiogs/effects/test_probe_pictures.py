@@ -8,21 +8,20 @@ import torch
 
 from probed_scenes import CLAY, cameras, found, grey, hidden, seen, sheet, shown, sky
 from radiogs.budget import PRESETS
-from radiogs.effects.decide.difference_maps import difference_maps
-from radiogs.effects.decide.new_light import model_error, scene_under
-from radiogs.effects.measure.gradient import image_gradient
-from radiogs.effects.measure.image_share import image_share
-from radiogs.effects.measure.plan_radiance import PlanRadiance
-from radiogs.effects.measure.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.assessment import image_gradient
+from radiogs.effects.image_share import image_share
+from radiogs.effects.new_light import model_error, scene_under
+from radiogs.effects.plan_radiance import PlanRadiance
+from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
-from radiogs.probing import probe_scene, probe_scene_of_model
+from radiogs.probing import difference_maps, probe_scene, probe_scene_of_model
 from radiogs.relighting import probe_relighting
 from radiogs.tracing import Rays
 from radiogs.variant import Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import radiance_maps
+from radiogs_core.transport.maps import radiance_maps
 from radiogs_datasets import load_scene
 from radiogs_datasets.generate.solids import Sphere
 from scenes import sphere_scene, surfels_over

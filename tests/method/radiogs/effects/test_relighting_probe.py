@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from probed_scenes import CLAY, seen, sky
-from radiogs.effects.decide.new_light import (
+from radiogs.effects.new_light import (
     _widened,
     concentration,
     model_error,
@@ -14,7 +14,7 @@ from radiogs.effects.decide.new_light import (
     reference_colour,
     scene_under,
 )
-from radiogs.effects.measure.probe_scene import Viewpoints
+from radiogs.effects.probe_scene import Viewpoints
 from radiogs.tracing import Rays
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap

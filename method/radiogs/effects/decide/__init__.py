@@ -1,1 +1,0 @@
-"""Which effects are left out: evidence against a tolerance, before and during training."""

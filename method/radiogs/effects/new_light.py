@@ -1,0 +1,200 @@
+"""What a new light needs: whether directions are to be drawn from it, and what relighting by it may leave out.
+
+A model that was trained under one light is probed again under every other: a sun needs shadows that an overcast sky
+did not.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.scene.colour import srgb_encode
+from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import unoccluded
+from radiogs_core.transport.plan import EffectPlan
+from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
+from radiogs_core.transport.splatting import own_radiance, shade_surfels
+
+from ..tracing import Rays
+from .bounds import bootstrap_t, sidak
+from .covered_pixels import CoveredPixels, rendered_views
+from .decision import decide
+from .evidence import Evidence, Measured
+from .probe import LEVEL, PROBES, Findings, Occasion, probe
+from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
+from .step_cost import Step
+from .tile_errors import ReferenceImage, mean_error
+from .tolerance import TOLERANCE_DB, Tolerance
+
+CHECKED = 128
+"""Number of surfels that are shaded by both kinds of directions."""
+
+REFERENCE_DIRECTIONS = (16384, 8192)
+"""Directions over the hemisphere, and from the light, that are taken for the truth. Those over the hemisphere are 1.1
+degrees apart: they alone would miss a sun, half a degree wide, from most surfels."""
+
+DRAWS = 16
+"""Number of times that each surfel's directions are drawn: whether a few of them hit the sun is a matter of chance."""
+
+DIRECTIONS = 8
+"""Directions over the hemisphere, and as many drawn from the light, that a probe traces from every surfel, twice: a
+quarter of the rays of relighting with preset tiny. Over the hemisphere alone a probe would miss a sun and what hides
+it."""
+
+IN_RELIGHTING = ("visibility", "indirect", "specular")
+"""Effects that a probe of relighting measures in images."""
+
+
+@dataclass(frozen=True)
+class Concentration:
+    """How a light is spread over the sphere.
+
+    peak: brightest texel over the mean radiance. effective: 1 / sum p^2 over the map's texels, p their shares of its
+    power, over the number of texels that a constant light of this map has: 1 for a constant light, small for a sun.
+    """
+
+    peak: float
+    effective: float
+
+
+def concentration(light: EnvironmentMap) -> Concentration:
+    """How concentrated a light is, by its brightest channel, weighted by solid angle."""
+    area = texel_solid_angles(*light.radiance.shape[:2]).to(light.radiance.device)
+    power = (light.radiance.double().max(-1).values.clamp(min=0) * area).flatten()
+    total = float(power.sum())
+    if total == 0:
+        return Concentration(1.0, 1.0)
+    share, even = power / total, (area.expand(light.radiance.shape[:2]) / (4 * math.pi)).flatten()
+    peak = float((share / even).max())
+    return Concentration(peak, float(even.square().sum() / share.square().sum()))
+
+
+@torch.no_grad()
+def decide_light_sampling(
+    surfels: Surfels,
+    light: EnvironmentMap,
+    tolerance: Tolerance,
+    spread: int,
+    drawn: int,
+    seed: int,
+) -> Evidence:
+    """Whether ``drawn`` directions from the light beside ``spread`` ones over the hemisphere make images better.
+
+    Both are compared with ``reference_colour`` on CHECKED surfels that nothing occludes, seen along their normals.
+    """
+    generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+    chosen = torch.randperm(len(surfels), generator=generator, device=surfels.centre.device)[:CHECKED]
+    some = surfels.take(chosen)
+    truth = reference_colour(some, light, generator).repeat_interleave(DRAWS, 0)
+    some = some.take(torch.arange(len(some), device=truth.device).repeat_interleave(DRAWS))
+    normal = some.frame[..., 2]
+
+    def error(directions: tuple[Tensor, Tensor]) -> Float[Tensor, " surfels"]:
+        return (_shaded(some, light, directions) - truth).square().mean(-1).view(-1, DRAWS).mean(1)
+
+    without = error(hemisphere_directions(normal, spread, generator))
+    rise = without - error(relighting_directions(normal, LightSampler(light), spread, drawn, generator))
+    below, above = bootstrap_t(rise[None], sidak(LEVEL, PROBES), torch.Generator().manual_seed(seed))
+    measured = Measured(
+        contribution=tolerance.loss(float(rise.mean())),
+        lowest=tolerance.loss(float(below)),
+        bound=tolerance.loss(float(above)),
+        worst=tolerance.worst_case(float(without.mean())),
+        tail=0.0,
+        unseen=1.0,
+        gradient=0.0,
+        share=drawn / (spread + drawn),
+        rays=len(surfels) * drawn,
+        seconds=0.0,
+    )
+    verdict, why = decide(measured, was_off=False, tolerance=tolerance.decibel)
+    shape = concentration(light)
+    why += f"; peak {shape.peak:.1f} times the mean, {100 * shape.effective:.0f} % of the sphere in effect"
+    return Evidence("light-sampling", verdict, why, 0, seed, tolerance.decibel, measured)
+
+
+@torch.no_grad()
+def reference_colour(surfels: Surfels, light: EnvironmentMap, generator: torch.Generator) -> Float[Tensor, "surfels 3"]:
+    """Display colour along the normals under a light that nothing occludes, from REFERENCE_DIRECTIONS."""
+    directions = relighting_directions(
+        surfels.frame[..., 2], LightSampler(_widened(light)), *REFERENCE_DIRECTIONS, generator
+    )
+    return _shaded(surfels, light, directions)
+
+
+def _shaded(surfels: Surfels, light: EnvironmentMap, directions: tuple[Tensor, Tensor]) -> Float[Tensor, "surfels 3"]:
+    """Display colour along the normals, from directions and their solid angles, without occlusion."""
+    along = surfels.frame[:, None, :, 2]
+    return srgb_encode(
+        shade_surfels(surfels, surfels.albedo, unoccluded(*directions), along, light.radiance)[:, 0].sum(1)
+    )
+
+
+def _widened(light: EnvironmentMap) -> EnvironmentMap:
+    """Each texel as bright as its brightest neighbour: light is interpolated, so a sun reaches into the next texels.
+
+    Drawn from the map itself, directions in those would be rare and have large weights
+    (``tests/method/radiogs/effects/test_relighting_probe.py``).
+    """
+    around = light.radiance.permute(2, 0, 1)[None]
+    around = torch.nn.functional.pad(around, (1, 1, 0, 0), mode="circular")
+    around = torch.nn.functional.pad(around, (0, 0, 1, 1), mode="replicate")
+    return EnvironmentMap(torch.nn.functional.max_pool2d(around, 3, stride=1)[0].permute(1, 2, 0))
+
+
+@torch.no_grad()
+def model_error(surfels: Surfels, viewpoints: Viewpoints) -> float:
+    """Mean squared error of the surfels' own radiance against the views' targets: the method's error in any case."""
+    views = viewpoints.views
+    projections = [project(view.camera, surfels.geometry_for(view.camera)) for view in views]
+    own = torch.stack([own_radiance(view.camera, surfels) for view in views], 1)
+    rendered = rendered_views(projections, [own])
+    pixels = CoveredPixels.of(views, rendered, viewpoints.straight)
+    (image,) = pixels.take(rendered)
+    return mean_error(ReferenceImage.of(image, pixels), pixels)
+
+
+def scene_under(
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    light: EnvironmentMap,
+    viewpoints: Viewpoints,
+    seed: int,
+    variant: Rays,
+    offset: float | None = None,
+) -> ProbeScene:
+    """A model as it is relit. Targets of the views are dropped: they show another light.
+
+    ``albedo``: linear, as it will be relit. ``variant``: rays as relighting traces them. ``offset``: where rays start,
+    in standard deviations; None: as in relighting, because what rays meet close by is in the images too, and nothing is
+    learnt that could compensate its absence. L_ind is that of light that has met one surface, as in relighting; the
+    surfels' own radiance belongs to another light.
+    """
+    painted = Surfels.of(surfels.parameters() | {"albedo_logit": torch.logit(albedo.clamp(1e-4, 1 - 1e-4))})
+    generator = torch.Generator(surfels.centre.device).manual_seed(seed)
+    blind = replace(viewpoints, views=tuple(ProbeView(view.camera, None) for view in viewpoints.views))
+    rays = ProbeRays(DIRECTIONS, generator, variant, offset, drawn=DIRECTIONS)
+    scene = replace(trace_scene(painted, light.radiance, blind, rays, bounces=True), given_light=True)
+    assert scene.first is not None
+    return replace(scene, incident=replace(scene.incident, radiance=scene.first))
+
+
+def plan_for_light(
+    scene: ProbeScene, mse: float, spread: int, drawn: int, seed: int, decibel: float = TOLERANCE_DB
+) -> Findings:
+    """What relighting may leave out of a scene of ``scene_under``, beside an error of ``mse`` (``model_error``).
+
+    ``spread``, ``drawn``: relighting's directions over the hemisphere and from the light.
+    """
+    # Every surfel is traced once, as in a step that does nothing but refresh.
+    step = Step(len(scene.surfels), 0, spread + drawn, 1)
+    found = probe(scene, step, Occasion(seed), effects=IN_RELIGHTING, decibel=decibel, mse=mse)
+    light = EnvironmentMap(scene.environment)
+    sampling = decide_light_sampling(scene.surfels, light, found.tolerance, spread, drawn, seed)
+    plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
+    return Findings(plan, (*found.evidence, sampling), found.tolerance)

@@ -1,0 +1,92 @@
+"""Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.harmonics import surfel_radiance
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.sampling import random_hemisphere_direction
+from radiogs_core.transport.shading import shade_materials
+from radiogs_core.transport.splatting import towards
+from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
+
+from ..variant import Variant
+
+Residual = Callable[[Tensor, Tensor], Tensor]
+"""The difference of L_G and L_PBR, with gradient to both of them or to one."""
+
+RESIDUALS: Mapping[str, Residual] = {
+    "none": lambda own, physical: own - physical,
+    "pbr": lambda own, physical: own - physical.detach(),
+    "surfel": lambda own, physical: own.detach() - physical,
+}
+"""By which side ``Variant.detach`` says is left without gradient."""
+
+
+@dataclass(frozen=True)
+class RadiometricConsistency:
+    """L_rad by rays. ``residual``: what has gradient. ``light_learns``: whether the light has, too."""
+
+    residual: Residual = RESIDUALS["none"]
+    light_learns: bool = True
+
+    @classmethod
+    def of(cls, variant: Variant) -> "RadiometricConsistency":
+        """That of a variant."""
+        return cls(RESIDUALS[variant.detach], "light-detached" not in variant.deviations)
+
+    def loss(
+        self,
+        surfels: Surfels,
+        environment: Float[Tensor, "height width 3"],
+        camera: Camera,
+        index: Int[Tensor, " chosen"],
+        incident: Incident,
+        generator: torch.Generator,
+        specular_at: Bool[Tensor, " surfels"] | None = None,
+    ) -> Float[Tensor, ""]:
+        """L_rad over the surfels ``index`` from the light ``incident`` on them.
+
+        Per surfel the residual is taken towards the camera (where it faces it) and towards one direction drawn
+        uniformly over its hemisphere, both from the same incident samples; the two l1-norms are added and averaged
+        over surfels and channels. ``specular_at``: which of all surfels have a specular lobe (None: all).
+        """
+        chosen = surfels.among(index)
+        normal = chosen.frame[..., 2]
+        with torch.no_grad():
+            to_camera = towards(camera, chosen)
+            outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, generator)], 1)
+            facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
+        physical = shade_materials(
+            normal, chosen.albedo, chosen.roughness, outgoing, incident,
+            environment if self.light_learns else environment.detach(),
+            None if specular_at is None else specular_at[index],
+        ).sum(2)  # fmt: skip
+        residual = self.residual(surfel_radiance(chosen.sh, outgoing), physical)
+        return torch.where(facing, residual, 0.0).abs().sum(1).mean()
+
+
+def split_sum_consistency_loss(
+    surfels: Surfels,
+    own: Float[Tensor, "surfels 3"],
+    light: PrefilteredLight,
+    outgoing: Float[Tensor, "surfels 3"],
+    normal_gradient: bool = True,
+) -> tuple[Float[Tensor, ""], Float[Tensor, "surfels 3"]]:
+    """The simplified L_rad of stage 1, over all surfels towards the camera, and the split-sum radiance itself.
+
+    ``own``: L_G along the unit directions ``outgoing``. ``normal_gradient``: whether the two have gradient to the
+    surfels' normals.
+    """
+    normal = surfels.frame[..., 2] if normal_gradient else surfels.frame[..., 2].detach()
+    diffuse, specular = split_sum_radiance(normal, surfels.albedo, surfels.roughness, outgoing, light)
+    physical = diffuse + specular
+    facing = ((outgoing * normal).sum(-1) > 0)[:, None]
+    residual = torch.where(facing, own - physical, 0.0)
+    return residual.abs().mean(), physical

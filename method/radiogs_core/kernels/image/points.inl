@@ -1,0 +1,17 @@
+// Points of a depth map; see points_source.py.
+
+// ---- ray
+const SCALAR x = (SCALAR(item % width) + SCALAR(0.5) - offset[0]) / focal[0];
+const SCALAR y = (SCALAR(item / width) + SCALAR(0.5) - offset[1]) / focal[1];
+SCALAR ray[3];
+for (int c = 0; c < 3; ++c) ray[c] = pose.data[4 * c] * x + pose.data[4 * c + 1] * y + pose.data[4 * c + 2];
+
+// ---- forward
+#include "ray"
+for (int c = 0; c < 3; ++c) out.data[3LL * item + c] = pose.data[4 * c + 3] + depth.data[item] * ray[c];
+
+// ---- backward
+#include "ray"
+SCALAR sum = SCALAR(0);
+for (int c = 0; c < 3; ++c) sum += pull.data[3LL * item + c] * ray[c];
+out.data[item] = sum;

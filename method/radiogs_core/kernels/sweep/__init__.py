@@ -1,1 +1,0 @@
-"""K16: the plane sweep that starting points come from."""

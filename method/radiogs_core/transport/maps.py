@@ -1,0 +1,96 @@
+"""The maps of a view that evaluation compares: what shows a model, and no part of training."""
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from ..kernels.image.display import displayed
+from ..kernels.rasterize.rasterize import rasterize
+from ..scene.camera import Camera
+from ..surfels.surfels import Surfels
+from .incident import Incident
+from .splatting import (
+    DIFFUSE_DIRECT,
+    DIFFUSE_INDIRECT,
+    SPECULAR_DIRECT,
+    SPECULAR_INDIRECT,
+    own_radiance,
+    shade_surfels,
+    splat,
+    towards,
+)
+from .splitsum import PrefilteredLight, split_sum_radiance
+
+
+@torch.no_grad()
+def shaded_maps(
+    camera: Camera,
+    surfels: Surfels,
+    albedo: Float[Tensor, "surfels 3"],
+    incident: Incident,
+    environment: Float[Tensor, "rows columns 3"],
+    specular_at: Bool[Tensor, " surfels"] | None = None,
+    straight: bool = True,
+) -> dict[str, Float[Tensor, "height width _"]]:
+    """All maps of one view under a given light, as ``Renderer.render`` describes them.
+
+    ``albedo`` is given apart, because relighting scales it. ``straight``: see ``displayed``.
+    """
+    parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular_at)[:, 0]
+    direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
+    return _maps(camera, surfels, albedo, direct, parts[:, DIFFUSE_INDIRECT] + parts[:, SPECULAR_INDIRECT], straight)
+
+
+def _maps(
+    camera: Camera, surfels: Surfels, albedo: Tensor, direct: Tensor, indirect: Tensor, straight: bool
+) -> dict[str, Tensor]:
+    channels = {"direct": direct, "indirect": indirect, "albedo": albedo, "roughness": surfels.roughness[:, None]}
+    seen = splat(camera, surfels, channels, depth_unit=1.0)
+    length = seen.normal.square().sum(-1, keepdim=True)
+    return {
+        **seen.images,
+        "image": displayed(seen.images["direct"] + seen.images["indirect"], seen.alpha, straight).clamp(0, 1),
+        "alpha": seen.alpha[..., None],
+        "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+        "depth": seen.depth[..., None],
+    }
+
+
+@torch.no_grad()
+def radiance_maps(
+    camera: Camera, surfels: Surfels, straight: bool = True
+) -> dict[str, Float[Tensor, "height width _"]]:
+    """The surfels' own radiance L_G as a camera sees it: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
+    # Half of them look the other way: left out before anything is computed for them.
+    facing = ((camera.centre - surfels.centre) * surfels.frame[..., 2]).sum(-1) > 0
+    surfels = surfels.take(torch.nonzero(facing)[:, 0])
+    channels = own_radiance(camera, surfels)
+    raster = rasterize(camera, surfels.geometry_for(camera), channels, depth_unit=1.0)
+    return {"image": displayed(raster.features, raster.alpha, straight).clamp(0, 1), "alpha": raster.alpha[..., None]}
+
+
+@torch.no_grad()
+def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[Tensor, "height width 3"]:
+    """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, on black.
+
+    What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
+    """
+    weight = incident.weight[..., None]
+    arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
+    return splat(camera, surfels, {"incident": arriving}, depth_unit=1.0).images["incident"]
+
+
+@torch.no_grad()
+def split_sum_maps(
+    camera: Camera, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], straight: bool = True
+) -> dict[str, Float[Tensor, "height width _"]]:
+    """The maps of ``shaded_maps`` with the light of the split sum: unoccluded and without indirect light."""
+    diffuse, specular = split_sum_radiance(
+        surfels.frame[..., 2],
+        surfels.albedo,
+        surfels.roughness,
+        towards(camera, surfels),
+        PrefilteredLight(environment),
+    )
+    direct = diffuse + specular
+    return _maps(camera, surfels, surfels.albedo, direct, torch.zeros_like(direct), straight)

@@ -1,0 +1,29 @@
+"""A stage's key covers what trains it and nothing that shows a model: a new map trains no stage again."""
+
+import pytest
+
+from radiogs.method import RADIOGS
+from radiogs.variant import Variant
+from radiogs_bench.sources import installed
+from radiogs_core.contract import StageSpec
+
+SHOWING = {
+    "radiogs.rendering",
+    "radiogs.relighting",
+    "radiogs.trained",
+    "radiogs.varying",
+    "radiogs_core.surfels.display_harmonics",
+    "radiogs_core.surfels.ply",
+    "radiogs_core.transport.maps",
+}
+
+STAGES = RADIOGS.stages(Variant(), RADIOGS.presets["smoke"])
+
+
+@pytest.mark.parametrize("stage", STAGES, ids=[stage.name for stage in STAGES])
+def test_the_sources_of_a_stage_hold_nothing_that_shows_a_model(stage: StageSpec) -> None:
+    assert not SHOWING & installed().closure(*stage.sources).keys()
+
+
+def test_what_shows_a_model_is_in_the_sources_of_the_method() -> None:
+    assert installed().closure(*RADIOGS.sources).keys() >= SHOWING
