@@ -10,7 +10,7 @@ from radiogs.budget import PRESETS, Budget
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering
 from radiogs.variant import Variant
-from radiogs_core.kernels.surfel.frame import frames
+from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh

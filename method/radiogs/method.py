@@ -9,11 +9,10 @@ from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
 from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
-from .memory import memory_of
 from .model import Model
 from .probing import probed
 from .profile import PROFILES
-from .rehearsing import short_run, sizes
+from .rehearsing import memory_of, short_run, sizes
 from .stages.initialise import Initialisation
 from .stages.invert import InverseRendering
 from .trained import TrainedRadioGS

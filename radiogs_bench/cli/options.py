@@ -142,7 +142,7 @@ def scene_options(options: argparse.Namespace) -> "SceneOptions":
 def suite_of(name_or_file: str) -> "Suite":
     """A suite from the package, or from a file."""
     if name_or_file.endswith(".toml"):
-        from ..suites.toml_file import read_suite
+        from ..suites.registry import read_suite
 
         return read_suite(Path(name_or_file))
     from ..suites.registry import suite

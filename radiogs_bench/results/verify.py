@@ -18,7 +18,7 @@ from ..store.folder import Store, product_name
 from ..store.schema import Result
 from ..store.seal import Broken, OtherSchema, complaint_of, parsed
 from ..store.tensor_file import read_tensors
-from .work_left import WorkLeft, work_left
+from .standing import WorkLeft, work_left
 
 CPU = torch.device("cpu")
 

@@ -1,12 +1,29 @@
-"""All suites that come with the package, by name."""
+"""The suites that come with the package, by name, and those of TOML files.
 
+A file has the fields of ``suite.Suite`` (docs/suites.md); the dataclasses are its schema, so that a new field can be
+used in files at once.
+"""
+
+import tomllib
 from collections.abc import Mapping
+from dataclasses import replace
 from difflib import get_close_matches
+from functools import partial
+from pathlib import Path
+from typing import Any
 
-from radiogs_core.errors import UsageError
+from radiogs_baselines.published import published_tables
+from radiogs_core.contract import whole_numbers
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import PlainReader, to_plain
+from radiogs_datasets import known_names
+from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
+from ..methods import SUFFIX, method
+from ..store.names import PLAIN
 from .baselines import BASELINE_ABLATIONS, BASELINES
 from .data_sets import DATA_SET_SUITES
+from .experiment import EXPERIMENTS
 from .own import COST_OF_ACCURACY, EFFECTS_SUITE, FINETUNE, ORACLES
 from .paper import (
     ABLATIONS,
@@ -22,7 +39,7 @@ from .paper import (
     STRATEGIES,
     VIEWS,
 )
-from .suite import Suite
+from .suite import MEASURES, TASKS, Metric, Row, Suite, with_numbers
 
 SUITES: Mapping[str, Suite] = {
     suite.name: suite
@@ -45,3 +62,96 @@ def suite(name: str) -> Suite:
             "See them all:  radiogs-bench run --list",
         )
     return SUITES[name]
+
+
+LARGEST_FACTOR = 1e4
+"""Of a number of the budget: the largest preset times it is more than any machine finishes."""
+
+
+def read_suite(path: Path) -> Suite:
+    """The suite of a file. Raises DataError for a missing file, UsageError for an error in it.
+
+    ``published`` and a row's ``latex`` and ``variant`` may be left out. Scenes and methods are names, or paths from
+    the file's folder.
+    """
+    try:
+        content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
+    except DataError as error:
+        raise DataError(f"cannot read the suite {path}", error.why, "Name a suite's file.") from error
+    except (ValueError, RecursionError) as error:
+        raise UsageError(f"{path} is no TOML: {error}", "", "What a suite's file may say: docs/suites.md") from error
+    reader = PlainReader(str(path), "What a suite's file may say: docs/suites.md")
+    reader.special[Metric] = partial(_metric, reader)
+    content.setdefault("published", None)
+    for row in content.get("rows", ()) if isinstance(content.get("rows"), list) else ():
+        _complete(row)
+    suite = _with_places(reader.build(Suite, content, "suite"), path.parent)
+    _check(suite, reader)
+    return suite
+
+
+def _complete(row: object) -> None:
+    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text."""
+    if isinstance(row, dict):
+        row.setdefault("latex", "")
+
+
+def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
+    """A column, written ``task/measure``."""
+    reader.expect(isinstance(value, str) and value.count("/") == 1, where, value, 'a metric such as "nvs/psnr"')
+    metric = Metric.of(value)
+    reader.known(where, "task", metric.task, TASKS)
+    reader.known(where, "measure", metric.measure, MEASURES)
+    return metric
+
+
+def _check(suite: Suite, reader: PlainReader) -> None:
+    """Check what types do not express."""
+    reader.expect(
+        PLAIN.fullmatch(suite.name) is not None,
+        "suite.name",
+        suite.name,
+        "a name of at most 120 letters, digits and .-_, no dot first",
+    )
+    if suite.name in SUITES:
+        reader.fail("suite.name", f"'{suite.name}' is a suite that comes with the package", "", "Choose another name.")
+    reader.expect(len(suite.columns) > 0, "suite.columns", [], "a list of at least one metric")
+    reader.expect(len(suite.scenes) > 0, "suite.scenes", [], "a list of at least one scene")
+    reader.known("suite.experiment", "experiment", suite.experiment, tuple(EXPERIMENTS))
+    if suite.published is not None:
+        reader.known("suite.published", "published table", suite.published, published_tables())
+    _check_text("suite.title", suite.title, reader)
+    for place, row in enumerate(suite.rows):
+        _check_row(row, reader, f"suite.rows[{place}]")
+
+
+def _check_text(where: str, text: str, reader: PlainReader) -> None:
+    """Control characters would command the terminal, and marks of direction show a table that is not the stored one."""
+    reader.expect(text.isprintable(), where, text, "text of printable characters, on one line")
+
+
+def _check_row(row: Row, reader: PlainReader, where: str) -> None:
+    """Check that the row's method exists and has the fields of variant and budget that the row sets."""
+    for name, text in (("key", row.key), ("text", row.text), ("latex", row.latex)):
+        _check_text(f"{where}.{name}", text, reader)
+    try:
+        used = method(row.method)
+    except UsageError as absent:
+        reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
+    reader.build(used.variant, row.variant, f"{where}.variant")
+    scaled = whole_numbers(next(iter(used.presets.values())))
+    for label in (row.text, row.latex):
+        with_numbers(label, to_plain(next(iter(used.presets.values()))))
+    for name, factor in row.budget.items():
+        reader.known(f"{where}.budget", "field", name, scaled)
+        reader.expect(
+            0 < factor <= LARGEST_FACTOR, f"{where}.budget.{name}", factor, f"above zero and up to {LARGEST_FACTOR:g}"
+        )
+
+
+def _with_places(suite: Suite, folder: Path) -> Suite:
+    scenes = tuple(scene if scene in known_names() else str(folder / scene) for scene in suite.scenes)
+    rows = tuple(
+        replace(row, method=str(folder / row.method)) if row.method.endswith(SUFFIX) else row for row in suite.rows
+    )
+    return replace(suite, scenes=scenes, rows=rows)

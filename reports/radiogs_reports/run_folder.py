@@ -13,13 +13,11 @@ from .figures.canvas import FOLDER, Drawn, save
 from .figures.contact_sheet import write_contact_sheet
 from .figures.convergence import convergence_figures
 from .figures.cost import cost_figures, knob_figures
-from .figures.environment import environment_figures
 from .figures.finetuning import finetuning_figures
-from .figures.illumination import illumination_figures
 from .figures.ladder import ladder_figures
+from .figures.light import environment_figures, illumination_figures, relighting_figures
 from .figures.overview import overview_figures
 from .figures.qualitative import qualitative_figures
-from .figures.relighting import relighting_figures
 from .figures.stability import stability_figure
 from .files import fresh, require_own_folders
 from .page.assemble import write_page

@@ -27,7 +27,7 @@ import torch
 from PIL import Image
 
 from bench.test_suite_file import WHOLE
-from radiogs_bench.suites.toml_file import read_suite
+from radiogs_bench.suites.registry import read_suite
 from radiogs_core.errors import ExplainedError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene

@@ -16,9 +16,8 @@ import torch
 
 from allocations import Allocated, allocations
 from radiogs.budget import PRESETS, Budget
-from radiogs.memory import memory_of
 from radiogs.model import Model
-from radiogs.rehearsing import short_run
+from radiogs.rehearsing import memory_of, short_run
 from radiogs.relighting import RelitBySurfels, fine_tuned, relight
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering

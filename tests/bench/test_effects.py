@@ -13,9 +13,8 @@ from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
 from radiogs_bench.methods import variant_of
 from radiogs_bench.runs.trained_folder import read_about, read_trained
-from radiogs_bench.suites.registry import suite
+from radiogs_bench.suites.registry import read_suite, suite
 from radiogs_bench.suites.suite import with_field
-from radiogs_bench.suites.toml_file import read_suite
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.transport.plan import EFFECTS, EffectPlan

@@ -23,8 +23,8 @@ from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites import scenes
 from radiogs_bench.suites.own import ORACLES
+from radiogs_bench.suites.registry import read_suite
 from radiogs_bench.suites.suite import Row, Suite, of_methods
-from radiogs_bench.suites.toml_file import read_suite
 from radiogs_core.capabilities import PARTS, Part
 from radiogs_core.contract import StageSpec
 from radiogs_core.errors import DataError, UsageError

@@ -17,8 +17,7 @@ import torch
 
 from bench.fake_method import FAKE, FakeStage
 from radiogs.budget import PRESETS
-from radiogs.memory import memory_of
-from radiogs.rehearsing import INITIALISE_STEPS, short_run
+from radiogs.rehearsing import INITIALISE_STEPS, memory_of, short_run
 from radiogs.variant import Variant
 from radiogs_bench.cli import main
 from radiogs_bench.lab.rehearsal import climb as climbing

@@ -14,8 +14,8 @@ from radiogs.method import RADIOGS
 from radiogs_bench.cli import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.own import EFFECTS_SUITE
+from radiogs_bench.suites.registry import read_suite
 from radiogs_bench.suites.suite import Metric, Row, Suite
-from radiogs_bench.suites.toml_file import read_suite
 from radiogs_core.contract import scaled
 from radiogs_core.errors import DataError, UsageError
 

@@ -4,7 +4,7 @@ from typing import Any, cast
 
 import pytest
 
-from radiogs_bench.results.work_left import work_left
+from radiogs_bench.results.standing import work_left
 from radiogs_bench.runs.sweep import Place
 from radiogs_bench.store.schema import Result
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics.normals import normal_mae
+from radiogs_bench.scoring.metrics.geometry import normal_mae
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import View
 from radiogs_datasets import load_scene

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from radiogs_bench.scoring.metrics.conventions import DepthOffset
-from radiogs_bench.scoring.metrics.depth import depth_offset
+from radiogs_bench.scoring.metrics.geometry import depth_offset
 
 RULES = DepthOffset()
 TRUTH = torch.tensor([[2.0, 3.0], [4.0, 5.0]])[..., None]

@@ -7,7 +7,7 @@ import torch
 
 from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.conventions import Normal
-from radiogs_bench.scoring.metrics.normals import angle, normal_mae
+from radiogs_bench.scoring.metrics.geometry import angle, normal_mae
 
 IMAGE = Normal(region="image")
 

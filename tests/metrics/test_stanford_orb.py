@@ -11,7 +11,7 @@ from radiogs_bench.scoring.metrics import PSNR_CAP, protocol
 from radiogs_bench.scoring.metrics import stanford_orb as orb
 from radiogs_bench.scoring.metrics.chamfer import chamfer, sampled_surface
 from radiogs_bench.scoring.metrics.conventions import Depth
-from radiogs_bench.scoring.metrics.depth import depth_errors
+from radiogs_bench.scoring.metrics.geometry import depth_errors
 from radiogs_core.errors import DataError
 
 ORB = protocol("stanford-orb")

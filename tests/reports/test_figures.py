@@ -14,11 +14,18 @@ from made_up_run import LIGHTS, arrays, run, summary, write_run
 from radiogs_reports.figures.canvas import ALL, file_name
 from radiogs_reports.figures.cost import cost_figures
 from radiogs_reports.figures.crops import away_from_edges, crop_place
-from radiogs_reports.figures.environment import KEY, factors, tone_mapped
-from radiogs_reports.figures.illumination import components, direct, illumination_figures, indirect_as_incident
+from radiogs_reports.figures.light import (
+    KEY,
+    components,
+    direct,
+    factors,
+    illumination_figures,
+    indirect_as_incident,
+    relighting_figures,
+    tone_mapped,
+)
 from radiogs_reports.figures.overview import FEWEST, LABELS, MOST, OUTLIERS, error_range, lines_of, overview_figures
 from radiogs_reports.figures.qualitative import qualitative_figures
-from radiogs_reports.figures.relighting import relighting_figures
 from radiogs_reports.figures.views import MOST_ACROSS, scene_views
 from radiogs_reports.maps import display, false_colour, linear
 from radiogs_reports.run_folder import write_figures, write_reports

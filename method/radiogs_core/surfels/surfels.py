@@ -10,8 +10,7 @@ from jaxtyping import Float, Int
 from torch import Tensor
 from torch.nn.functional import normalize
 
-from ..kernels.surfel.footprint import widened
-from ..kernels.surfel.frame import frames
+from ..kernels.surfel.footprint import frames, widened
 from ..kernels.surfel.geometry import SplatGeometry
 from ..scene.camera import Camera
 from .harmonics import COEFFICIENTS, CONSTANT_BASIS

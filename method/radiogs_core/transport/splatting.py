@@ -9,8 +9,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 from torch.nn.functional import pad
 
-from ..kernels.image.normals import one_sided_normals
-from ..kernels.image.points import points_of
+from ..kernels.image.depth_map import one_sided_normals, points_of
 from ..kernels.rasterize.rasterize import rasterize
 from ..scene.camera import Camera
 from ..surfels.harmonics import radiance_of_harmonics, surfel_radiance

@@ -25,10 +25,9 @@ from .conventions import (
     Ssim,
     Task,
 )
-from .depth import depth_errors, depth_offset
 from .environment import environment_error
+from .geometry import IN_MASK, depth_errors, depth_offset, normal_mae
 from .lpips import ALEX, SMALLEST_SIDE, lpips
-from .normals import IN_MASK, normal_mae
 from .pictures import AS_RENDERED, Image, Mask, needs_truth, predicted, times, true
 from .psnr import JOINT, decibel, error_of, masked_mse, mse, psnr
 from .ssim import WANG, smallest_side, ssim

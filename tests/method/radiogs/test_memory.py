@@ -6,8 +6,8 @@ import pytest
 
 from bench.memory import VIEWS, Measured, measured, surfels_over, tables
 from radiogs.budget import PRESETS
-from radiogs.memory import SAMPLE, SURFEL, memory_of
 from radiogs.method import RADIOGS
+from radiogs.rehearsing import SAMPLE, SURFEL, memory_of
 from radiogs.variant import Variant
 from radiogs_core.capabilities import MemoryPhase, PlansMemory, TrainingImages
 

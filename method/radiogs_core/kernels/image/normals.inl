@@ -1,4 +1,4 @@
-// Normals from a depth map's points; see normals_source.py.
+// Normals from a depth map's points; see depth_map_source.py.
 
 // ---- forward
 // Along each axis, the side on which inverse depth is more nearly linear; 0 where neither has a neighbour.

@@ -1,4 +1,4 @@
-// Points of a depth map; see points_source.py.
+// Points of a depth map; see depth_map_source.py.
 
 // ---- ray
 const SCALAR x = (SCALAR(item % width) + SCALAR(0.5) - offset[0]) / focal[0];

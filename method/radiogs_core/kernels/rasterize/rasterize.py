@@ -20,9 +20,8 @@ from ..arrangement import as_on_cuda
 from ..runtime import WorkerSums, as_array, launch_in_parallel
 from ..surfel.geometry import SplatGeometry
 from ..surfel.support import support_of
-from .binning_source import binning_kernels
+from .binning_source import binning_kernels, record_kernels
 from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
-from .records_source import record_kernels
 
 
 @dataclass(frozen=True)

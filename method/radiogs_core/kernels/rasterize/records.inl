@@ -1,4 +1,4 @@
-// A surfel as a homography of pixel rays; see records_source.py.
+// A surfel as a homography of pixel rays; see binning_source.py.
 
 // ---- surfel
 const SCALAR *c = centre.data + 3LL * surfel, *n = normal.data + 3LL * surfel, *p = pose.data;

@@ -1,4 +1,4 @@
-"""K10: surfels as a camera draws them, widened by the footprint of a pixel, with gradient."""
+"""K5 and K10: frames of surfels from their quaternions, and surfels widened by a pixel's footprint, with gradient."""
 
 from typing import Any
 
@@ -8,8 +8,32 @@ from torch import Tensor
 
 from ...scene.camera import Camera
 from ..runtime import launch_in_parallel
-from .footprint_source import footprint_kernels
+from .footprint_source import footprint_kernels, frame_kernels
 from .geometry import SplatGeometry
+
+
+def frames(rotation: Float[Tensor, "surfels 4"]) -> Float[Tensor, "surfels 3 3"]:
+    """Rotation matrices of the quaternions w, x, y, z along ``rotation``; zero for a zero quaternion."""
+    return _Frames.apply(rotation)
+
+
+class _Frames(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, rotation: Tensor) -> Tensor:
+        rotation = rotation.detach().contiguous()
+        kernels, out = frame_kernels(rotation.dtype), rotation.new_empty(len(rotation), 3, 3)
+        arguments = [rotation, out]
+        launch_in_parallel(kernels.forward, len(rotation), out.device, lambda _: arguments)
+        ctx.save_for_backward(rotation)
+        return out
+
+    @staticmethod
+    def backward(ctx: Any, pull: Tensor) -> Tensor:
+        (rotation,) = ctx.saved_tensors
+        out = torch.empty_like(rotation)
+        arguments = [rotation, pull.contiguous(), out]
+        launch_in_parallel(frame_kernels(out.dtype).backward, len(rotation), out.device, lambda _: arguments)
+        return out
 
 
 def widened(

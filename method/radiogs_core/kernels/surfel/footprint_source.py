@@ -1,4 +1,4 @@
-"""The kernels of surfels widened by a pixel's footprint: one item a surfel, forward and backward.
+"""The kernels of frames and of surfels widened by a pixel's footprint: one item a surfel, forward and backward.
 
 With s = (s_u, s_v) the scales, v the variance of a pixel at the surfel's depth, (a, b) the view direction's part in the
 plane and c its cosine to the normal, the covariance is
@@ -17,6 +17,34 @@ import warp as wp
 
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
+
+_FRAMES = native_file(__package__, "frame.inl")
+
+
+@cache
+def frame_kernels(dtype: torch.dtype) -> Any:
+    """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat."""
+    start_warp()
+    scalar = scalar_type(dtype)
+    flat = wp.array(dtype=scalar)
+    forward_text, backward_text = (native_text(_FRAMES[part], dtype, False, {}) for part in ("forward", "backward"))
+
+    @wp.func_native(forward_text)
+    def frame_of(surfel: wp.int32, rotation: flat, out: flat): ...
+
+    @wp.func_native(backward_text)
+    def pull_of(surfel: wp.int32, rotation: flat, pull: flat, out: flat): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
+    def forward(begin: wp.int32, rotation: flat, out: flat):
+        frame_of(begin + wp.tid(), rotation, out)
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
+    def backward(begin: wp.int32, rotation: flat, pull: flat, out: flat):
+        pull_of(begin + wp.tid(), rotation, pull, out)
+
+    return SimpleNamespace(forward=forward, backward=backward)
+
 
 _TEXT = native_file(__package__, "footprint.inl")
 

@@ -7,20 +7,17 @@ import pytest
 import torch
 import warp as wp
 
+from radiogs_core.kernels.image.depth_map_source import normal_kernels, point_kernels
 from radiogs_core.kernels.image.display_source import display_kernels
 from radiogs_core.kernels.image.edges_source import edge_kernels
 from radiogs_core.kernels.image.matching_source import sweep_kernel
-from radiogs_core.kernels.image.normals_source import normal_kernels
-from radiogs_core.kernels.image.points_source import point_kernels
 from radiogs_core.kernels.image.similarity_source import similarity_kernels
-from radiogs_core.kernels.rasterize.binning_source import binning_kernels
+from radiogs_core.kernels.rasterize.binning_source import binning_kernels, record_kernels
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
-from radiogs_core.kernels.rasterize.records_source import record_kernels
 from radiogs_core.kernels.shade.lookup_source import lookup_kernels
 from radiogs_core.kernels.shade.shade_source import shade_kernels
 from radiogs_core.kernels.shade.splitsum_source import splitsum_kernels
-from radiogs_core.kernels.surfel.footprint_source import footprint_kernels
-from radiogs_core.kernels.surfel.frame_source import frame_kernels
+from radiogs_core.kernels.surfel.footprint_source import footprint_kernels, frame_kernels
 from radiogs_core.kernels.surfel.harmonics_source import harmonics_kernels
 from radiogs_core.kernels.surfel.support_source import support_kernel
 from radiogs_core.kernels.trace.fit_source import fit_kernels

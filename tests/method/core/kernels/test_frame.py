@@ -4,7 +4,7 @@ import pytest
 import torch
 from scipy.spatial.transform import Rotation
 
-from radiogs_core.kernels.surfel.frame import frames
+from radiogs_core.kernels.surfel.footprint import frames
 
 
 def quaternions(count: int = 30) -> torch.Tensor:

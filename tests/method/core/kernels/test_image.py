@@ -8,10 +8,9 @@ import torch
 from skimage.metrics import structural_similarity
 
 from radiogs_core.kernels.image.blocks import COLUMNS
+from radiogs_core.kernels.image.depth_map import one_sided_normals, points_of
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.kernels.image.normals import one_sided_normals
-from radiogs_core.kernels.image.points import points_of
 from radiogs_core.kernels.image.similarity import compared
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.camera import Camera

@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
+from radiogs_core.kernels.image.depth_map import one_sided_normals
 from radiogs_core.kernels.image.display import displayed
-from radiogs_core.kernels.image.normals import one_sided_normals
 from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import depth_normals
 

@@ -1,7 +1,7 @@
-"""The kernels of normals from a depth map's points: one item a pixel, forward and backward.
+"""The kernels of a depth map's points and of normals from points: one item a pixel, forward and backward.
 
-The backward pass has two kernels: ``pull`` takes each normal's gradient to its two steps, ``gather`` takes the steps'
-gradients to the points at their ends, each pixel from itself and its four neighbours.
+The normals' backward pass has two kernels: ``pull`` takes each normal's gradient to its two steps, ``gather`` takes the
+steps' gradients to the points at their ends, each pixel from itself and its four neighbours.
 """
 
 from functools import cache
@@ -13,6 +13,38 @@ import warp as wp
 
 from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
+
+_POINTS = native_file(__package__, "points.inl")
+
+
+@cache
+def point_kernels(dtype: torch.dtype) -> Any:
+    """``forward`` and ``backward`` for a scalar type; all arrays are flat, and ``pair`` is the type of two numbers.
+
+    ``pose``: camera to world, four rows of four. ``focal``, ``offset``: focal lengths and principal point in pixels.
+    """
+    start_warp()
+    scalar = scalar_type(dtype)
+    flat = wp.array(dtype=scalar)
+    pair = wp.types.vector(2, scalar)
+    forward_text, backward_text = (native_text(_POINTS[part], dtype, False, {}) for part in ("forward", "backward"))
+
+    @wp.func_native(forward_text)
+    def place(item: wp.int32, width: wp.int32, focal: pair, offset: pair, pose: flat, depth: flat, out: flat): ...
+
+    @wp.func_native(backward_text)
+    def pull_back(item: wp.int32, width: wp.int32, focal: pair, offset: pair, pose: flat, pull: flat, out: flat): ...
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
+    def forward(begin: wp.int32, width: wp.int32, focal: pair, offset: pair, pose: flat, depth: flat, out: flat):
+        place(begin + wp.tid(), width, focal, offset, pose, depth, out)
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=ITEMWISE)
+    def backward(begin: wp.int32, width: wp.int32, focal: pair, offset: pair, pose: flat, pull: flat, out: flat):
+        pull_back(begin + wp.tid(), width, focal, offset, pose, pull, out)
+
+    return SimpleNamespace(forward=forward, backward=backward, pair=pair)
+
 
 _TEXT = native_file(__package__, "normals.inl")
 

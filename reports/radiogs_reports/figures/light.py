@@ -1,0 +1,200 @@
+"""Figures of light: recovered environment maps, the parts of a view's light, and a view under several lights."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from numpy.typing import NDArray
+
+from .. import maps
+from ..summary import Summary
+from .canvas import STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, show_absence, wrapped
+from .views import SceneViews, scene_views
+
+WIDTH = 2.6
+ACROSS = 3
+KEY = 0.36
+"""What the mean of the true map's log-luminance is drawn at, before tone mapping: twice a middle grey."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Share of linear sRGB's channels in luminance (Rec. 709)."""
+
+
+def environment_figures(summary: Summary, out: Path) -> list[Sketch]:
+    """A figure for every scene with a known light whose rows keep the light that they recovered."""
+    return [
+        _figure(views.merged_if_equal("environment"))
+        for views in scene_views(summary, out)
+        if "environment" in views.truth and all("environment" in found for _, found in views.rows)
+    ]
+
+
+def factors(mine: maps.Image, theirs: maps.Image) -> NDArray[np.float64]:
+    """Least-squares factor per channel from one environment map to another, weighted by solid angle, [3].
+
+    Light and albedo are determined only up to such a factor. Zero for a black channel.
+    """
+    weight = _solid_angles(mine)[..., None]
+    products, squares = (weight * mine * theirs).sum((0, 1)), (weight * mine**2).sum((0, 1))
+    return np.divide(products, squares, out=np.zeros_like(products), where=squares > 0)
+
+
+def tone_mapped(radiance: maps.Image, truth: maps.Image) -> maps.Image:
+    """Linear sRGB for display: luminance Y becomes K / (1 + K), with K = KEY Y / (log-mean of the truth's Y).
+
+    Reinhard et al. 2002, equations 1 to 3, with texels weighted by solid angle. A sun a hundred times brighter than its
+    sky and the sky itself are both told apart from white, in the truth and in a map that is too bright by a factor.
+    """
+    scaled = KEY * radiance / _log_mean(truth)
+    return scaled / (1 + (scaled @ LUMINANCE)[..., None])
+
+
+def _log_mean(light: maps.Image) -> float:
+    """Log-mean of the luminance of the texels that are not black, weighted by solid angle; 1 for a black map."""
+    luminance, weight = light @ LUMINANCE, np.broadcast_to(_solid_angles(light), light.shape[:2])
+    lit = luminance > 0
+    return float(np.exp(np.average(np.log(luminance[lit]), weights=weight[lit]))) if lit.any() else 1.0
+
+
+def _solid_angles(light: maps.Image) -> NDArray[np.float64]:
+    """What texels' solid angles are proportional to, [height, 1]."""
+    height = light.shape[0]
+    return np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None]
+
+
+def _figure(views: SceneViews) -> Sketch:
+    truth = views.truth["environment"]
+    tiles = [("truth", truth)]
+    for label, found in views.rows:
+        scale = factors(found["environment"], truth)
+        times = ", ".join(f"{each:.2g}" for each in scale)
+        tiles.append((f"{label}\nRGB times {times}", scale * found["environment"]))
+    across = min(len(tiles), ACROSS)
+    lines = -(-len(tiles) // across)
+    with rc_context(STYLE):
+        figure = blank(across * WIDTH, lines * (WIDTH / 2 + 0.45))
+        grid = figure.subplots(lines, across, squeeze=False).ravel()
+        for axes, (label, radiance) in zip(grid, tiles, strict=False):
+            show(axes, maps.display(tone_mapped(radiance, truth)))
+            axes.set_title(label)
+            for spine in axes.spines.values():  # a white sky has no visible edge
+                spine.set(visible=True, linewidth=0.5, edgecolor="#888888")
+        for axes in grid[len(tiles) :]:
+            axes.set_visible(False)
+    caption = (
+        f"Recovered light of {views.scene}, latitude-longitude, Z up, centre column towards +X; all tone-mapped alike,"
+        " by the truth's brightness. Each is multiplied by its best-fitting factor per channel, because albedo and"
+        " light are determined only up to one."
+    )
+    return Sketch(file_name(views.scene, "environment"), caption, figure, on_page=True, images=True)
+
+
+COMPONENTS = ("image", "direct", "indirect", "incident")
+LABELS = {"image": "all light", "direct": "direct"}
+
+
+def illumination_figures(summary: Summary, out: Path) -> list[Sketch]:
+    """A figure for every scene whose rows have an image and its indirect part."""
+    compared = summary["conventions"].get("indirect")  # None where the protocol compares no indirect light
+    truth_is_incident = compared is not None and compared["quantity"] == "incident"
+    return [
+        _illumination(views.merged_if_equal("image", "indirect", "incident"), truth_is_incident)
+        for views in scene_views(summary, out)
+        if all({"image", "indirect"} <= found.keys() for _, found in views.rows)
+    ]
+
+
+def direct(found: dict[str, maps.Image]) -> maps.Image:
+    """The image less its indirect part, linear, at least zero.
+
+    A lower bound where the image is clipped: it is stored in display units, at most 1.
+    """
+    return np.maximum(maps.linear(found["image"]) - found["indirect"], 0)
+
+
+def components(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
+    """Those of ``COMPONENTS`` that the maps give, in display colours."""
+    known = [name for name in COMPONENTS if name in found]
+    parts: dict[str, maps.Image] = {name: maps.KINDS[name].shown(found[name]) for name in known}
+    if parts.keys() >= {"image", "indirect"}:
+        parts["direct"] = maps.display(direct(found))
+    return parts
+
+
+def indirect_as_incident(found: dict[str, maps.Image]) -> dict[str, maps.Image]:
+    """The maps with the one called indirect named incident: arriving light, which is no part of the image."""
+    return {("incident" if name == "indirect" else name): image for name, image in found.items()}
+
+
+def _illumination(views: SceneViews, truth_is_incident: bool) -> Sketch:
+    """``truth_is_incident``: the protocol takes the scene's true indirect light for light that arrives."""
+    truth = components(indirect_as_incident(views.truth) if truth_is_incident else views.truth)
+    rows = [components(found) for _, found in views.rows]
+    names = [name for name in COMPONENTS if all(name in parts for parts in rows)]
+    bands = views.bands()
+    true = len(truth) > 1
+    across = len(bands[0].rows) + true
+    with rc_context(STYLE):
+        figure = blank(TILE * across + 0.4, (TILE * len(names) + 0.4) * len(bands))
+        grid = figure.subplots(len(names) * len(bands), across, squeeze=False)
+        for start, band in zip(range(0, len(grid), len(names)), bands, strict=True):
+            columns = [("truth", truth)] if true else []
+            columns += [(label, components(found)) for label, found in band.rows]
+            _illumination_band(grid[start : start + len(names)], columns, names)
+        hide_empty(grid)
+    caption = (
+        f"Illumination of {views.scene}, view {views.view}. Direct: the image less its indirect part, in linear"
+        " radiance; a lower bound where the image is clipped."
+    )
+    if "incident" in names:
+        caption += " Incident: mean indirect radiance over each surfel's hemisphere."
+    return Sketch(file_name(views.scene, "illumination"), caption, figure)
+
+
+def _illumination_band(
+    grid: NDArray[np.object_], columns: list[tuple[str, dict[str, maps.Image]]], names: list[str]
+) -> None:
+    for place, (label, parts) in enumerate(columns):
+        grid[0, place].set_title(wrapped(label))
+        for line, name in zip(grid[:, place], names, strict=True):
+            if name in parts:
+                show(line, parts[name])
+            else:
+                show_absence(line, parts["image"])
+    for line, name in zip(grid[:, 0], names, strict=True):
+        name_row(line, LABELS.get(name) or maps.KINDS[name].label)
+
+
+PREFIX = "relit/"
+"""Prefix of the names of relit maps; the light's name follows."""
+
+
+def relighting_figures(summary: Summary, out: Path) -> list[Sketch]:
+    """A figure for every scene with a view under several lights; a single light is shown in the grids of maps."""
+    return [_relit(views) for views in scene_views(summary, out) if len(lights(views)) > 1]
+
+
+def lights(views: SceneViews) -> list[str]:
+    """Lights with a ground truth under which every row keeps the view, in the scene's order."""
+    known = [name.removeprefix(PREFIX) for name in views.truth if name.startswith(PREFIX)]
+    return [light for light in known if all(f"{PREFIX}{light}" in found for _, found in views.rows)]
+
+
+def _relit(views: SceneViews) -> Sketch:
+    names = lights(views)
+    bands = views.bands()
+    with rc_context(STYLE):
+        figure = blank(TILE * (len(bands[0].rows) + 1) + 0.4, (TILE * len(names) + 0.4) * len(bands))
+        grid = figure.subplots(len(names) * len(bands), len(bands[0].rows) + 1, squeeze=False)
+        for start, band in zip(range(0, len(grid), len(names)), bands, strict=True):
+            for column, (label, found) in enumerate([("truth", band.truth), *band.rows]):
+                grid[start, column].set_title(wrapped(label))
+                for line, light in enumerate(names, start):
+                    show(grid[line, column], found[f"{PREFIX}{light}"])
+            for line, light in enumerate(names, start):
+                name_row(grid[line, 0], plain(light))
+        hide_empty(grid)
+    caption = (
+        f"{views.scene}, view {views.view}, relit: a line per light, none of them the light of the training views."
+        " Where the true albedo is known, albedo is aligned with it first, as for the values of the table."
+    )
+    return Sketch(file_name(views.scene, "relighting"), caption, figure)
