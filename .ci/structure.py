@@ -89,11 +89,12 @@ def sizes_of_folders(tree: SourceTree, modules: list[str]) -> Iterator[str]:
 
 
 def with_one_user(tree: SourceTree, modules: list[str]) -> dict[str, str]:
-    """The files that exactly one other file imports, and that file."""
+    """The files that exactly one other file imports, and that file; a package's ``__init__.py`` is not counted."""
     users: dict[str, set[str]] = {}
     for name in modules:
         for target in tree.imports(name) - {name}:
-            users.setdefault(target, set()).add(name)
+            if room(tree, target) != target:
+                users.setdefault(target, set()).add(name)
     return {name: next(iter(using)) for name, using in users.items() if len(using) == 1}
 
 

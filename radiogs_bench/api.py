@@ -43,8 +43,8 @@ from .runs.sweep import read_sweep
 from .runs.trained_folder import read_trained, write_trained
 from .scoring.evaluate import SCORES_ALONE, evaluate
 from .scoring.maps import on_black
-from .scoring.metrics import PROTOCOLS
-from .scoring.metrics import protocol as protocol_of
+from .scoring.metrics.protocols import PROTOCOLS
+from .scoring.metrics.protocols import protocol as protocol_of
 from .store.claim import saying_who_holds
 from .store.folder import Store
 

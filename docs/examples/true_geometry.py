@@ -17,7 +17,7 @@ from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.variant import Variant
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh

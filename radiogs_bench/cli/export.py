@@ -156,7 +156,7 @@ def export_layout(options: argparse.Namespace) -> int:
     from ..export.published_layout import checked, write_as_published
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
-    from ..scoring.metrics import protocol
+    from ..scoring.metrics.protocols import protocol
     from ..store.folder import Store
     from .reporter import say
 

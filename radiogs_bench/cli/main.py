@@ -134,7 +134,7 @@ def completion(options: argparse.Namespace) -> int:
 
 def _words() -> dict[str, list[str]]:
     """What options may be given that take one of some names, by the options' own names."""
-    from ..scoring.metrics import PROTOCOLS
+    from ..scoring.metrics.protocols import PROTOCOLS
 
     return {"protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"]}
 

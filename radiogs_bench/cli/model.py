@@ -128,7 +128,7 @@ def _score(
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_digest import checksum_now
     from ..runs.scene_files import require_unchanged
-    from ..scoring.metrics import protocol
+    from ..scoring.metrics.protocols import protocol
     from ..scoring.record import record_of_model
     from .score import say_without_weights, show_record, write_record
 

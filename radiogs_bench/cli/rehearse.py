@@ -147,7 +147,7 @@ def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, in
     """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
     from ..lab.rehearsal.row import Row
     from ..runs.sweep import Request
-    from ..scoring.metrics import protocol
+    from ..scoring.metrics.protocols import protocol
     from ..suites.registry import SUITES
     from ..suites.scenes import load_scenes, own_scenes
     from ..suites.suite import Metric, Suite, of_methods

@@ -157,7 +157,7 @@ def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch
     """The request from the options. Raises UsageError or DataError before anything is run."""
     from ..methods import method
     from ..runs.sweep import Request
-    from ..scoring.metrics import protocol
+    from ..scoring.metrics.protocols import protocol
     from ..suites.scenes import load_scenes, own_scenes, place_of
 
     device = chosen_device(options)

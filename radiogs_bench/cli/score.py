@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
-    from ..scoring.metrics import Protocol
+    from ..scoring.metrics.protocol import Protocol
     from ..store.schema import MetricValue
     from .options import Commands
 
@@ -159,7 +159,7 @@ def _are_pairs(options: argparse.Namespace) -> bool:
 
 
 def _protocols(name: str) -> list[Any]:
-    from ..scoring.metrics import PROTOCOLS, protocol
+    from ..scoring.metrics.protocols import PROTOCOLS, protocol
 
     return list(PROTOCOLS.values()) if name == "all" else [protocol(name)]
 

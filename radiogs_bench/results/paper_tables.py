@@ -18,8 +18,8 @@ from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValu
 from ..methods import budget_of, method, variant_of
 from ..runs.rows_from_files import measured
 from ..runs.sweep import Sweep
-from ..scoring.metrics import protocol
 from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import Result, training_seconds, values_of
 from ..suites.experiment import TRAINING

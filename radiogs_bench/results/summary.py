@@ -21,8 +21,8 @@ from radiogs_reports.summary import (
 
 from ..runs.rows_from_files import is_from_files
 from ..runs.sweep import Line, Place, Sweep, state_of
-from ..scoring.metrics import protocol
 from ..scoring.metrics.comparable import alike
+from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
 from ..store.schema import MetricValue, Result, training_seconds, values_of
 from ..suites.suite import MEASURES, Metric

@@ -37,8 +37,8 @@ from radiogs_core.transport.splatting import (
 )
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
-from ..scoring.metrics import Value, protocol
-from ..scoring.metrics.values import PSNR_CAP
+from ..scoring.metrics.protocols import protocol
+from ..scoring.metrics.values import PSNR_CAP, Value
 from ..scoring.metrics_by_view import MetricsByView
 from ..scoring.score_maps import Image, coverage, displayed, truth
 from ..store.provenance import reset_peaks, session

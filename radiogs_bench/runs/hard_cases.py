@@ -15,7 +15,8 @@ from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
-from ..scoring.metrics import Value, protocol
+from ..scoring.metrics.protocols import protocol
+from ..scoring.metrics.values import Value
 from ..scoring.metrics_by_view import MetricsByView
 from ..store.provenance import reset_peaks, session
 from .cell import Cell

@@ -7,7 +7,7 @@ from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 
-from ..scoring.metrics import protocol
+from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
 from .stages import Bench

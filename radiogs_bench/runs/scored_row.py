@@ -22,7 +22,7 @@ from radiogs_core.scene.scene import Scene
 from ..scoring.evaluate import LIGHTS_SHOWN, SHOWN
 from ..scoring.kept_views import KeptViews, views_to_keep
 from ..scoring.light_maps import light_maps
-from ..scoring.metrics import protocol
+from ..scoring.metrics.protocols import protocol
 from ..scoring.score_files import score_predictions
 from ..scoring.score_maps import coverage, lit_views, truth
 from ..sources import code_digest

@@ -12,7 +12,7 @@ from radiogs_core.scene.scene import Scene
 
 from ..scoring.determined import determined
 from ..scoring.evaluate import SCORES_ALONE, Evaluation, Scope, evaluate, few_views
-from ..scoring.metrics import protocol
+from ..scoring.metrics.protocols import protocol
 from ..store.provenance import reset_peaks, session
 from ..store.schema import MetricValue, Result
 from .cell import Cell

@@ -9,7 +9,8 @@ import math
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.scene.scene import Scene, View
 
-from .metrics import Protocol, Value
+from .metrics.protocol import Protocol
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .score_maps import coverage, truth
 

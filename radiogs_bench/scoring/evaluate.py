@@ -24,7 +24,8 @@ from .frame_cost import FrameCosts
 from .kept_views import views_to_keep
 from .light_maps import light_maps
 from .maps import Maps, on_black
-from .metrics import Protocol, Value
+from .metrics.protocol import Protocol
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
 from .score_maps import (  # fmt: skip

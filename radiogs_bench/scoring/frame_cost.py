@@ -10,7 +10,7 @@ from radiogs_core.scene.scene import View
 
 from ..store.provenance import peaks_within
 from ..store.schema import MetricValue
-from .metrics import Value
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 
 WARM_UP = 3

@@ -4,7 +4,8 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 
 from ..store.schema import MetricValue
-from .metrics import Protocol, Value
+from .metrics.protocol import Protocol
+from .metrics.values import Value
 
 
 class MetricsByView:

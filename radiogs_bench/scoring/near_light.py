@@ -2,7 +2,7 @@
 
 from radiogs_core.scene.scene import Scene
 
-from .metrics import Value
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 
 NOT_DISTANT = "the scene has no masks: what lights it is part of the model, and not a distant light"

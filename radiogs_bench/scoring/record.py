@@ -11,7 +11,7 @@ from radiogs_core.scene.scene import Scene
 from ..store.provenance import versions
 from ..store.schema import MetricValue
 from .evaluate import SCORES_ALONE, evaluate
-from .metrics import Protocol
+from .metrics.protocol import Protocol
 
 SCHEMA = "radiogs-bench/score/1"
 NOTES = ("remarks", "absent", "missing", "ignored")

@@ -7,7 +7,8 @@ from radiogs_baselines.outputs.predictions import Predictions
 from radiogs_core.scene.scene import Scene, View
 
 from ..store.schema import MetricValue
-from .metrics import Protocol, Value
+from .metrics.protocol import Protocol
+from .metrics.values import Value
 from .metrics_by_view import MetricsByView
 from .near_light import withhold_light
 from .score_maps import (

@@ -15,7 +15,7 @@ from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.scene.scene import Scene, View
 
-from .metrics import Protocol
+from .metrics.protocol import Protocol
 from .metrics_by_view import MetricsByView
 
 Image = Float[Tensor, "height width channels"]

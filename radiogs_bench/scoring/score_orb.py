@@ -17,10 +17,10 @@ from radiogs_datasets.bounded_reading import as_float32, read_numpy
 from radiogs_datasets.image_files import read_image
 
 from ..store.schema import MetricValue
-from .metrics import Protocol
 from .metrics.chamfer import chamfer
 from .metrics.conventions import Task
 from .metrics.mesh_library import pyvista
+from .metrics.protocol import Protocol
 from .metrics.stanford_orb import StanfordOrb
 from .metrics.values import Value
 

@@ -9,8 +9,8 @@ import torch
 from bench.fake_method import CPU
 from bench.test_evaluate import EVERYTHING, Perfect, scene_of, view_with
 from radiogs_bench.scoring.evaluate import evaluate
-from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.conventions import Environment
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.score_maps import coverage, truth
 from radiogs_core.scene.light import EnvironmentMap
 

@@ -18,7 +18,7 @@ from radiogs_bench.results.doubts import (
 )
 from radiogs_bench.results.summary import summarise
 from radiogs_bench.scoring.determined import STEPS
-from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.store.schema import Determined, MetricValue
 
 COLUMNS = ("nvs/psnr", "albedo/psnr", "roughness/mse", "relight/psnr", "environment/error_scaled")

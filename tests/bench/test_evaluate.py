@@ -16,7 +16,8 @@ from bench.chain_method import Chain, Turned
 from bench.fake_method import CPU
 from radiogs_bench.scoring import frame_cost
 from radiogs_bench.scoring.evaluate import Evaluation, evaluate
-from radiogs_bench.scoring.metrics import PROTOCOLS, PSNR_CAP, protocol
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.values import PSNR_CAP
 from radiogs_bench.scoring.metrics_by_view import MetricsByView
 from radiogs_bench.scoring.score_maps import displayed, score_view, truth
 from radiogs_core.contract import MapKind, NotOffered, Run

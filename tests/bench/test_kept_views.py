@@ -9,7 +9,7 @@ from bench.test_evaluate import EVERYTHING, SCALE, Perfect, scene_of, view_with
 from radiogs_bench.scoring import kept_views
 from radiogs_bench.scoring.evaluate import Scope, evaluate
 from radiogs_bench.scoring.kept_views import views_to_keep
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.score_maps import truth
 from radiogs_core.scene.scene import Scene
 from radiogs_reports import maps

@@ -12,7 +12,7 @@ from radiogs.trained import TrainedRadioGS
 from radiogs.variant import Variant
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.scoring.evaluate import evaluate
-from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.weights import FILES
 from radiogs_bench.suites.suite import MEASURES, TASKS, Metric
 from radiogs_core.contract import Run

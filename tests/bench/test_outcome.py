@@ -11,7 +11,7 @@ import torch
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_datasets import load_scene

@@ -13,7 +13,7 @@ from public_outputs import WRITERS, noisy, png
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_baselines.outputs.reading import likely_codes, read_predictions
 from radiogs_bench.cli import main
-from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.score_files import score_predictions
 from radiogs_bench.scoring.score_maps import coverage
 from radiogs_core.errors import DataError

@@ -14,7 +14,7 @@ from radiogs_bench.runs.cell import Cell
 from radiogs_bench.runs.result import empty_result
 from radiogs_bench.runs.rows_from_files import measured, row_key, with_rows_from_files
 from radiogs_bench.runs.sweep import Request, read_sweep
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.store.folder import Store
 from radiogs_bench.suites.experiment import TRAINING
 from radiogs_bench.suites.suite import Metric, Row, Suite

@@ -10,7 +10,7 @@ import torch
 
 from public_outputs import WRITERS, noisy, png, write_svg_ir
 from radiogs_baselines.outputs.reading import likely_codes, read_predictions
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.metrics.psnr import psnr
 from radiogs_bench.scoring.score_files import score_predictions
 from radiogs_bench.scoring.score_maps import coverage, truth

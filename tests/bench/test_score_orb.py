@@ -8,7 +8,7 @@ import pytest
 
 from radiogs_baselines.outputs.stanford_orb import read_pairs
 from radiogs_bench.cli import main
-from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.score_orb import score_pairs
 from radiogs_core.errors import DataError
 from radiogs_datasets.image_files import write_exr, write_png

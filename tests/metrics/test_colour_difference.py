@@ -5,8 +5,8 @@ import pytest
 import torch
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from radiogs_bench.scoring.metrics import PROTOCOLS, protocol
-from radiogs_bench.scoring.metrics.colour_difference import ciede2000
+from radiogs_bench.scoring.metrics.albedo import ciede2000
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_core.scene.colour import srgb_encode
 
 ONES, WHOLE = torch.ones(3), torch.ones(16, 16, 1)

@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.conventions import Environment
 from radiogs_bench.scoring.metrics.environment import environment_error
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_core.errors import UsageError
 
 SCALES = ("none", "one factor", "factor a channel")

@@ -9,9 +9,9 @@ import torch
 from torch import nn
 
 from metrics.images import example
-from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.conventions import Lpips, Net
 from radiogs_bench.scoring.metrics.lpips import BACKBONES, SMALLEST_SIDE, distance, lpips
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.scoring.metrics.weights import FILES, lacking, missing_weights
 from radiogs_core.errors import DataError
 

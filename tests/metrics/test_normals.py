@@ -5,9 +5,9 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics import protocol
 from radiogs_bench.scoring.metrics.conventions import Normal
 from radiogs_bench.scoring.metrics.geometry import angle, normal_mae
+from radiogs_bench.scoring.metrics.protocols import protocol
 
 IMAGE = Normal(region="image")
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics import PROTOCOLS, PSNR_CAP, Value, protocol
 from radiogs_bench.scoring.metrics.conventions import Psnr
+from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol
 from radiogs_bench.scoring.metrics.psnr import psnr
+from radiogs_bench.scoring.metrics.values import PSNR_CAP, Value
 from radiogs_core.errors import UsageError
 
 ONES = torch.ones(3)

@@ -7,9 +7,9 @@ import torch
 from skimage import data
 from skimage.metrics import peak_signal_noise_ratio
 
-from radiogs_bench.scoring.metrics import PSNR_CAP
 from radiogs_bench.scoring.metrics.conventions import Psnr
 from radiogs_bench.scoring.metrics.psnr import decibel, error_of, masked_mse, mse, psnr
+from radiogs_bench.scoring.metrics.values import PSNR_CAP
 
 BY_CHANNEL = Psnr(channels="mean of channels")
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics import PSNR_CAP, protocol
 from radiogs_bench.scoring.metrics import stanford_orb as orb
 from radiogs_bench.scoring.metrics.chamfer import chamfer, sampled_surface
 from radiogs_bench.scoring.metrics.conventions import Depth
 from radiogs_bench.scoring.metrics.geometry import depth_errors
+from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.metrics.values import PSNR_CAP
 from radiogs_core.errors import DataError
 
 ORB = protocol("stanford-orb")

@@ -5,8 +5,8 @@ import math
 import pytest
 import torch
 
-from radiogs_bench.scoring.metrics import Value, protocol
-from radiogs_bench.scoring.metrics.values import mean
+from radiogs_bench.scoring.metrics.protocols import protocol
+from radiogs_bench.scoring.metrics.values import Value, mean
 from radiogs_core.errors import NumericalFailure
 
 

@@ -8,8 +8,7 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from ..kernels.shade.brdf import smith_visibility
-from ..kernels.shade.lookup import look_up
-from ..kernels.shade.splitsum import split_sum
+from ..kernels.shade.splitsum import look_up, split_sum
 from ..scene.light import texel_solid_angles
 from .light_filters import LEVELS, filtered, turned_spectrum
 

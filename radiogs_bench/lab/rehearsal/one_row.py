@@ -20,7 +20,7 @@ from ...runs.cell import Cell, Work, cell_of
 from ...runs.stages import begun, close_stage, facts_of, restored
 from ...scoring.evaluate import SCORES_ALONE, evaluate
 from ...scoring.maps import on_black
-from ...scoring.metrics import protocol
+from ...scoring.metrics.protocols import protocol
 from ...store.folder import Store, checkpoint_name, product_name
 from .phases import Phases
 from .row import STEPS, Row

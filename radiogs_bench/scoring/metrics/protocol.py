@@ -9,8 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from .albedo import PER_CHANNEL_MEDIAN, albedo_scale, encoded
-from .colour_difference import ciede2000
+from .albedo import PER_CHANNEL_MEDIAN, albedo_scale, ciede2000, encoded
 from .conventions import (
     Albedo,
     Depth,

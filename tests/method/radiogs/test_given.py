@@ -11,7 +11,7 @@ from radiogs.known_indirect import KnownIndirectTracer, Nearest
 from radiogs.method import RADIOGS
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays
-from radiogs.stages.given import DARKEST, HELD, SPACING, Start, given_geometry, log_radiance, replaced
+from radiogs.stages.given import DARKEST, HELD, SPACING, Start, given_geometry, known_radiance, log_radiance, replaced
 from radiogs.stages.initialise import Initialisation
 from radiogs.stages.invert import InverseRendering, rates_of
 from radiogs.trained import TrainedRadioGS, _Own, _Relit
@@ -20,7 +20,6 @@ from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_core.capabilities import PARTS, Part, TakesGiven, require_truth
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.learning.known_radiance import known_radiance
 from radiogs_core.learning.known_scene import known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene

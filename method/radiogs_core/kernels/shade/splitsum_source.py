@@ -1,8 +1,12 @@
-"""The kernels of split-sum shading: one item a surface point, forward and backward.
+"""The kernels of split-sum shading (one item a surface point) and of the lookup of light by direction; both ways.
 
 Light is read bilinearly from latitude-longitude grids (see ``light``): the diffuse grid along the normal; along the
 mirrored view the two levels about the roughness, and the light itself below the sharpest level. A and B of the BRDF
 come from a table over n.wo and roughness.
+
+Where directions fall on the map is found for a whole block of them in loops over its lanes, which the CPU compiler
+turns into vector code; arranged for CUDA, a block has one lane. The formula is that of ``scene.light.bilinear_texels``.
+A direction that is no number reads texels of the map, with shares that are no numbers either.
 """
 
 from functools import cache
@@ -13,7 +17,7 @@ import torch
 import warp as wp
 
 from ..native_text import native_file, native_text
-from ..runtime import ITEMWISE, scalar_type, start_warp
+from ..runtime import ITEMWISE, NATIVE, scalar_type, start_warp
 from .angle import ANGLE, ATAN_TERMS
 from .brdf import FRESNEL_NORMAL
 
@@ -92,3 +96,52 @@ def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cud
         )  # fmt: skip
 
     return SimpleNamespace(Inputs=Inputs, forward=forward, backward=backward)
+
+
+_LOOKUP = native_file(__package__, "lookup.inl", angle=ANGLE)
+
+LANES_ON_CPU = 16
+"""Directions in a block on the CPU."""
+
+
+@cache
+def lookup_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
+    """The pair ``forward``, ``backward`` for a scalar type, and ``lanes``, directions an item; all arrays are flat."""
+    start_warp()
+    scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
+    flat = wp.array(dtype=scalar)
+    words = {"DIRECTIONS_IN_A_BLOCK": str(lanes), "ATAN_TERMS": str(ATAN_TERMS[dtype])}
+    forward_text, backward_text = (
+        native_text(_LOOKUP[part], dtype, on_cuda, words) for part in ("forward", "backward")
+    )
+
+    @wp.func_native(forward_text)
+    def look_up_block(
+        block: wp.int32, directions: wp.int32, height: wp.int32, width: wp.int32,
+        radiance: flat, direction: flat, out: flat,
+    ): ...  # fmt: skip
+
+    @wp.func_native(backward_text)
+    def pull_block(
+        block: wp.int32, directions: wp.int32, height: wp.int32, width: wp.int32, radiance: flat, direction: flat,
+        pull: flat, wants_radiance: wp.int32, wants_direction: wp.int32, grad_direction: flat, grad_radiance: flat,
+    ): ...  # fmt: skip
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def forward(
+        begin: wp.int32, directions: wp.int32, height: wp.int32, width: wp.int32,
+        radiance: flat, direction: flat, out: flat,
+    ):  # fmt: skip
+        look_up_block(begin + wp.tid(), directions, height, width, radiance, direction, out)
+
+    @wp.kernel(enable_backward=False, module="unique", module_options=NATIVE)
+    def backward(
+        begin: wp.int32, directions: wp.int32, height: wp.int32, width: wp.int32, radiance: flat, direction: flat,
+        pull: flat, wants_radiance: wp.int32, wants_direction: wp.int32, grad_direction: flat, grad_radiance: flat,
+    ):  # fmt: skip
+        pull_block(
+            begin + wp.tid(), directions, height, width, radiance, direction,
+            pull, wants_radiance, wants_direction, grad_direction, grad_radiance,
+        )  # fmt: skip
+
+    return SimpleNamespace(forward=forward, backward=backward, lanes=lanes)

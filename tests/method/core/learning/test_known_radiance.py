@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs_core.learning import known_radiance as module
-from radiogs_core.learning.known_radiance import RIDGE, harmonics_from, known_radiance, residual_of
+from radiogs.stages import given as module
+from radiogs.stages.given import RIDGE, harmonics_from, known_radiance, residual_of
 from radiogs_core.learning.known_scene import KnownScene, known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.surfaces import SurfaceSamples
