@@ -69,7 +69,7 @@ class RadioGS:
         return replace(variant, given=parts)
 
     def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
-        """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.contract.Probing``."""
+        """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
         return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
 
     def sizes(self, budget: Budget) -> tuple[int, int]:

@@ -13,8 +13,8 @@ from hard_cases.constructions import looking_along_z, moved, raw_surfels, two_ba
 from radiogs_baselines.methods.gi_gs.marching import March
 from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.learning.views import Whole
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.held_pixels import Whole
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 
