@@ -4,8 +4,9 @@ Every import in a module's text is followed, also inside functions, within the p
 module's own (another package's method). Modules whose name is computed at run time are not seen.
 
 Code counts as its statements: the syntax tree without docstrings, comments and layout. A reworded docstring changes no
-digest, so that results stay valid. A data file counts with all its bytes, for every module that names it in a literal:
-``resources.files(__package__) / "tables" / "ggx.npy"``, or a pattern such as ``f"{name}.npy"`` or ``glob("*.npy")``.
+digest, so that results stay valid. A data file counts with all its bytes for every module that names it in literals,
+relative to its own folder or one around it in the package: ``files(__package__) / "tables" / "ggx.npy"``,
+``f"{name}.npy"``, ``files(__package__).glob("*.npy")``.
 """
 
 import ast
@@ -81,10 +82,15 @@ class SourceTree:
         return self._imports[module]
 
     def data_files(self, module: str) -> list[Path]:
-        """Files other than Python's that a module names in literals, relative to its folder, within its package."""
-        path = self.file(module)
+        """Files other than Python's that a module names in literals; none for one that is in no package."""
+        path, top = self.file(module), self.roots[module.split(".")[0]]
         assert path is not None
-        return _named_files(_parsed(path), path.parent)
+        if path == top:
+            return []
+        around = [folder for folder in path.parents if folder.is_relative_to(top)]
+        patterns = {pattern for node in ast.walk(_parsed(path)) if (pattern := _pattern(node))}
+        found = {file for folder in around for pattern in patterns for file in _matching(folder, pattern)}
+        return sorted(file for file in found if file.suffix not in (".py", ".pyc"))
 
     def digest(self, *modules: str) -> str:
         """SHA-256 prefix over the closure's names, statements and data; the same wherever the packages are installed.
@@ -94,9 +100,18 @@ class SourceTree:
         digest = hashlib.sha256()
         for name, path in self.closure(*modules).items():
             if name not in self._digests:
-                self._digests[name] = _digest(path)
+                self._digests[name] = self._digest(name, path)
             digest.update(f"{name}\0".encode() + self._digests[name])
         return digest.hexdigest()[:20]
+
+    def _digest(self, module: str, path: Path) -> bytes:
+        """SHA-256 over a module's statements, and names and bytes of its data files."""
+        digest = hashlib.sha256("".join(_statements(_parsed(path))).encode())
+        top = self.roots[module.split(".")[0]]
+        for file in self.data_files(module):
+            content = file.read_bytes()
+            digest.update(f"\0{file.relative_to(top).as_posix()}\0{len(content)}\0".encode() + content)
+        return digest.digest()
 
     def _module_of(self, source: str, name: str) -> str | None:
         """The module that a name is taken from: itself, if it is one."""
@@ -113,16 +128,6 @@ class SourceTree:
 
 def _parsed(path: Path) -> ast.Module:
     return ast.parse(path.read_bytes(), path.as_posix())
-
-
-def _digest(path: Path) -> bytes:
-    """SHA-256 over a module's statements, and names and bytes of its data files."""
-    tree = _parsed(path)
-    digest = hashlib.sha256("".join(_statements(tree)).encode())
-    for file in _named_files(tree, path.parent):
-        content = file.read_bytes()
-        digest.update(f"\0{file.relative_to(path.parent).as_posix()}\0{len(content)}\0".encode() + content)
-    return digest.digest()
 
 
 LAYOUT = frozenset({"ctx", "kind", "type_comment", "type_ignores"})
@@ -157,38 +162,41 @@ def _stands_alone(node: object) -> bool:
     return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
 
 
-def _named_files(tree: ast.Module, folder: Path) -> list[Path]:
-    """The files below a module's folder that its literals name or match, but for Python's own."""
-    patterns = {pattern for node in ast.walk(tree) if (pattern := _pattern(node))}
-    found = {path for pattern in patterns for path in _matching(folder, pattern)}
-    return sorted(path for path in found if path.suffix not in (".py", ".pyc"))
-
-
 def _pattern(node: ast.AST) -> str:
-    """What a literal, or literals joined by ``/``, may name: a path below the module's folder, holes as ``*``."""
+    """The path that literals name, alone or joined, with ``*`` for what is computed; empty for anything else.
+
+    What ``glob`` takes counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
+    files are not those that lie here.
+    """
     if isinstance(node, ast.Constant):
-        return _escaped(node.value) if isinstance(node.value, str) else ""
+        return "" if not isinstance(node.value, str) or "*" in node.value else _literal(node.value)
     if isinstance(node, ast.JoinedStr):
         return "".join(_pattern(part) if isinstance(part, ast.Constant) else "*" for part in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
         return "/".join(filter(None, (_pattern(node.left), _pattern(node.right))))
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in PATHS:
-        named = (_pattern(node.func.value), *PATHS[node.func.attr], *(_pattern(each) for each in node.args))
-        return "/".join(filter(None, named))
+    if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+        return ""
+    method, folder, named = node.func.attr, node.func.value, node.args
+    if method == "joinpath":
+        return "/".join(filter(None, map(_pattern, (folder, *named))))
+    own = any(isinstance(each, ast.Name) and each.id in OWN for each in ast.walk(folder))
+    if method in ("glob", "rglob") and own and named and isinstance(named[0], ast.Constant):
+        below = ["**"] if method == "rglob" else []
+        return "/".join(filter(None, (_pattern(folder), *below, _literal(str(named[0].value)))))
     return ""
 
 
-PATHS = {"joinpath": (), "glob": (), "rglob": ("**",)}
-"""Methods that make paths, and what stands between the folder and their arguments."""
+OWN = ("__file__", "__package__", "__name__")
+"""Names by which a module finds its own folder."""
 
 
-def _escaped(text: str) -> str:
-    """A literal as a pattern: stars stay stars, since ``glob`` takes them; no other character matches anything else."""
+def _literal(text: str) -> str:
+    """A literal as a pattern, in which stars alone match others; empty for one that is no file's name."""
     return re.sub(r"([?\[])", r"[\1]", text) if len(text) <= LONGEST_NAME and "\n" not in text else ""
 
 
 LONGEST_NAME = 200
-"""Characters; a longer literal is no file's name."""
+"""Characters."""
 
 
 def _matching(folder: Path, pattern: str) -> Iterator[Path]:

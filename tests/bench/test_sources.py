@@ -216,22 +216,37 @@ def test_data_files_that_a_module_names_count_with_their_bytes(tmp_path: Path) -
         "whole": "files(__package__) / 'table.npy'", "joined": "files(__package__).joinpath('deep', 'net.bin')",
         "below": "Path(__file__).parent / 'deep' / 'net.bin'", "pattern": "Path(__file__).parent.glob('deep/*.bin')",
         "everywhere": "Path(__file__).parent.rglob('*.bin')", "hole": "read(f'deep/{name}.bin')",
+        "deep__of__above": "files('own') / 'deep' / 'net.bin'",
     }  # fmt: skip
     none = {"other": "read('missing.npy')", "code": "read('whole.py')", "above": "read('../outside.bin')"}
+    none |= {"stars": "'deep/*.bin'", "elsewhere": "folder.rglob('*.bin')", "empty": "Path(__file__).parent.glob()"}
     none |= {"any": "f'{a}.{b}'", "long": repr("net.bin" * 100), "not_sound": "'a**.bin'", "prose": "'see table.npy'"}
     tree = package(tmp_path, **{name: f"x = {text}\n" for name, text in (ways | none).items()})
     (tmp_path / "outside.bin").write_bytes(b"0")
     (tmp_path / "own" / "table.npy").write_bytes(b"1")
-    (tmp_path / "own" / "deep").mkdir()
     (tmp_path / "own" / "deep" / "net.bin").write_bytes(b"2")
-    before = {name: tree.digest(f"own.{name}") for name in (*ways, *none)}
-    assert {name: [path.name for path in tree.data_files(f"own.{name}")] for name in (*ways, *none)} == {
+    modules = {name: f"own.{name.replace('__of__', '.')}" for name in (*ways, *none)}
+    before = {name: tree.digest(module) for name, module in modules.items()}
+    assert {name: [path.name for path in tree.data_files(module)] for name, module in modules.items()} == {
         "whole": ["table.npy"], **{name: ["net.bin"] for name in list(ways)[1:]}, **{name: [] for name in none},
     }  # fmt: skip
     for path in ("outside.bin", "own/table.npy", "own/deep/net.bin"):
         (tmp_path / path).write_bytes(b"3")
     again = SourceTree(tree.roots)
-    assert {name for name in before if again.digest(f"own.{name}") != before[name]} == set(ways)
+    assert {name for name in before if again.digest(modules[name]) != before[name]} == set(ways)
+
+
+def test_all_kernels_text_counts_for_the_module_that_loads_it() -> None:
+    tree = installed()
+    named = {path for module in tree.closure("radiogs_core") for path in tree.data_files(module)}
+    assert {path for path in tree.roots["radiogs_core"].rglob("*.inl")} == {p for p in named if p.suffix == ".inl"}
+
+
+def test_a_module_in_no_package_has_no_data_files(tmp_path: Path) -> None:
+    """Its folder is that of everything that is installed."""
+    (tmp_path / "alone.py").write_text("x = Path(__file__).with_name('table.npy'), 'table.npy'\n")
+    (tmp_path / "table.npy").touch()
+    assert SourceTree({"alone": tmp_path / "alone.py"}).data_files("alone") == []
 
 
 def test_a_module_that_is_not_there_is_refused(tmp_path: Path) -> None:
