@@ -39,7 +39,7 @@ browser: ## Chromium for the tests of report.html (Debian, as root); without it 
 	|| echo "make browser: no Chromium here, and it could not be installed; tests of report.html in a browser will skip themselves"
 
 test-slow: $(READY) ## the tests that take minutes; then those that compare speeds, with the machine to themselves
-	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist load
+	$(BIN)/python -m pytest -m "slow and not alone" --numprocesses 2 --dist worksteal
 	$(BIN)/python -m pytest -m alone
 
 site: $(READY) ## the documentation as a site, in out/site
