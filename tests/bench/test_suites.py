@@ -12,7 +12,7 @@ from radiogs.variant import Variant
 from radiogs_baselines.published import published, published_tables
 from radiogs_bench.methods import DEFAULT, method_names, substitutes
 from radiogs_bench.runs.sweep import Request
-from radiogs_bench.scoring.metrics import protocol
+from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_bench.suites.data_sets import CAPTURES
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.registry import SUITES, suite
