@@ -45,38 +45,23 @@ def room(tree: SourceTree, module: str) -> str:
 
 
 def circles(tree: SourceTree, modules: list[str]) -> Iterator[str]:
-    """Sets of rooms that import one another in a circle; a room and the rooms within it are no circle."""
-    arrows: dict[str, set[str]] = {}
-    for name in modules:
+    """One circle of rooms and one of files, if there is any; a room and the rooms within it are no circle.
+
+    Imports within functions count.
+    """
+    files = {name: tree.imports(name) - {name} for name in modules}
+    rooms: dict[str, set[str]] = {}
+    for name, targets in files.items():
         here = room(tree, name)
-        for there in (room(tree, target) for target in tree.imports(name)):
+        for there in (room(tree, target) for target in targets):
             inside = there.startswith(f"{here}.") or here.startswith(f"{there}.")
             if there != here and not inside:
-                arrows.setdefault(here, set()).add(there)
-    reached = {start: _reached(arrows, start) for start in arrows}
-    found = {frozenset(other for other in reached[start] if start in reached.get(other, ())) for start in arrows}
-    for circle in sorted(found, key=sorted):
-        if circle:
-            yield f"circle of rooms: {' <-> '.join(sorted(circle))}"
-
-
-def _reached(arrows: dict[str, set[str]], start: str) -> set[str]:
-    """The rooms that arrows lead to, ``start`` itself only by way of others."""
-    found: set[str] = set()
-    waiting = [start]
-    while waiting:
-        fresh = arrows.get(waiting.pop(), set()) - found
-        found |= fresh
-        waiting += fresh
-    return found
-
-
-def circle_of_files(tree: SourceTree, modules: list[str]) -> Iterator[str]:
-    """One circle of files that import one another, if there is any; imports within functions count."""
-    try:
-        TopologicalSorter({name: tree.imports(name) - {name} for name in modules}).prepare()
-    except CycleError as error:
-        yield f"circle of files: {' <- '.join(error.args[1])}"
+                rooms.setdefault(here, set()).add(there)
+    for what, arrows in (("rooms", rooms), ("files", files)):
+        try:
+            TopologicalSorter(arrows).prepare()
+        except CycleError as error:
+            yield f"circle of {what}: {' <-> '.join(sorted({*error.args[1]}))}"
 
 
 def sizes_of_folders(tree: SourceTree, modules: list[str]) -> Iterator[str]:
@@ -145,7 +130,7 @@ def findings(tree: SourceTree, *packages: str) -> list[str]:
     """Everything that is wrong with the modules of some packages, a line each, but for the limits of the whole."""
     modules = list(tree.closure(*packages))
     each = [line for name in modules for line in (*crowded(tree, name), *strangers(tree, name))]
-    return [*circles(tree, modules), *circle_of_files(tree, modules), *sizes_of_folders(tree, modules), *each]
+    return [*circles(tree, modules), *sizes_of_folders(tree, modules), *each]
 
 
 def main() -> int:
