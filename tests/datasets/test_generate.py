@@ -107,9 +107,9 @@ def test_brdf_samples_average_to_its_quadrature_and_its_density_to_one(roughness
     np.testing.assert_allclose(np.array(value), wanted, rtol=1e-3, atol=1e-5)
 
 
-@pytest.mark.parametrize("name", ["niche", "knot", "print", "alcove"])
+@pytest.mark.parametrize("name", ["niche", "knot", "print", "alcove", "sculpture", "crowd"])
 def test_what_mitsuba_evaluates_is_what_the_true_surfaces_say(name: str) -> None:
-    """Patterns, and the normals of the knot's mesh: at the samples' middles, met from half a millimetre above."""
+    """Patterns, and the normals of meshes: at the samples' middles, met from half a millimetre above."""
     import mitsuba as mi
 
     from radiogs_datasets.generate import render
@@ -169,14 +169,14 @@ def test_a_pixel_has_coverage_where_its_surface_says_so() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["convex", "knot", "print"])
+@pytest.mark.parametrize("name", ["convex", "knot", "print", "sculpture", "glossware"])
 def test_the_committed_image_is_what_the_generator_renders(name: str, tmp_path: Path) -> None:
     from radiogs_datasets.generate import render, scene_folder
     from radiogs_datasets.generate.cameras import pinhole
 
     recipe, pictures = RECIPES[name], Pictures()
     lights = {"training": render.build(recipe, read_hdr(TINY / name / "envmaps/training.hdr"))}
-    split = scene_folder.Split("train", 0, pictures.train, pictures.samples)
+    split = scene_folder.Split("train", 0, recipe.train, pictures.samples)
     scene_folder._write_view(lights, pinhole(recipe.rig, 0, pictures.size), split, pictures.depth, 0, tmp_path)
     difference = np.abs(read_png(tmp_path / "rgba.png") - read_png(TINY / name / "train_000/rgba.png"))
     # On the machine that made it, not a bit differs; elsewhere a fused multiply-add may round otherwise.

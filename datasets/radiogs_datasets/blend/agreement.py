@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..generate.cameras import Pinhole
-from ..generate.catalogue import recipe
 from ..generate.environments import LIGHTS
 from ..generate.materials import Material, Patterned
+from ..generate.miniatures import CORNER
 from ..generate.patterns import Checker, Point
 from ..generate.probe import require_mitsuba
 from ..generate.recipe import Recipe
@@ -258,10 +258,10 @@ FILES: dict[str, tuple[Part, ...]] = {
     ),
     "dielectric": tuple(
         Part(f"solid {number}", solid)  # type: ignore[arg-type]
-        for number, solid in enumerate(recipe("corner").solids)
+        for number, solid in enumerate(CORNER.solids)
     ),
 }  # fmt: skip
-"""Boxes and spheres, a textured scene, one of modifiers and instances: all Lambert. The last has the catalogue's
+"""Boxes and spheres, a textured scene, one of modifiers and instances: all Lambert. The last has the miniatures'
 materials, which Blender's Principled BSDF does not equal: what it shows is the difference of the two BRDFs."""
 
 
@@ -279,7 +279,7 @@ def description(parts: Sequence[Part]) -> dict[str, Any]:
 
 def own_recipe(name: str) -> Recipe:
     """The same scene for Mitsuba; its rig and lights are those of "corner"."""
-    return replace(recipe("corner"), name=name, solids=tuple(each for part in FILES[name] for each in part.solids()))
+    return replace(CORNER, name=name, solids=tuple(each for part in FILES[name] for each in part.solids()))
 
 
 def run() -> int:

@@ -84,7 +84,7 @@ class Noise:
     def share(self, x: Array, y: Array, z: Array, maths: Arithmetic) -> Array:
         """From 0 to 1 at world positions."""
         total = 0.0
-        for amplitude, (u, v, w), phase in _waves(self.longest, self.shortest, self.seed):
+        for amplitude, (u, v, w), phase in waves(self.longest, self.shortest, self.seed):
             total = total + amplitude * maths.sin(u * x + v * y + w * z + phase)
         return maths.clip(0.5 + self.contrast * total, 0.0, 1.0)
 
@@ -133,8 +133,11 @@ WAVES = 24
 
 
 @lru_cache
-def _waves(longest: float, shortest: float, seed: int) -> tuple[tuple[float, Point, float], ...]:
-    """Amplitude, wave vector (radian per world unit) and phase of each wave; amplitudes grow with the wavelength."""
+def waves(longest: float, shortest: float, seed: int) -> tuple[tuple[float, Point, float], ...]:
+    """Amplitude, wave vector (radian per unit) and phase of plane waves; amplitudes grow with the wavelength.
+
+    A sum of sines of unit variance, in random directions.
+    """
     random = np.random.default_rng(seed).random((WAVES, 3))
     length = longest * (shortest / longest) ** (np.arange(WAVES) / (WAVES - 1))
     amplitude = np.sqrt(2 * length / length.sum())

@@ -1,6 +1,7 @@
 """What a recipe of a scene consists of: solids with their materials, cameras, lights."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 from .patterns import Point
 from .solids import Solid
@@ -27,11 +28,12 @@ class Pictures:
 
     ``depth`` counts the light as a vertex: 8 ends at the light after seven surfaces. Deep white basins keep on
     scattering: in ``bowl`` a depth of 8 lacks about 5 % of the indirect light.
-    ``samples``: paths a pixel of a training view. Test views have ``TEST_RATIO`` times as many.
+    ``samples``: paths a pixel of a training view. Test views have ``TEST_RATIO`` times as many. ``train``: None for the
+    number of the recipe.
     """
 
     size: int = 96
-    train: int = 48
+    train: int | None = None
     test: int = 8
     depth: int = 8
     samples: int = 256
@@ -39,7 +41,11 @@ class Pictures:
 
 @dataclass(frozen=True)
 class Recipe:
-    """One scene: what stands in it, from where it is seen, and what it is for."""
+    """One scene: what stands in it, from where it is seen, and what it is for.
+
+    ``kind``: the scenes that means over kinds take together. ``choices``: whether a method's settings may be chosen by
+    results on this scene, or whether these are reported only. ``train``: number of training views.
+    """
 
     name: str
     purpose: str
@@ -47,3 +53,6 @@ class Recipe:
     rig: Rig
     training_light: str
     relight: tuple[str, ...]
+    kind: str = "single effects"
+    choices: Literal["tuned on", "reported only"] = "tuned on"
+    train: int = 48

@@ -13,14 +13,14 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from . import rounds, trefoil
 from .cameras import Pinhole
 from .disney_bsdf import PLUGIN, register
 from .materials import Finish, Material, Patterned
 from .patterns import Array
 from .probe import VARIANT
 from .recipe import Recipe
-from .solids import Box, Knot, Solid, Sphere
-from .trefoil import mesh
+from .solids import Box, Knot, Relief, Solid, Sphere, Turned
 
 DIRECT_DEPTH = 2
 """Mitsuba counts the light as a vertex: depth 2 ends at the light after one surface."""
@@ -162,12 +162,12 @@ def _solid(solid: Solid) -> dict[str, object] | mi.Mesh:
     return _mesh(solid, bsdf)
 
 
-def _mesh(knot: Knot, bsdf: dict[str, object]) -> mi.Mesh:
+def _mesh(solid: Knot | Turned | Relief, bsdf: dict[str, object]) -> mi.Mesh:
     """Without normals at its vertices: it is shaded with those of its triangles, so that no light leaks."""
-    vertices, triangles = mesh(knot, *MESH_CELLS)
+    vertices, triangles = trefoil.mesh(solid, *MESH_CELLS) if isinstance(solid, Knot) else rounds.mesh(solid)
     properties = mi.Properties()
     properties["bsdf"] = mi.load_dict(bsdf)
-    made = mi.Mesh("knot", len(vertices), len(triangles), properties)
+    made = mi.Mesh("solid", len(vertices), len(triangles), properties)
     parameters = mi.traverse(made)
     parameters["vertex_positions"] = mi.Float(vertices.numpy().ravel())
     parameters["faces"] = mi.UInt32(triangles.numpy().ravel())

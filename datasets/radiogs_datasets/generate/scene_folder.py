@@ -63,8 +63,8 @@ def _write_all(
 ) -> None:
     render.start()
     lights = _write_lights(recipe, folder / "envmaps")
-    train = Split("train", 0, pictures.train, pictures.samples)
-    test = Split("test", pictures.train, pictures.test, TEST_RATIO * pictures.samples)
+    train = Split("train", 0, recipe.train if pictures.train is None else pictures.train, pictures.samples)
+    test = Split("test", train.views, pictures.test, TEST_RATIO * pictures.samples)
     total = train.views + test.views
     energy = np.zeros(2)
     for split in (train, test):
@@ -169,6 +169,8 @@ def describe(
     return {
         "scene": recipe.name,
         "purpose": recipe.purpose,
+        "kind": recipe.kind,
+        "choices": recipe.choices,
         "seed": made.seed,
         "samples": dict(samples),
         "sampler": "multijitter",
@@ -197,7 +199,7 @@ def shares(recipe: Recipe, light: NDArray[np.float32], camera: Pinhole, depth: i
 
     specular: what one surface scatters in its specular lobe (all albedos set to zero), of all light. shadowed: what
     solids take away from one another's direct light, of the direct light that there would be without; the shadow of a
-    knot on itself does not count.
+    solid on itself does not count.
     """
     whole = render.build(recipe, light)
     full, direct = (_energy(whole, camera, depth) for depth in (depth, render.DIRECT_DEPTH))

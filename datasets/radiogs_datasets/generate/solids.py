@@ -43,4 +43,50 @@ class Knot:
     material: Finish
 
 
-Solid = Box | Sphere | Knot
+@dataclass(frozen=True)
+class Turned:
+    """A solid of revolution around a vertical axis through ``centre``: a vessel, a pillar, a parasol.
+
+    ``profile``: (distance from the axis, height above ``centre``) of the control points of a uniform cubic B-spline, in
+    world units; it starts and ends on the axis, which it meets at a right angle, and the solid lies to its left. A
+    vessel's goes up its outside and down its inside. Curves stay within the hull of four neighbouring points; a point
+    given twice makes a sharper bend.
+    """
+
+    centre: Point
+    profile: tuple[tuple[float, float], ...]
+    material: Finish
+
+
+@dataclass(frozen=True)
+class Swell:
+    """``height * exp(sharpness (cos angle - 1))`` about a direction in degrees, azimuth from +X to +Y.
+
+    ``height`` is a part of the radius; a dent has less than zero.
+    """
+
+    azimuth: float
+    elevation: float
+    sharpness: float
+    height: float
+
+
+@dataclass(frozen=True)
+class Relief:
+    """A body that every ray from ``centre`` leaves once, ``radius`` (1 + swells + ripples) away from it.
+
+    The ripples are a sum of plane waves of the direction, from ``longest`` down to ``shortest`` wavelength in radian;
+    their standard deviation is ``ripple``, a part of the radius.
+    """
+
+    centre: Point
+    radius: float
+    swells: tuple[Swell, ...]
+    ripple: float
+    longest: float
+    shortest: float
+    seed: int
+    material: Finish
+
+
+Solid = Box | Sphere | Knot | Turned | Relief

@@ -6,10 +6,11 @@ true geometry.
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,12 +23,12 @@ from radiogs_core.scene.surfaces import Surfaces, SurfaceSamples
 from radiogs_core.transport.sampling import GOLDEN_ANGLE, tangent_frame
 
 from ..bounded_reading import read_json
-from . import trefoil
+from . import rounds, trefoil
 from .cameras import pinhole
 from .catalogue import RECIPES
 from .materials import Finish
 from .recipe import Rig
-from .solids import GAP, Box, Knot, Solid, Sphere
+from .solids import GAP, Box, Knot, Relief, Solid, Sphere, Turned
 
 TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
@@ -49,13 +50,18 @@ def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
     name a recipe says nothing. Nor does one beside cameras that are not the recipe's: a scene that was scaled, moved or
     turned keeps the file, and its surfaces are elsewhere.
     """
+    name = metadata_of(folder).get("scene")
+    recipe = RECIPES.get(name) if isinstance(name, str) else None
+    return partial(surfaces_of, recipe.solids) if recipe is not None and _seen_by(recipe.rig, scene) else None
+
+
+def metadata_of(folder: Path) -> Mapping[str, Any]:
+    """What ``metadata.json`` in a scene's folder says; nothing where there is none, or it is no JSON object."""
     try:
         about = read_json(folder / "metadata.json")
     except DataError:
-        return None
-    name = about.get("scene") if isinstance(about, dict) else None
-    recipe = RECIPES.get(name) if isinstance(name, str) else None
-    return partial(surfaces_of, recipe.solids) if recipe is not None and _seen_by(recipe.rig, scene) else None
+        return {}
+    return about if isinstance(about, dict) else {}
 
 
 def _seen_by(rig: Rig, scene: Scene) -> bool:
@@ -122,6 +128,8 @@ def _patches(solid: Solid, others: Sequence[Solid], spacing: float) -> list[_Pat
         return [_sphere(solid, spacing)]
     if isinstance(solid, Knot):
         return [_tube(solid, spacing)]
+    if isinstance(solid, Turned | Relief):
+        return [_Patch(*rounds.cells(solid, spacing))]
     return [_face(solid, others, spacing, axis, side) for axis, side in itertools.product(range(3), (0, 1))]
 
 
@@ -194,5 +202,7 @@ def _inside(solid: Solid, points: Float[Tensor, "points 3"], margin: float) -> B
         return (points - torch.tensor(solid.centre, dtype=torch.float64)).norm(dim=-1) < solid.radius + margin
     if isinstance(solid, Knot):
         return trefoil.inside(solid, points, margin)
+    if isinstance(solid, Turned | Relief):
+        return rounds.inside(solid, points, margin)
     low, high = (torch.tensor(corner, dtype=torch.float64) for corner in (solid.low, solid.high))
     return ((points > low - margin) & (points < high + margin)).all(-1)
