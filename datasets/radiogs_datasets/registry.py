@@ -11,7 +11,7 @@ from radiogs_core.scene.scene import Scene
 from .bounded_reading import printable
 from .data_root import below, below_root, data_root
 from .furnace import ALBEDOS, furnace
-from .generate.surfaces import surfaces_of_scene
+from .generate.surfaces import metadata_of, surfaces_of_scene
 from .hard_cases import NAME as HARD_CASES
 from .hard_cases import hard_cases
 from .layouts import blender, colmap, stanford_orb, synthetic4relight, tensoir
@@ -63,6 +63,28 @@ def forward_names() -> tuple[str, ...]:
 def known_names() -> tuple[str, ...]:
     """Names of all scenes that come with the package."""
     return (*scene_names(), *forward_names(), HARD_CASES)
+
+
+def scene_kind(name_or_path: str) -> str | None:
+    """The kind that a generated scene states, over which tables take means; None for any other scene, or for none.
+
+    The scenes of one kind differ in what they show, those of different kinds in shapes, cameras and lights too.
+    """
+    return _stated(name_or_path, "kind")
+
+
+def scene_choices(name_or_path: str) -> str | None:
+    """ "tuned on" for a generated scene by whose results settings may be chosen, "reported only" for one by which none
+    may; None for any other scene, or for none."""
+    return _stated(name_or_path, "choices")
+
+
+def _stated(name_or_path: str, key: str) -> str | None:
+    try:
+        value = metadata_of(scene_folder(name_or_path)).get(key)
+    except (DataError, OSError):
+        return None
+    return value if isinstance(value, str) and value.isprintable() else None
 
 
 def scene_folder(name_or_path: str) -> Path:

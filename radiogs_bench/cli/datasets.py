@@ -48,7 +48,7 @@ def add_to(commands: "Commands") -> None:
     generating.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
     generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
     generating.add_argument("--size", type=positive, default=96, metavar="N", help="pixels a side (default: 96)")
-    generating.add_argument("--train", type=positive, default=48, metavar="N", help="training views (default: 48)")
+    generating.add_argument("--train", type=positive, metavar="N", help="training views (default: the recipe's)")
     generating.add_argument("--test", type=positive, default=8, metavar="N", help="test views (default: 8)")
     generating.add_argument("--depth", type=positive, default=8, metavar="N", help="of light paths (default: 8)")
     generating.add_argument(
@@ -79,6 +79,7 @@ def check(options: argparse.Namespace) -> int:
     """Print everything that is wrong with a scene, and its contents; the exit code is 3 if it cannot be used."""
     import json
 
+    from radiogs_datasets import scene_choices, scene_kind
     from radiogs_datasets.check import check_scene
 
     from ..runs.progress import progress_for_stderr
@@ -96,6 +97,8 @@ def check(options: argparse.Namespace) -> int:
     if scene is not None:
         maps = sorted({name for view in scene.test for name in view.sources})
         say(f"{scene.name}: layout {scene.layout}, {len(scene.train)} training and {len(scene.test)} test views")
+        if (kind := scene_kind(options.scene)) is not None:
+            say(f"kind: {kind} ({scene_choices(options.scene)})")
         say(f"maps of the test views: {', '.join(maps)}")
         say(f"lights: {', '.join(sorted(scene.lights)) or 'none'}")
         say(f"checksum: {scene.checksum}")

@@ -11,7 +11,7 @@ import torch
 from radiogs_core.errors import DataError
 from radiogs_core.scene.surfaces import SurfaceSamples
 from radiogs_core.surfels.known_surfaces import surfels_on
-from radiogs_datasets import load_scene
+from radiogs_datasets import load_scene, scene_choices, scene_kind
 from radiogs_datasets.furnace import ALBEDOS, EMISSION, HALF_SIDE
 from radiogs_datasets.generate.catalogue import RECIPES
 from radiogs_datasets.hard_cases import NAME as HARD_CASES
@@ -74,8 +74,25 @@ def test_hard_cases_have_no_surfaces() -> None:
 
 @pytest.mark.parametrize("name", scene_names())
 def test_metadata_of_the_miniatures_names_their_recipe(name: str) -> None:
-    assert json.loads((TINY / name / "metadata.json").read_text())["scene"] == name
-    assert name in RECIPES
+    metadata = json.loads((TINY / name / "metadata.json").read_text())
+    assert metadata["scene"] == name
+    recipe = RECIPES[name]
+    assert (metadata["purpose"], metadata["kind"], metadata["choices"]) == (recipe.purpose, recipe.kind, recipe.choices)
+
+
+def test_a_scenes_kind_and_choices_are_read_by_its_name(tmp_path: Path) -> None:
+    assert (scene_kind("niche"), scene_choices("niche")) == ("single effects", "tuned on")
+    assert (scene_kind("lamps"), scene_choices("lamps")) == ("small lamps at night", "reported only")
+    assert scene_kind("corner-128") == scene_kind("corner")
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for written in ('{"kind": 3}', '["kind"]', '{"kind": "a\\u0000b"}', "{"):
+        (folder / "metadata.json").write_text(written)
+        assert scene_kind(str(folder)) is None
+    (folder / "metadata.json").write_text('{"kind": "flowers"}')
+    assert (scene_kind(str(folder)), scene_choices(str(folder))) == ("flowers", None)
+    for other in ("furnace-0.5", HARD_CASES, "no such scene", "x" * 5000):
+        assert scene_kind(other) is None
 
 
 def test_surfels_have_the_materials_of_their_samples() -> None:

@@ -34,7 +34,7 @@ from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import shade_surfels
-from radiogs_datasets import load_scene, scene_names
+from radiogs_datasets import load_scene, scene_kind, scene_names
 from scenes import sun_and_sky, surfels_of_room
 
 
@@ -156,7 +156,12 @@ LIGHTS = ((even, "off"), (one_texel, "on"), (real_sun, "on"))
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize(
     ("name", "light", "verdict"),
-    [(name, *each) for name in scene_names() for each in LIGHTS if (name, each[1]) != ("mirror", "off")],
+    [
+        (name, *each)
+        for name in scene_names()
+        for each in LIGHTS
+        if scene_kind(name) == "single effects" and (name, each[1]) != ("mirror", "off")
+    ],
 )
 def test_an_even_light_is_not_drawn_from_and_a_sun_is(
     name: str, light: Callable[[], torch.Tensor], verdict: str, seed: int
