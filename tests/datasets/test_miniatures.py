@@ -15,7 +15,7 @@ from radiogs_datasets import load_scene, scene_names
 from radiogs_datasets.generate import RECIPES, Pictures
 from radiogs_datasets.generate.environments import LIGHTS
 from radiogs_datasets.generate.materials import Patterned
-from radiogs_datasets.generate.solids import Box, Knot
+from radiogs_datasets.generate.solids import Box, Knot, Relief, Turned
 from radiogs_datasets.registry import TINY
 from reference.shade import environment_radiance
 from reference.solids import cast
@@ -33,11 +33,14 @@ def scene(request: pytest.FixtureRequest) -> Scene:
     return load_scene(request.param)
 
 
-def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
-    """Solid, z-depth and normal at pixel centres, and where all nine rays of a pixel meet the same face."""
+def interior(scene: Scene, view: View, every: int = 1) -> tuple[np.ndarray, ...]:
+    """Solid, z-depth and normal at pixel centres, and where all nine rays of a pixel meet the same face.
+
+    Of every so many rows and columns of pixels.
+    """
     recipe = RECIPES[scene.name]
     camera = view.camera.to(dtype=torch.float64)
-    rays, origin = camera.ray_directions().numpy(), camera.centre.numpy()
+    rays, origin = camera.ray_directions().numpy()[::every, ::every], camera.centre.numpy()
     solid, depth, normal = cast(recipe, origin, rays)
     right, down = (camera.axes[:, axis].numpy() / camera.fx for axis in (0, 1))
     whole = solid >= 0
@@ -48,14 +51,14 @@ def interior(scene: Scene, view: View) -> tuple[np.ndarray, ...]:
     return solid, depth, normal, whole
 
 
-def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...]) -> np.ndarray:
+def materials_of_pixels(scene: Scene, view: View, found: tuple[np.ndarray, ...], every: int) -> np.ndarray:
     """Albedo and roughness [pixels, 4] of the whole pixels of ``interior``.
 
     Means over the generator's 8 x 8 rays, which meet the surface's tangent plane at the pixel's centre.
     """
     solid, depth, normal, whole = found
     camera = view.camera.to(dtype=torch.float64)
-    middle, origin = camera.ray_directions().numpy()[whole], camera.centre.numpy()
+    middle, origin = camera.ray_directions().numpy()[::every, ::every][whole], camera.centre.numpy()
     right, down = (camera.axes[:, axis].numpy() / camera.fx for axis in (0, 1))
     step = (np.arange(8) + 0.5) / 8 - 0.5
     rays = middle[:, None, None] + step[:, None, None] * right + step[:, None] * down
@@ -78,7 +81,7 @@ def test_the_miniatures_come_with_the_package_and_are_small() -> None:
 
 def test_scene_has_its_views_lights_and_maps(scene: Scene) -> None:
     pictures = Pictures()
-    assert (len(scene.train), len(scene.test)) == (pictures.train, pictures.test) == (48, 8)
+    assert (len(scene.train), len(scene.test)) == (RECIPES[scene.name].train, pictures.test)
     assert set(scene.lights) == set(RECIPES[scene.name].relight)
     assert scene.training_light is not None
     wanted = {"image", "alpha", "albedo", "normal", "roughness", "depth", "direct", "indirect"}
@@ -95,28 +98,32 @@ def test_surface_maps_are_what_closed_form_intersection_finds(scene: Scene) -> N
     pattern_on_a_curve = np.array(
         [not isinstance(each, Box) and isinstance(each.material, Patterned) for each in RECIPES[scene.name].solids]
     )
-    # Between the nine rays of a pixel one strand of a knot may pass before another.
+    # Between the nine rays of a pixel one strand of a knot may pass before another, or a rim be thinner than a pixel.
     knotted = any(isinstance(each, Knot) for each in RECIPES[scene.name].solids)
-    worst = partial(np.quantile, q=0.985) if knotted else np.max
-    for view in scene.test[: 2 if knotted else None]:  # a knot is met by search, which takes seconds a view
-        found = interior(scene, view)
+    bent_within_pixels = any(isinstance(each, Turned | Relief) for each in RECIPES[scene.name].solids)
+    worst = partial(np.quantile, q=0.985) if knotted or bent_within_pixels else np.max
+    # These are met by search, which takes seconds a view.
+    views, every = (1, 2) if bent_within_pixels else (2 if knotted else len(scene.test), 1)
+    for view in scene.test[:views]:
+        found = interior(scene, view, every)
         solid, depth, normal, whole = found
-        assert whole.sum() > 900
-        stored = np.concatenate([view.read(name).numpy()[whole] for name in ("albedo", "roughness")], -1)
-        off = np.abs(stored - materials_of_pixels(scene, view, found)).max(-1)
+        assert whole.sum() > 900 / every**2
+        maps = {name: view.read(name).numpy()[::every, ::every] for name in ("albedo", "roughness", "normal", "depth")}
+        stored = np.concatenate([maps[name][whole] for name in ("albedo", "roughness")], -1)
+        off = np.abs(stored - materials_of_pixels(scene, view, found, every)).max(-1)
         bent = pattern_on_a_curve[solid[whole]]
         # A corner may slip between the nine rays: into less than a few pixels of a view, and into little of each.
-        assert np.quantile(off[~bent], 0.995, method="lower") <= HALF_LEVEL + 1e-6
-        assert off[~bent].max() < 0.05
+        assert (off[~bent] > HALF_LEVEL + 1e-6).sum() <= 0.005 * (~bent).sum()
+        assert off[~bent].max(initial=0) < 0.05
         # Where it bends away from its tangent plane, the edge of a pattern lies a little beside.
         assert (off[bent] <= HALF_LEVEL + 1e-6).sum() >= 0.5 * bent.sum()
         assert (off[bent] < 0.03).sum() >= 0.97 * bent.sum()
-        cosine = (view.read("normal").numpy() * normal).sum(-1)[whole]
+        cosine = (maps["normal"] * normal).sum(-1)[whole]
         # A pixel stores the mean over its area, which on a curved or slanted surface is not its centre's value.
         angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-        assert np.median(angle) < 0.5  # eight bits
-        assert worst(angle) < 2
-        error = np.abs(view.read("depth").numpy()[..., 0] / depth - 1)[whole]
+        assert np.median(angle) < (1 if bent_within_pixels else 0.5)  # eight bits
+        assert worst(angle) < (6 if bent_within_pixels else 2)
+        error = np.abs(maps["depth"][..., 0] / depth - 1)[whole]
         assert np.median(error) < HALF_FLOAT
         assert worst(error) < 0.01
 
@@ -188,6 +195,11 @@ PURPOSES = {
     "knot": {"indirect_share": (0.15, 0.25)},
     "print": {"indirect_share": (0.0, 0.1), "specular_share": (0.03, 1.0)},
     "patchwork": {"indirect_share": (0.0, 0.003), "shadowed_share": (0.0, 0.001)},
+    "front_plain": {"indirect_share": (0.2, 1.0)},
+    "front_patterned": {"indirect_share": (0.2, 1.0)},
+    "glossware": {"specular_share": (0.1, 1.0)},
+    "crowd": {"shadowed_share": (0.15, 1.0)},
+    "lamps": {"shadowed_share": (0.1, 1.0)},
 }
 
 
@@ -270,7 +282,7 @@ def sphere_radiance(normal: torch.Tensor, view: torch.Tensor, material, environm
 
 def test_stored_lights_are_the_procedural_ones(scene: Scene) -> None:
     assert scene.training_light is not None
-    for name, light in {"sky": scene.training_light, **scene.lights}.items():
+    for name, light in {RECIPES[scene.name].training_light: scene.training_light, **scene.lights}.items():
         wanted = torch.from_numpy(LIGHTS[name].radiance())
         error = (light.radiance - wanted).abs() / wanted.amax(-1, keepdim=True)
         assert float(error.max()) < 1 / 128  # RGBE: eight bits of the largest channel

@@ -88,6 +88,8 @@ def test_samples_lie_on_the_surface_and_face_where_its_height_grows(solid: Turne
     samples = surfaces_of([solid], spacing)
     offset = samples.centre.numpy() - solid.centre
     assert np.abs(heights(solid, offset)).max() < 1e-6
+    assert samples.centre.dtype == samples.frame.dtype == samples.size.dtype == torch.float64
+    assert float((samples.frame.mT @ samples.frame - torch.eye(3).double()).abs().max()) < 1e-12
     assert (slopes(solid, offset) * samples.frame[..., 2].numpy()).sum(-1).min() > math.cos(math.radians(0.5))
     assert float(samples.size.max()) <= spacing * 1.001
 

@@ -155,7 +155,7 @@ def _turned_cells(solid: Turned, spacing: float) -> Cells:
     count = (2 * math.pi * place[:, 0] / spacing).ceil().long()
     ring = torch.arange(rings).repeat_interleave(count)
     number = torch.arange(len(ring)) - (count.cumsum(0) - count)[ring]
-    azimuth = 2 * math.pi * (number + 0.5) / count[ring]
+    azimuth = 2 * math.pi * (number.double() + 0.5) / count[ring]
     cosine, sine, none = azimuth.cos(), azimuth.sin(), torch.zeros_like(azimuth)
 
     def turned(flat: Float[Tensor, "rings 2"]) -> Float[Tensor, "cells 3"]:
