@@ -197,9 +197,9 @@ PURPOSES = {
     "patchwork": {"indirect_share": (0.0, 0.003), "shadowed_share": (0.0, 0.001)},
     "front_plain": {"indirect_share": (0.2, 1.0)},
     "front_patterned": {"indirect_share": (0.2, 1.0)},
-    "glossware": {"specular_share": (0.1, 1.0)},
-    "crowd": {"shadowed_share": (0.15, 1.0)},
-    "lamps": {"shadowed_share": (0.1, 1.0)},
+    "glossware": {"specular_share": (0.06, 1.0)},
+    "crowd": {"shadowed_share": (0.2, 1.0)},
+    "lamps": {"shadowed_share": (0.15, 1.0)},
 }
 
 
@@ -235,6 +235,13 @@ def test_the_object_is_wholly_in_every_picture(name: str) -> None:
     for view in (*scene.train, *scene.test):
         alpha = view.read("alpha")[..., 0]
         assert not torch.cat([alpha[0], alpha[-1], alpha[:, 0], alpha[:, -1]]).any(), view.name
+
+
+def test_the_maps_of_the_glossware_show_its_roughness() -> None:
+    for view in load_scene("glossware").test:
+        roughness = view.read("roughness")[view.read("alpha") == 1]
+        assert 0.08 - HALF_LEVEL <= float(roughness.min()) < 0.11
+        assert 0.28 < float(roughness.max()) <= 0.3 + HALF_LEVEL
 
 
 @pytest.mark.parametrize("light", ["training", "sunset", "overcast"])

@@ -130,10 +130,11 @@ def spread(name: str) -> tuple[float, float]:
 
 
 def test_the_sky_of_the_sculpture_has_structure_and_no_sun() -> None:
-    peak, deviation = spread(RECIPES["sculpture"].training_light)
+    name = RECIPES["sculpture"].training_light
+    peak, deviation = spread(name)
     assert peak < 2.5
     assert deviation > 0.2
-    above = LIGHTS["veil"].radiance()[HEIGHT // 4].mean(-1)  # along one height: a gradient has no structure there
+    above = LIGHTS[name].radiance()[HEIGHT // 4].mean(-1)  # along one height: a gradient has no structure there
     rises = np.sign(np.diff(above, append=above[:1]))
     assert (rises != np.roll(rises, 1)).sum() >= 6
 
