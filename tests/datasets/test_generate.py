@@ -10,7 +10,7 @@ import torch
 
 from radiogs_core.errors import UsageError
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_datasets import load_scene
+from radiogs_datasets import load_scene, scene_choices, scene_kind
 from radiogs_datasets.generate import RECIPES, Pictures, generate_scene
 from radiogs_datasets.generate.materials import Material, Patterned
 from radiogs_datasets.generate.patterns import Stripes
@@ -202,6 +202,18 @@ def test_generation_is_deterministic_and_loads(tmp_path: Path) -> None:
         assert float(one.read("indirect").min()) >= 0
         assert float(one.read("indirect").max()) > 0
     assert first.train[0].camera.width == 12
+
+
+@pytest.mark.slow
+def test_the_recipe_says_how_many_views_and_of_which_kind_unless_another_number_is_asked_for(tmp_path: Path) -> None:
+    for train, count in ((None, 24), (3, 3)):
+        folder = tmp_path / str(count)
+        generate_scene("front_patterned", folder, pictures=Pictures(12, train, 1, samples=4))
+        scene = load_scene(str(folder))
+        assert (len(scene.train), len(scene.test)) == (count, 1)
+        assert scene.surfaces is not None
+        assert scene_kind(str(folder)) == RECIPES["front_patterned"].kind
+        assert scene_choices(str(folder)) == "reported only"
 
 
 @pytest.mark.slow

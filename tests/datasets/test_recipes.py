@@ -69,7 +69,7 @@ def test_no_knot_meets_itself() -> None:
     knots = [solid for recipe in RECIPES.values() for solid in recipe.solids if isinstance(solid, Knot)]
     assert knots
     for knot in knots:
-        surface = trefoil.points(knot, *trefoil.grid(600, 120)).numpy()
+        surface = trefoil.points(knot, *trefoil.grid(400, 80)).numpy()
         assert cKDTree(knot_curve(knot, 20_000)).query(surface)[0].min() > knot.radius - 1e-6
 
 
