@@ -80,6 +80,7 @@ def test_every_metric_is_that_of_scoring_the_folder(
     assert result["facts"]["commands"]
 
 
+@pytest.mark.slow
 def test_it_stands_beside_radiogs_and_is_not_run_twice(shelf: Callable[[str], Path], tmp_path: Path) -> None:
     out, note = tmp_path / "out", tmp_path / "note"
     path = written(tmp_path, shelf("gs-ir"), "gs-ir", habit="")

@@ -23,6 +23,9 @@ from radiogs_bench.suites.baselines import PUBLISHED_METHODS
 from scenes import sphere_scene
 
 METHODS = ("radiogs", *sorted({row.method for row in PUBLISHED_METHODS}))
+QUICK = ("radiogs", "irgs", "tensoir")
+"""The others share their kernels with the first two."""
+
 STEPS = 4
 PLAIN = sphere_scene(views=3, size=16)
 SEEN = PLAIN.test[0]
@@ -47,7 +50,9 @@ def short_cell(name: str) -> Cell:
 
 
 @pytest.mark.parametrize("place", ["elsewhere", pytest.param("cuda", marks=ON_CARD)])
-@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in METHODS]
+)
 def test_a_method_is_trained_and_scored(name: str, place: str, tmp_path: Path) -> None:
     on_card = place == "cuda"
     bench = bench_of(name, tmp_path, torch.device("cuda") if on_card else registered())

@@ -198,8 +198,9 @@ def test_prose_changes_no_digest(tmp_path: Path, form: str) -> None:
 
 
 OTHERS = (
-    "x = 1", "x = 2", "x = 1.0", "x = True", "x = '1'", "x = b'1'", "x = None", "x = -1", "x: int = 1", "y = 1", "x = 1, ",
-    "x += 1", "x = 1\nx = 1", "if x: x = 1", "def x(): 1", "def x(): return 1", "def x(): return None", "'x = 1'",
+    "x = 1", "x = 2", "x = 1.0", "x = True", "x = '1'", "x = b'1'", "x = None", "x = -1", "x: int = 1", "y = 1",
+    "x = 1, ", "x += 1", "x = 1\nx = 1", "if x: x = 1", "def x(): 1", "def x(): return 1", "def x(): return None",
+    "'x = 1'",
     "x = {None: 1}", "x = {**1}", "x = f'{1}'", "x = f'{1!r}'", "x = f'{1:2}'", "lambda: 1", "async def x(): return 1",
     "match x:\n  case None: 1", "match x:\n  case True: 1", "from . import x", "from .. import x", "import x as y",
 )  # fmt: skip

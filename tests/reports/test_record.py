@@ -3,13 +3,14 @@
 Reports that would not change are not made again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from made_up_run import summary, write_run
+from radiogs_reports import run_folder
 from radiogs_reports.page import assemble
 from radiogs_reports.record import RECORD, keep_record
 from radiogs_reports.run_folder import write_reports
@@ -43,6 +44,14 @@ def test_a_table_that_a_user_put_where_one_was_deleted_stays(tmp_path: Path) -> 
     files(tmp_path, "tables/audit.md")
     keep_record(tmp_path, files(tmp_path, "tables/cost.md"))
     assert there(tmp_path) == {"tables/audit.md", "tables/cost.md"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _without_figures() -> Iterator[None]:
+    """Figures take most of the time of a report; the contact sheet and the page stand for them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run_folder, "write_figures", lambda summary, out: [])
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -65,13 +65,12 @@ SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
         ("occluder", True, False),
         ("wire", True, True),
         ("corner", True, True),
-        ("red_white", True, True),
         ("bowl", True, True),
         ("glossy", True, True),
-        ("mirror", True, True),
-        ("niche", True, True),
-        ("knot", True, True),
-        ("print", True, True),
+        *(
+            pytest.param(name, True, True, marks=pytest.mark.slow)
+            for name in ("red_white", "mirror", "niche", "knot", "print")
+        ),
     ],
 )
 def test_rays_are_traced_where_something_is_in_the_way(

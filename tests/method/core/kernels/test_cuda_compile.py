@@ -1,6 +1,5 @@
 """Every kernel compiles: for CUDA on a machine that has none (NVRTC comes with Warp), for the CPU without a warning."""
 
-from itertools import product
 from pathlib import Path
 
 import pytest
@@ -55,7 +54,17 @@ def kernels_of(dtype: torch.dtype, on_cuda: bool) -> list[wp.Kernel]:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("architecture", "dtype"), [*product((80, 89, 90), (torch.float32, torch.float64))])
+@pytest.mark.parametrize(
+    ("architecture", "dtype"),
+    [
+        (80, torch.float64),
+        (90, torch.float32),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((80, torch.float32), (89, torch.float32), (89, torch.float64), (90, torch.float64))
+        ),
+    ],
+)
 def test_kernels_compile_for_cuda(architecture: int, dtype: torch.dtype, tmp_path: Path) -> None:
     for place, kernel in enumerate(kernels_of(dtype, on_cuda=True)):
         folder = tmp_path / str(place)
