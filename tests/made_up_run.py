@@ -10,11 +10,13 @@ from radiogs_reports.page.assemble import write_page
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
+    Interval,
     PaperColumn,
     PaperTable,
     PaperValue,
     RunSummary,
     Summary,
+    Verdict,
     seal_of,
 )
 
@@ -30,17 +32,38 @@ KEPT_CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "depth": 
 CHANNELS = {"image": 3, "albedo": 3, "normal": 3, "roughness": 1, "indirect": 3, "relit": 3}
 
 
+def interval(difference: float, verdict: Verdict | None = None) -> Interval:
+    """A difference over two seeds of one scene."""
+    return {
+        "mean": difference, "low": difference - 0.5, "high": difference + 0.5, "over": "seeds", "units": 2,
+        "p_value": 0.3 if verdict is None else 0.01, "verdict": verdict, "smallest": 0.2,
+        "spread": {"seeds": 0.1},
+    }  # fmt: skip
+
+
 def cell(
-    mean: float | None, difference: float | None = None, reason: str | None = None, rank: int | None = None
+    mean: float | None,
+    difference: float | None = None,
+    reason: str | None = None,
+    rank: int | None = None,
+    verdict: Verdict | None = None,
 ) -> CellSummary:
-    interval = None if difference is None else {"mean": difference, "low": difference - 0.5, "high": difference + 0.5}
-    return {"mean": mean, "count": 2, "difference": interval, "reason": reason, "rank": rank}  # type: ignore[typeddict-item]
+    between = None if difference is None else interval(difference, verdict)
+    return {"mean": mean, "count": 2, "difference": between, "reason": reason, "rank": rank}
 
 
 def paper_table() -> PaperTable:
     """A table of the paper with two measured rows, ties, reasons, a remark, and a column without direction."""
     columns: list[PaperColumn] = [
-        {"key": "nvs/psnr", "group": "NVS", "label": "PSNR", "unit": "dB", "direction": "up", "decimals": 3},
+        {
+            "key": "nvs/psnr",
+            "group": "NVS",
+            "label": "PSNR",
+            "unit": "dB",
+            "direction": "up",
+            "decimals": 3,
+            "smallest": 0.25,
+        },
         {"key": "nvs/lpips", "group": "NVS", "label": "LPIPS", "unit": "", "direction": "down", "decimals": 4},
         {"key": "training/hours", "group": "Training", "label": "", "unit": "h", "direction": "down", "decimals": 1},
         {
@@ -54,10 +77,15 @@ def paper_table() -> PaperTable:
     ]
 
     def value(
-        mean: float | None, published: str | None, difference: float | None = None, rank: int | None = None
+        mean: float | None,
+        published: str | None,
+        difference: float | None = None,
+        rank: int | None = None,
+        verdict: Verdict | None = None,
     ) -> PaperValue:
+        reason = None if mean is not None else "not in this store; 100 % lost & gone"
         return {
-            **cell(mean, difference, None if mean is not None else "not in this store; 100 % lost & gone", rank),
+            **cell(mean, difference, reason, rank, verdict),
             "published": published,
             "absent": None if published else "The paper prints a dash.",
         }  # type: ignore[typeddict-item]
@@ -79,7 +107,7 @@ def paper_table() -> PaperTable:
             for row, values in {
                 "split-sum": (value(None, "36.659"), value(None, "0.0254"), value(None, "1.0"), value(None, None)),
                 "detach": (
-                    value(30.1234, "37.252", -1.5, rank=2),
+                    value(30.1234, "37.252", -1.5, rank=2, verdict="worse"),
                     value(0.25, "0.0275", 0.0, rank=1),
                     value(0.00047, "1.1", rank=1),
                     value(64, "64"),
@@ -195,8 +223,15 @@ def summary() -> Summary:
         "seeds": [0, 1],
         "reference": "ours",
         "columns": [
-            {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2},
-            {"key": "normal/mae", "label": "Normal MAE", "unit": "degrees", "direction": "down", "decimals": 2},
+            {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2, "smallest": 1.75},
+            {
+                "key": "normal/mae",
+                "label": "Normal MAE",
+                "unit": "degrees",
+                "direction": "down",
+                "decimals": 2,
+                "smallest": 0.4,
+            },
             {"key": "nvs/lpips", "label": "NVS LPIPS", "unit": "", "direction": "down", "decimals": 3},
         ],
         "rows": [
@@ -210,8 +245,8 @@ def summary() -> Summary:
                 "nvs/lpips": cell(None, reason="no_weights"),
             },
             "no-rad": {
-                "nvs/psnr": cell(30.0, -1.234, rank=2),
-                "normal/mae": cell(7.0, -0.5, rank=1),
+                "nvs/psnr": cell(30.0, -1.234, rank=2, verdict="worse"),
+                "normal/mae": cell(7.0, -0.5, rank=1, verdict="better"),
                 "nvs/lpips": cell(None, reason="no_weights"),
             },
         },

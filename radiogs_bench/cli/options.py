@@ -1,6 +1,7 @@
 """What the commands' options share: the parser, the types of values, and how a suite and scene options are read."""
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Sequence
@@ -109,6 +110,20 @@ def seeds(text: str) -> int:
     if positive(text) > MOST_SEEDS:
         raise argparse.ArgumentTypeError(f"'{text}' seeds: up to {MOST_SEEDS} are taken in one run")
     return positive(text)
+
+
+def differences(text: str) -> dict[str, float]:
+    """Sizes of differences by column, such as nvs/psnr=0.5,albedo/psnr=0.3."""
+    found = {}
+    for each in names(text):
+        column, _, size = each.partition("=")
+        try:
+            found[column] = float(size)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"'{each}' is not COLUMN=SIZE, such as albedo/psnr=0.3") from None
+        if not 0 < found[column] < math.inf:
+            raise argparse.ArgumentTypeError(f"'{each}': a difference is positive and finite")
+    return found
 
 
 def pixels(text: str) -> int:

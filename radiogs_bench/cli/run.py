@@ -18,6 +18,7 @@ from .options import (
     add_effects,
     add_scene_options,
     add_verbose,
+    differences,
     names,
     part_of,
     positive,
@@ -72,6 +73,13 @@ def add_to(commands: "Commands") -> None:
         help="keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed)",
     )
     parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
+    parser.add_argument(
+        "--difference",
+        type=differences,
+        default={},
+        metavar="COLUMN=SIZE,...",
+        help="with --dry-run: how many scenes or seeds resolve it, such as albedo/psnr=0.3",
+    )
     parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
     add_verbose(parser)
 
@@ -109,7 +117,7 @@ def _run(options: argparse.Namespace) -> int:
         return work_along_with(request, store, device, options)
     say_repairs(request.scenes, options.json)
     if options.dry_run:
-        return show_request(request, store, engine, options.json)
+        return show_request(request, store, engine, options.json, options.difference)
     return run_request(request, store, device, engine, options)
 
 
@@ -196,17 +204,19 @@ def say_repairs(scenes: Mapping[str, "Scene"], as_json: bool) -> None:
                 say(line)
 
 
-def show_request(request: "Request", store: "Store", engine: "Engine", as_json: bool) -> int:
-    """Print the cells and estimates of their time and memory."""
+def show_request(
+    request: "Request", store: "Store", engine: "Engine", as_json: bool, difference: Mapping[str, float]
+) -> int:
+    """Print the cells, estimates of their time and memory, and what the run could show."""
     from radiogs_core.kernels.runtime import workers
 
     from ..runs.engines.run import CPU
     from .showing import emit_plan, show_plan
 
     if as_json:
-        emit_plan(request, store)
+        emit_plan(request, store, difference)
     else:
-        show_plan(request, store, *engine.cells_and_threads(workers(CPU)))
+        show_plan(request, store, *engine.cells_and_threads(workers(CPU)), difference)
     return 0
 
 

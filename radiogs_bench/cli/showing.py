@@ -3,7 +3,7 @@
 A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -13,9 +13,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from radiogs_baselines.published import published
+from radiogs_core.errors import UsageError
+from radiogs_reports.analysis.legend import shown_verdict, suite_legend
+from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.doubts import footnotes, marks, remarks
 from radiogs_reports.run_folder import write_reports
-from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, beside
+from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, Verdict, beside, read_summary
 from radiogs_reports.wording import ARROWS, count_of
 from radiogs_reports.write.caption import published_note
 
@@ -43,7 +46,7 @@ def write_and_show(store: Store, sweep: Sweep, alone: bool = False) -> None:
     for table in tables_of(summary, console().width):
         show(table)
     say(explanation(summary))
-    for sentence in (*reasons(summary), *footnotes(summary)):
+    for sentence in (*suite_legend(summary, coloured=False), *reasons(summary), *footnotes(summary)):
         say(sentence)
     say_remarks(summary)
     say(f"Metric protocol: {summary['protocol']}. {published_note(summary)}")
@@ -76,11 +79,10 @@ def explanation(summary: Summary) -> str:
     """A sentence that explains what is below each value in the table."""
     if summary["reference"] is None:
         return "The rows are not variants of one method, so no differences are shown."
-    pairs = max(cell["count"] for row in summary["cells"].values() for cell in row.values())
-    below = f"Below each value: its difference to '{summary['reference']}'"
-    if pairs <= 1:
-        return f"{below}; a single run has no interval (use --seeds 2 or more)."
-    return f"{below}, paired over {pairs} (scene, seed), with its 95 % t interval."
+    return (
+        f"Below each value: its difference to '{summary['reference']}', with the half-width of its 95 % interval where"
+        " there are several scenes or seeds; better or worse, where that is resolved."
+    )
 
 
 def reasons(summary: Summary) -> list[str]:
@@ -172,11 +174,15 @@ def heading(column: ColumnSummary) -> str:
 def entry_of(summary: Summary, row: RowSummary, column: ColumnSummary) -> str:
     """The entry of a row in a column."""
     cell = summary["cells"][row["key"]][column["key"]]
-    return entry(cell, beside(summary, row["key"], column), column, marks(summary, row["key"], column["key"]))
+    mark = marks(summary, row["key"], column["key"])
+    verdict = shown_verdict(summary, row["key"], column["key"], cell["difference"])
+    return entry(cell, beside(summary, row["key"], column), column, mark, verdict)
 
 
-def entry(cell: CellSummary, published: float | None, column: ColumnSummary, mark: str = "") -> str:
-    """Mean with its marks, paired difference with its interval, and the published value, each on a line."""
+def entry(
+    cell: CellSummary, published: float | None, column: ColumnSummary, mark: str = "", verdict: Verdict | None = None
+) -> str:
+    """Mean with its marks, paired difference with its interval, verdict and published value, each on a line."""
     digits = column["decimals"]
     lines = ["n/a" if cell["mean"] is None else f"{cell['mean']:.{digits}f}{mark}"]
     difference = cell["difference"]
@@ -185,6 +191,8 @@ def entry(cell: CellSummary, published: float | None, column: ColumnSummary, mar
         lines.append(f"{difference['mean']:+.{digits}f} ± {half_width:.{digits}f}")
     elif difference is not None:
         lines.append(f"{difference['mean']:+.{digits}f}")
+    if verdict is not None:
+        lines.append(verdict)
     if published is not None:
         lines.append(f"paper {published:.{digits}f}")
     return "\n".join(lines)
@@ -194,10 +202,10 @@ UNKNOWN = "unknown"
 """Time or memory of a cell when the store has measured nothing like it."""
 
 
-def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> None:
-    """Print every cell, its state, and estimates from what the store has measured.
+def show_plan(request: Request, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
+    """Print every cell, its state, and what the store tells of time, memory and the differences that would be resolved.
 
-    ``at_a_time`` cells run at the same time, each on ``threads`` threads.
+    ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
     cells = request.own_cells()
     expected = forecast(store, [cell for _, cell in cells])
@@ -213,14 +221,72 @@ def show_plan(request: Request, store: Store, at_a_time: int, threads: int) -> N
         if at_a_time > 1:
             say(f"time, {at_a_time} at a time: {whole_time(expected, at_a_time)}")
         say(f"memory of one process: {whole_memory(expected)}")
+    for sentence in power_sentences(request, store, wanted):
+        say(sentence)
 
 
-def emit_plan(request: Request, store: Store) -> None:
-    """The plan as events, one per cell, with null for unknown values."""
+def power_sentences(request: Request, store: Store, wanted: Mapping[str, float]) -> list[str]:
+    """What the run could show, by the spread of the differences that the store's last summary holds."""
+    found = [each for each in power_of(request, store, wanted) if each.smallest is not None or each.wanted is not None]
+    if not found:
+        return [
+            "The smallest differences that it could show are not known: no run of this suite with several scenes or"
+            f" seeds is stored in {store.folder}."
+        ]
+    smallest = [f"{each.column['label']} {amount(each, each.smallest)}" for each in found if each.smallest is not None]
+    sentences = [
+        f"The smallest true differences that would be resolved in four of five such runs: {', '.join(smallest)}."
+    ]
+    return [*(sentences if smallest else []), *(needs(each) for each in found if each.wanted is not None)]
+
+
+def amount(of: Planned, size: float | None) -> str:
+    """A difference with the decimals and the unit of its column."""
+    return f"{size:.{of.column['decimals']}f} {of.column['unit']}".rstrip() if size is not None else UNKNOWN
+
+
+def needs(of: Planned) -> str:
+    """How many scenes or seeds a wanted difference needs, as a sentence."""
+    scenes = f"{count_of(of.scenes, 'scene')} with as many seeds as now" if of.scenes is not None else ""
+    seeds = f"{count_of(of.seeds, 'seed')} on as many scenes as now" if of.seeds is not None else ""
+    rest = {
+        (True, True): "",
+        (True, False): "; no number of seeds does on as many scenes",
+        (False, True): "; how many scenes is not known from seeds of one",
+        (False, False): "nothing that the stored spread tells of",
+    }[bool(scenes), bool(seeds)]
+    found = " or ".join(each for each in (scenes, seeds) if each)
+    return f"To resolve {amount(of, of.wanted)} of {of.column['label']} in four of five runs: {found}{rest}."
+
+
+def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> list[Planned]:
+    """What each column of the run could show; empty where no run of this suite is stored. Checks the names of columns.
+
+    Raises UsageError for a wanted difference in a column that the suite does not have.
+    """
+    columns = [metric.key for metric in request.suite.columns]
+    for name in wanted:
+        if name not in columns:
+            raise UsageError(f"--difference: '{name}' is no column of suite '{request.suite.name}'", "",
+                             f"Its columns: {', '.join(columns)}.")  # fmt: skip
+    try:
+        summary = read_summary(store.folder)
+    except (OSError, ValueError):  # none yet, or of another version: only a run tells then
+        return []
+    if summary["suite"] != request.suite.name:
+        return []
+    kinds = len(set(request.kinds().values())) or 1
+    return planned(summary, Plan(kinds, max(1, len(request.scenes) // kinds), request.seeds), wanted)
+
+
+def emit_plan(request: Request, store: Store, wanted: Mapping[str, float]) -> None:
+    """The plan as events: one per cell, then one per column that the store tells of; null for unknown values."""
     cells = request.own_cells()
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)
         emit("planned", cell=label(place), key=cell.key, state=state_of(store, place), **rest)
+    for found in power_of(request, store, wanted):
+        emit("power", **{**found._asdict(), "column": found.column["key"]})
 
 
 def how_measured(store: Store, threads: int) -> str:

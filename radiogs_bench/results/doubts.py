@@ -169,8 +169,8 @@ def _reasons(records: Sequence[Determined]) -> list[str]:
 def _apart(quantity: str, scene: str, found: Estimate) -> str:
     assert found.half_width is not None
     if quantity == "roughness":
-        return f"on {scene} {found.count} find a mean roughness of {found.mean:.2f} ± {found.half_width:.2f}"
-    return f"on {scene} {found.count} find an albedo up to a factor of {math.exp(found.half_width):.2f}, or its inverse"
+        return f"on {scene} {found.units} find a mean roughness of {found.mean:.2f} ± {found.half_width:.2f}"
+    return f"on {scene} {found.units} find an albedo up to a factor of {math.exp(found.half_width):.2f}, or its inverse"
 
 
 def _range(values: Sequence[float], decimals: int) -> str:

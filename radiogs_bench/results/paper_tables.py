@@ -6,13 +6,15 @@ image size and budget: those of the row's method and variant, and of the sources
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import to_plain
-from radiogs_reports.analysis.ranks import resolved_ranks
-from radiogs_reports.statistics import Estimate, Sample, estimate, paired_difference
+from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
+from radiogs_reports.analysis.power import smallest_difference, smallest_of
+from radiogs_reports.statistics import Origin, Sample, differences, mean_of
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
 from ..methods import budget_of, method, variant_of
@@ -66,7 +68,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
         else:
             shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
             rows = as_published(shared, published(key), rows_of(suite))
-        table = filled(key, published(key), rows, suite, sweep["protocol"])
+        table = filled(key, published(key), Measured(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
             tables.append(table)
     return tables
@@ -114,21 +116,26 @@ def rows_of(suite: Suite | None) -> dict[str, Row]:
     return {row.key: row for row in (suite.rows if suite else (OURS,))}
 
 
-def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None, rules: str) -> PaperTable:
-    """The published table with the values that were measured by the protocol ``rules``."""
+class Measured(NamedTuple):
+    """Results by row of a table, the suite that reproduces it, their protocol, and the kinds of their scenes."""
+
+    rows: Rows
+    suite: Suite | None
+    rules: str
+    kinds: Mapping[str, str]
+
+
+def filled(key: str, table: PublishedTable, found: Measured) -> PaperTable:
+    """The published table with the values that were measured."""
+    rows, suite = found.rows, found.suite
     reference = (suite.reference if suite else None) or OURS.key
-    ranks = {
-        name: resolved_ranks({row: sample(rows, row, name) for row in table.labels}, column.direction)
-        for name, column in table.columns.items()
-        if column.direction != "none"
-    }
-    return PaperTable(
+    made = PaperTable(
         key=key,
         title=table.title,
         label=table.label,
         data=table.data,
         reference=reference if rows.get(reference) else None,
-        columns=[paper_column(name, table, rules) for name in table.columns],
+        columns=[paper_column(name, table, found.rules) for name in table.columns],
         rows=[
             {
                 "key": row,
@@ -138,15 +145,31 @@ def filled(key: str, table: PublishedTable, rows: Rows, suite: Suite | None, rul
             }
             for row, text in table.labels.items()
         ],
-        cells={
-            row: {
-                column: paper_value(table, rows, row, column, reference, suite)
-                | {"rank": ranks.get(column, {}).get(row)}
-                for column in table.columns
-            }
-            for row in table.labels
-        },
-    )  # fmt: skip
+        cells={row: {} for row in table.labels},
+    )
+    for column in made["columns"]:
+        _fill_column(made, column, table, found, reference)
+    return made
+
+
+def _fill_column(made: PaperTable, column: PaperColumn, table: PublishedTable, found: Measured, reference: str) -> None:
+    """The values of a column with their ranks and differences to the reference row, and what it could have shown."""
+    key, direction = column["key"], column["direction"]
+    samples = {row: sample(found, row, key) for row in table.labels}
+    compared = to_reference(samples, reference, direction) if reference in samples else {}
+    places = {} if direction == "none" else ranks(samples, direction)
+    for row, values in samples.items():
+        mean = mean_of(values)
+        made["cells"][row][key] = PaperValue(
+            mean=None if mean is None else mean.mean,
+            count=0 if mean is None else mean.values,
+            difference=interval(compared, row),
+            reason=None if mean is not None else why_not(found.rows, row, key, found.suite),
+            published=table.printed[row].get(key),
+            absent=table.absent.get(row, {}).get(key),
+            rank=places.get(row),
+        )
+    column["smallest"] = smallest_difference(compared)
 
 
 def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
@@ -168,36 +191,19 @@ def paper_column(name: str, table: PublishedTable, rules: str) -> PaperColumn:
     return made
 
 
-def paper_value(
-    table: PublishedTable, rows: Rows, row: str, column: str, reference: str, suite: Suite | None
-) -> PaperValue:
-    """One entry of a table: measured and published."""
-    mine = sample(rows, row, column)
-    mean = estimate(list(mine.values()))
-    difference = None if row == reference else paired_difference(mine, sample(rows, reference, column))
-    return PaperValue(
-        mean=None if mean is None else mean.mean,
-        count=0 if mean is None else mean.count,
-        difference=interval(difference),
-        reason=None if mean is not None else why_not(rows, row, column, suite),
-        published=table.printed[row].get(column),
-        absent=table.absent.get(row, {}).get(column),
-    )
-
-
-def sample(rows: Rows, row: str, column: str) -> Sample:
-    """A row's values of a column by (scene, seed)."""
+def sample(found: Measured, row: str, column: str) -> Sample:
+    """A row's values of a column."""
     task, measure, *scenes = column.split("/")
     if measure == "change":
-        mine = sample(rows, row, f"{task}/psnr")
-        whole = sample(rows, f"{row.rpartition('-')[0]}-{WHOLE_VIEWS}", f"{task}/psnr")
-        return {} if row.endswith(WHOLE_VIEWS) else {pair: mine[pair] - whole[pair] for pair in mine if pair in whole}
-    found = {}
-    for result in rows.get(row, []):
-        value = value_of(result, task, measure)
-        if value is not None and (not scenes or result["scene"] in scenes):
-            found[result["scene"], result["cell"]["seed"]] = value
-    return found
+        mine = sample(found, row, f"{task}/psnr")
+        whole = sample(found, f"{row.rpartition('-')[0]}-{WHOLE_VIEWS}", f"{task}/psnr")
+        return {} if row.endswith(WHOLE_VIEWS) else differences(mine, whole)
+    values = {}
+    for result in found.rows.get(row, []):
+        value, scene = value_of(result, task, measure), result["scene"]
+        if value is not None and (not scenes or scene in scenes):
+            values[Origin(scene, result["cell"]["seed"], found.kinds.get(scene, ""))] = value
+    return values
 
 
 def value_of(result: Result, task: str, measure: str) -> float | None:
@@ -296,6 +302,13 @@ def _devices(results: Sequence[Result]) -> str:
     return ", ".join(sorted({"CPU" if result["cell"]["device"] == "cpu" else "GPU" for result in results}))
 
 
-def interval(difference: Estimate | None) -> Interval | None:
-    """A difference with the ends of its 95 % interval."""
-    return None if difference is None else Interval(mean=difference.mean, low=difference.low, high=difference.high)
+def interval(column: Mapping[str, Comparison], row: str) -> Interval | None:
+    """A row's difference to the reference row as summaries hold it; None for a row that is not compared."""
+    if row not in column:
+        return None
+    compared, difference = column[row], column[row].difference
+    return Interval(
+        mean=difference.mean, low=difference.low, high=difference.high, over=difference.over, units=difference.units,
+        p_value=compared.p_value, verdict=compared.verdict, smallest=smallest_of(difference, len(column)),
+        spread=compared.parts,
+    )  # fmt: skip

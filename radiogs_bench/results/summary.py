@@ -3,13 +3,15 @@
 from collections.abc import Mapping, Sequence
 
 from radiogs_baselines.published import published as published_table
-from radiogs_reports.analysis.ranks import resolved_ranks
+from radiogs_reports.analysis.comparisons import ranks, to_reference
+from radiogs_reports.analysis.power import smallest_difference
 from radiogs_reports.analysis.settling import settling
-from radiogs_reports.statistics import Sample, estimate, paired_difference
+from radiogs_reports.statistics import Origin, Sample, mean_of
 from radiogs_reports.summary import (
     SCHEMA,
     CellSummary,
     ColumnSummary,
+    Interval,
     PlanSummary,
     RowSummary,
     RunSummary,
@@ -50,8 +52,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         seeds=sweep["seeds"],
         reference=sweep["reference"],
         columns=columns_of(sweep),
-        rows=[row_summary(cells, row) for row in sweep["rows"]],
-        cells=table_cells(cells, sweep),
+        rows=[row_summary(cells, row, sweep.get("kinds", {})) for row in sweep["rows"]],
+        cells={row["key"]: {} for row in sweep["rows"]},
         published={row: dict(values) for row, values in published.items()},
         published_data=published_data,
         machine=machines([result for _, result in finished]),
@@ -68,6 +70,10 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
+    for column in made["columns"]:
+        fill_column(made, column, cells, sweep)
+    if kinds := sweep.get("kinds"):
+        made["kinds"] = kinds
     if found := settling(made):
         made["settling"] = found
     if "command" in sweep:
@@ -94,62 +100,61 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def row_summary(cells: Finished, line: Line) -> RowSummary:
+def row_summary(cells: Finished, line: Line, kinds: Mapping[str, str]) -> RowSummary:
     """A row's labels, its mean seconds, and which parts of the truth it was given."""
-    row = RowSummary(key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"]))
+    row = RowSummary(
+        key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], kinds)
+    )
     if "given" in line:
         row["given"], row["method"] = line["given"], line["method"]
     return row
 
 
-def table_cells(cells: Finished, sweep: Sweep) -> dict[str, dict[str, CellSummary]]:
-    """The values of the table by row, then column, with their ranks."""
-    rows = [line["key"] for line in sweep["rows"]]
-    ranks = {
-        column: resolved_ranks(
-            {row: sample(cells, row, column)[0] for row in rows}, MEASURES[Metric.of(column).measure].better
-        )
-        for column in sweep["columns"]
-    }
-    return {
-        line["key"]: {
-            column: cell_summary(cells, sweep, line, column, ranks[column].get(line["key"]))
-            for column in sweep["columns"]
-        }
-        for line in sweep["rows"]
-    }
+def fill_column(made: Summary, column: ColumnSummary, cells: Finished, sweep: Sweep) -> None:
+    """The values of a column with their ranks and differences to the reference row, and what it could have shown."""
+    key, reference, kinds = column["key"], sweep["reference"], sweep.get("kinds", {})
+    found = {line["key"]: sample(cells, line["key"], key, kinds) for line in sweep["rows"]}
+    samples = {row: values for row, (values, _) in found.items()}
+    places = ranks(samples, column["direction"])
+    compared = {} if reference is None else to_reference(samples, reference, column["direction"])
+    for line in sweep["rows"]:
+        row = line["key"]
+        values, reason = found[row]
+        if "files" in line:
+            reason = lacking(cells, sweep, line) or reason
+        cell = cell_summary(values, line.get("refused", reason), interval(compared, row))
+        cell["rank"] = places.get(row)
+        made["cells"][row][key] = cell
+    column["smallest"] = smallest_difference(compared)
 
 
-def cell_summary(cells: Finished, sweep: Sweep, line: Line, column: str, rank: int | None) -> CellSummary:
-    """The mean of a metric over a row's cells, its rank, and its paired difference to the reference row."""
-    row = line["key"]
-    mine, reason = sample(cells, row, column)
-    if "files" in line:
-        reason = lacking(cells, sweep, line) or reason
-    mean = estimate(list(mine.values()))
+def cell_summary(values: Sample, reason: str | None, difference: Interval | None) -> CellSummary:
+    """The mean of a metric over a row's scenes and seeds, and its paired difference to the reference row."""
+    mean = mean_of(values)
     if mean is None:
-        return CellSummary(mean=None, count=0, difference=None, reason=line.get("refused", reason), rank=None)
-    difference = None
-    reference = sweep["reference"]
-    if reference is not None and row != reference:
-        difference = paired_difference(mine, sample(cells, reference, column)[0])
-    return CellSummary(mean=mean.mean, count=mean.count, difference=interval(difference), reason=reason, rank=rank)
+        return CellSummary(mean=None, count=0, difference=None, reason=reason)
+    return CellSummary(mean=mean.mean, count=mean.values, difference=difference, reason=reason)
 
 
-def sample(cells: Finished, row: str, column: str) -> tuple[Sample, str | None]:
-    """A row's values of a metric by (scene, seed), and the reason if some are missing."""
+def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> tuple[Sample, str | None]:
+    """A row's values of a metric, and the reason if some are missing. ``kinds``: of the scenes, where known."""
     values, reason = {}, None
     for place, result in cells:
         if place["row"] != row:
             continue
         metric = None if result is None else values_of(result).get(column)
         if metric is not None and metric["value"] is not None:
-            values[place["scene"], place["seed"]] = metric["value"]
+            values[origin_of(place, kinds)] = metric["value"]
         elif result is None:
             reason = f"{place['scene']} seed {place['seed']} is not finished"
         else:
             reason = why_absent(place["scene"], result, column) if metric is None else metric["reason"]
     return values, reason
+
+
+def origin_of(place: Place, kinds: Mapping[str, str]) -> Origin:
+    """What the statistics of reports know of a cell. ``kinds``: of the scenes, where known."""
+    return Origin(place["scene"], place["seed"], kinds.get(place["scene"], ""))
 
 
 def lacking(cells: Finished, sweep: Sweep, line: Line) -> str | None:
@@ -200,14 +205,14 @@ FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "in
 """Maps that files may lack, in words, where these are not their names."""
 
 
-def row_seconds(cells: Finished, row: str) -> float | None:
+def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | None:
     """Mean training seconds over the row's finished cells; None where nothing was trained."""
-    spent = [
-        training_seconds(result)
+    spent = {
+        origin_of(place, kinds): training_seconds(result)
         for place, result in cells
         if place["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
-    ]
-    mean = estimate(spent)
+    }
+    mean = mean_of(spent)
     return None if mean is None else mean.mean
 
 

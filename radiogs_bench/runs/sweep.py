@@ -11,6 +11,7 @@ from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
+from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from ..methods import budget_of, variant_of, why_not_given, with_given
@@ -73,6 +74,8 @@ class Sweep(TypedDict):
     device: str
     seeds: list[int]
     scenes: list[str]
+    kinds: NotRequired[dict[str, str]]
+    """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     cells: list[Place]
     command: NotRequired[list[str]]
     """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
@@ -162,6 +165,13 @@ class Request:
             line["refused"] = refusal
         return line
 
+    def kinds(self) -> dict[str, str]:
+        """The kind of each scene, as generated scenes state it; those that do not are of one kind, the empty one."""
+        found = {
+            name: None if scene.folder is None else scene_kind(str(scene.folder)) for name, scene in self.scenes.items()
+        }
+        return {name: kind or "" for name, kind in found.items()} if any(found.values()) else {}
+
     def manifest(self, places: Sequence[Place]) -> Sweep:
         """The request as stored in the folder."""
         suite = self.suite
@@ -180,6 +190,8 @@ class Request:
             "scenes": list(self.scenes),
             "cells": list(places),
         }
+        if kinds := self.kinds():
+            made["kinds"] = kinds
         if self.command:
             made["command"] = list(self.command)
         return made

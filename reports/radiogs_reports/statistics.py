@@ -1,32 +1,52 @@
-"""Means with Student t intervals, and paired differences and ratios of two samples.
+"""Means with Student t intervals, and paired differences and ratios of two samples; the unit is the scene.
 
-Values are paired by (scene, seed): what a scene or a seed adds to both rows cancels in the difference, so three to five
-seeds resolve a tenth of a decibel.
+Values are paired by scene and seed: what a scene or a seed adds to both rows cancels in the difference. Seeds of one
+scene say nothing about other scenes, so an interval counts each scene once, with the mean over its seeds; where scenes
+are of several kinds, it counts each kind once, with the mean over its scenes. With a single scene the seeds are what
+is counted, and the interval is of that scene alone.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
-from scipy.special import stdtrit
+from scipy.special import stdtr, stdtrit
 
 CONFIDENCE = 0.95
 
-Pair = tuple[str, int]
-"""Scene and seed."""
+Level = Literal["kinds", "scenes", "seeds"]
+"""What the units of an interval are."""
 
-Sample = Mapping[Pair, float]
-"""One row's values by (scene, seed)."""
+
+class Origin(NamedTuple):
+    """The scene and seed that a value is from, and the scene's kind: empty if it is not known."""
+
+    scene: str
+    seed: int
+    kind: str = ""
+
+
+Sample = Mapping[Origin, float]
+"""One row's values."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean over ``count`` values and the ends of its 95 % interval, which are None for fewer than two values."""
+    """A mean over ``units`` independent units and the ends of its 95 % interval, which are None for a single unit.
+
+    ``over``: what the units are. ``values``: how many values they are made of. ``deviation``: the units' sample
+    standard deviation. ``p_value``: two-sided, of a mean of zero (of a ratio of one). Both are None for a single unit.
+    """
 
     mean: float
     low: float | None
     high: float | None
-    count: int
+    units: int
+    over: Level = "seeds"
+    values: int = 1
+    deviation: float | None = None
+    p_value: float | None = None
 
     @property
     def half_width(self) -> float | None:
@@ -34,43 +54,138 @@ class Estimate:
         return None if self.low is None or self.high is None else (self.high - self.low) / 2
 
 
-def estimate(values: Sequence[float]) -> Estimate | None:
-    """Mean and Student t interval of independent values; None for an empty sequence."""
-    count = len(values)
+def estimate(units: Sequence[float]) -> Estimate | None:
+    """Mean and Student t interval of independent values, which are called seeds; None for an empty sequence."""
+    count = len(units)
     if count == 0:
         return None
-    mean = math.fsum(values) / count
+    mean = math.fsum(units) / count
     if count == 1:
         return Estimate(mean, None, None, 1)
-    variance = math.fsum((value - mean) ** 2 for value in values) / (count - 1)
-    half_width = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * math.sqrt(variance / count)
-    return Estimate(mean, mean - half_width, mean + half_width, count)
-
-
-def paired_difference(sample: Sample, reference: Sample) -> Estimate | None:
-    """Mean of sample - reference over the pairs that both have; None if they share none."""
-    return estimate([sample[pair] - reference[pair] for pair in shared_pairs(sample, reference)])
-
-
-def paired_ratio(sample: Sample, reference: Sample) -> Estimate | None:
-    """Geometric mean of sample / reference over the pairs that both have; values must be positive.
-
-    Geometric, so that the estimate of the inverse ratio is the inverse of the estimate.
-    """
-    logarithms = [math.log(sample[pair] / reference[pair]) for pair in shared_pairs(sample, reference)]
-    return exponential(estimate(logarithms))
-
-
-def exponential(logarithm: Estimate | None, base: float = math.e) -> Estimate | None:
-    """The estimate of base^x, given that of x."""
-    if logarithm is None:
-        return None
-    low, high = logarithm.low, logarithm.high
+    deviation = math.sqrt(math.fsum((value - mean) ** 2 for value in units) / (count - 1))
+    error = deviation / math.sqrt(count)
+    half_width = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2)) * error
     return Estimate(
-        base**logarithm.mean, None if low is None else base**low, None if high is None else base**high, logarithm.count
+        mean, mean - half_width, mean + half_width, count, "seeds", count, deviation, _p_value(mean, error, count)
     )
 
 
-def shared_pairs(sample: Sample, other: Sample) -> list[Pair]:
-    """Pairs that both samples have, sorted."""
+def _p_value(mean: float, error: float, count: int) -> float:
+    """Two-sided p value of Student's t test; without any spread, 0 unless the mean is zero."""
+    if error == 0:
+        return float(mean == 0)
+    return 2 * float(stdtr(count - 1, -abs(mean) / error))
+
+
+def mean_of(sample: Sample) -> Estimate | None:
+    """Mean over kinds of scenes of means over scenes of means over seeds, and its interval; None without any value.
+
+    The units of the interval are the uppermost of these of which there are several.
+    """
+    if not sample:
+        return None
+    over, units = units_of(sample)
+    found = estimate(units)
+    assert found is not None
+    return replace(found, over=over, values=len(sample))
+
+
+def units_of(sample: Sample) -> tuple[Level, list[float]]:
+    """What the units of a sample are, and the mean over each."""
+    by_kind = _grouped(sample, lambda origin: origin.kind)
+    by_scene = {kind: _grouped(part, lambda origin: origin.scene) for kind, part in by_kind.items()}
+    if len(by_kind) > 1:
+        return "kinds", [_mean([_mean([*part.values()]) for part in scenes.values()]) for scenes in by_scene.values()]
+    (scenes,) = by_scene.values()
+    if len(scenes) > 1:
+        return "scenes", [_mean([*part.values()]) for part in scenes.values()]
+    return "seeds", [*sample.values()]
+
+
+def spread(sample: Sample) -> dict[Level, float]:
+    """Standard deviations between seeds of a scene, between scenes of a kind, and between kinds, where known.
+
+    By the method of moments, from the lowest level upwards: of the variance of means, the part that the levels below
+    explain is taken off (Searle, Casella and McCulloch, Variance Components, 1992); a rest below zero is zero.
+    """
+    scenes = _grouped(sample, lambda origin: origin.scene)
+    kinds = _grouped(sample, lambda origin: origin.kind)
+    found: dict[Level, float] = {}
+    below = within = _pooled_variance([[*part.values()] for part in scenes.values()])
+    if within is not None:
+        found["seeds"] = math.sqrt(within)
+    groups = [
+        [_mean([*seeds.values()]) for seeds in _grouped(part, lambda origin: origin.scene).values()]
+        for part in kinds.values()
+    ]
+    seeds_each = _harmonic_mean([len(part) for part in scenes.values()])
+    between = _pooled_variance(groups)
+    if between is not None:
+        found["scenes"] = math.sqrt(max(0.0, between - (within or 0.0) / seeds_each))
+        below = between
+    among = _pooled_variance([[_mean(group) for group in groups]])
+    if among is not None:
+        scenes_each = _harmonic_mean([len(group) for group in groups])
+        explained = below / scenes_each if between is not None and below is not None else (within or 0.0) / seeds_each
+        found["kinds"] = math.sqrt(max(0.0, among - explained))
+    return found
+
+
+def paired_difference(sample: Sample, reference: Sample) -> Estimate | None:
+    """Mean of sample - reference over the scenes and seeds that both have; None if they share none."""
+    return mean_of(differences(sample, reference))
+
+
+def differences(sample: Sample, reference: Sample) -> Sample:
+    """Sample - reference, where both have a value."""
+    return {origin: sample[origin] - reference[origin] for origin in shared_origins(sample, reference)}
+
+
+def paired_ratio(sample: Sample, reference: Sample) -> Estimate | None:
+    """Geometric mean of sample / reference over the scenes and seeds that both have; values must be positive.
+
+    Geometric, so that the estimate of the inverse ratio is the inverse of the estimate.
+    """
+    logarithms = {origin: math.log(sample[origin] / reference[origin]) for origin in shared_origins(sample, reference)}
+    return exponential(mean_of(logarithms))
+
+
+def exponential(logarithm: Estimate | None, base: float = math.e) -> Estimate | None:
+    """The estimate of base^x, given that of x; its ``deviation`` and ``p_value`` stay those of x."""
+    if logarithm is None:
+        return None
+    low, high = logarithm.low, logarithm.high
+    return replace(
+        logarithm,
+        mean=base**logarithm.mean,
+        low=None if low is None else base**low,
+        high=None if high is None else base**high,
+    )
+
+
+def shared_origins(sample: Mapping[Origin, object], other: Mapping[Origin, object]) -> list[Origin]:
+    """Scenes and seeds that both have, sorted."""
     return sorted(sample.keys() & other.keys())
+
+
+def _grouped(sample: Sample, key: Callable[[Origin], str]) -> dict[str, dict[Origin, float]]:
+    groups: dict[str, dict[Origin, float]] = {}
+    for origin in sorted(sample):
+        groups.setdefault(key(origin), {})[origin] = sample[origin]
+    return groups
+
+
+def _mean(values: Sequence[float]) -> float:
+    return math.fsum(values) / len(values)
+
+
+def _harmonic_mean(counts: Sequence[int]) -> float:
+    return len(counts) / math.fsum(1 / count for count in counts)
+
+
+def _pooled_variance(groups: Sequence[Sequence[float]]) -> float | None:
+    """Variance within groups, each about its own mean; None where every group has one value."""
+    freedom = sum(len(group) - 1 for group in groups)
+    if freedom == 0:
+        return None
+    return math.fsum((value - _mean(group)) ** 2 for group in groups for value in group) / freedom

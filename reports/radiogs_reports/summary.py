@@ -10,36 +10,51 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal, NotRequired, TypedDict
 
-SCHEMA = "radiogs-bench/summary/5"
+from .statistics import Level
+
+SCHEMA = "radiogs-bench/summary/6"
 
 PLAIN = re.compile(r"(?!\.)[\w.-]{1,120}")
 """Names of suites and tables, which become names of files."""
 
 ARRAYS = re.compile(r"cells/(?!\.)[\w.-]{1,120}\.npz")
 
+Verdict = Literal["better", "worse"]
+
 EVALUATION = "evaluate"
 """The stage that scores a trained model; all other stages train it."""
 
 
 class Interval(TypedDict):
-    """A paired difference to the reference row: its mean, and the ends of its 95 % interval (None for one pair)."""
+    """A paired difference to the reference row: its mean, and the ends of its 95 % interval (None for one unit)."""
 
     mean: float
     low: float | None
     high: float | None
+    over: Level
+    """What the units of the interval are: kinds of scenes, scenes, or the seeds of a single scene."""
+    units: int
+    p_value: float | None
+    """Two-sided, of no difference, by Holm's correction over the rows of the column; None for one unit."""
+    verdict: Verdict | None
+    """Which of the two is resolved to be better; None where they are not told apart."""
+    smallest: float | None
+    """``analysis.power.smallest_of`` this row; None for one unit."""
+    spread: dict[Level, float]
+    """Standard deviations of the difference between seeds, between scenes and between kinds, where known."""
 
 
 class CellSummary(TypedDict):
-    """One value of the table: the mean over scenes and seeds, or None and the reason."""
+    """One value of the table, or None and the reason: the mean over kinds, over their scenes, and over those' seeds."""
 
     mean: float | None
     count: int
-    """Number of (scene, seed) pairs in the mean."""
+    """Number of scenes and seeds in the mean."""
     difference: Interval | None
-    """To the reference row; None in that row, and where the two share no pair."""
+    """To the reference row; None in that row, and where the two share no scene and seed."""
     reason: str | None
     rank: NotRequired[int | None]
-    """``analysis.ranks.resolved_ranks`` among the rows of the table; None or absent for a row without one."""
+    """``analysis.comparisons.ranks`` among the rows of the table; None or absent for a row without one."""
 
 
 class ColumnSummary(TypedDict):
@@ -52,6 +67,8 @@ class ColumnSummary(TypedDict):
     decimals: int
     published_by: NotRequired[str]
     """The protocol of its published values, where it computes this metric by other conventions than the run's."""
+    smallest: NotRequired[float | None]
+    """``analysis.power.smallest_difference`` to the reference row; None where no difference has an interval."""
 
 
 class RowSummary(TypedDict):
@@ -72,7 +89,7 @@ class RowSummary(TypedDict):
 
 class Settled(TypedDict):
     """Mean seconds of training until a metric stays near its final value (``analysis.settling``), over ``count``
-    (scene, seed) pairs, and the ends of the 95 % interval (None for one pair)."""
+    scenes and seeds, and the ends of the 95 % interval (None for one unit)."""
 
     seconds: float
     low: float | None
@@ -194,7 +211,8 @@ class PaperColumn(TypedDict):
     decimals: int
     """Printed decimals of measured values: as many as the paper prints."""
     published_by: NotRequired[str]
-    """As in ``ColumnSummary``."""
+    smallest: NotRequired[float | None]
+    """Both as in ``ColumnSummary``."""
 
 
 class PaperValue(TypedDict):
@@ -203,7 +221,7 @@ class PaperValue(TypedDict):
     mean: float | None
     count: int
     difference: Interval | None
-    """To the table's reference row, paired over (scene, seed)."""
+    """To the table's reference row, paired by scene and seed."""
     reason: str | None
     """Why nothing was measured."""
     published: str | None
@@ -240,6 +258,8 @@ class Summary(TypedDict):
     protocol: str
     preset: str
     scenes: list[str]
+    kinds: NotRequired[dict[str, str]]
+    """The kind of each scene; absent where none is known."""
     seeds: list[int]
     reference: str | None
     """The row that differences are taken to; None where rows are not variants of one method."""

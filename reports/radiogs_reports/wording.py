@@ -2,7 +2,8 @@
 
 import re
 
-from .summary import ColumnSummary
+from .statistics import Level
+from .summary import ColumnSummary, Summary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
 """Which values of a column are better, by its direction."""
@@ -38,6 +39,23 @@ def plus_minus(text: str, half_width: float | None, decimals: int, sign: str = "
 def count_of(number: int, noun: str) -> str:
     """A number with its noun, in the plural where it needs one: ``2 seeds``."""
     return f"{number} {noun}" + ("" if number == 1 else "s")
+
+
+def population(over: Level, units: int, scene: str = "one scene") -> str:
+    """What an interval counts, and so speaks of: ``over 4 scenes, each with the mean over its seeds``."""
+    if over == "kinds":
+        return f"over {count_of(units, 'kind')} of scenes, each with the mean over its scenes"
+    if over == "scenes":
+        return f"over {count_of(units, 'scene')}, each with the mean over its seeds"
+    return f"over {count_of(units, 'seed')} of {scene}, and of that scene alone"
+
+
+def population_of(summary: Summary) -> str:
+    """What the intervals of a complete run count."""
+    scenes, kinds = summary["scenes"], set(summary.get("kinds", {}).values())
+    if len(kinds) > 1:
+        return population("kinds", len(kinds))
+    return population("scenes", len(scenes)) if len(scenes) > 1 else population("seeds", len(summary["seeds"]), *scenes)
 
 
 def short_number(value: float) -> str:

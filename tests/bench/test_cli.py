@@ -262,6 +262,26 @@ def test_what_reading_a_scene_set_right_is_said_before_anything_runs(
     assert told == [f"convex: {repair}" for repair in repairs]
 
 
+def test_a_dry_run_says_what_could_be_shown_and_what_a_difference_needs(
+    run: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run("--dry-run") == 0
+    assert "The smallest differences that it could show are not known" in capsys.readouterr().out
+    assert run("--seeds", "2") == 0
+    capsys.readouterr()
+    assert run("--seeds", "3", "--dry-run", "--difference", "nvs/psnr=0.5") == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "in four of five such runs: NVS PSNR" in said
+    needed = "1 scene with as many seeds as now or 2 seeds on as many scenes as now"
+    assert f"To resolve 0.50 dB of NVS PSNR in four of five runs: {needed}." in said
+
+
+def test_a_difference_in_no_column_or_of_no_size_is_refused(run: Callable[..., int]) -> None:
+    assert run("--dry-run", "--difference", "beauty/psnr=1") == 2
+    for text in ("nvs/psnr", "nvs/psnr=-1", "nvs/psnr=nan", "nvs/psnr=inf"):
+        assert run("--dry-run", "--difference", text) == 2
+
+
 def test_a_dry_run_writes_nothing(run: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run("--dry-run") == 0
     said = capsys.readouterr().out

@@ -48,6 +48,11 @@ def test_every_cell_is_told_of_with_its_figures(fake_run: Callable[..., int], ev
     assert told[-1] == {"event": "end", "exit_code": 0}
     assert fake_run("ablations", "--json") == 0
     assert [each["new"] for each in of("cell", events())] == [False] * 10
+    assert fake_run("ablations", "--dry-run", "--json", "--difference", "nvs/psnr=0.5") == 0
+    power = {each["column"]: each for each in of("power", events())}
+    assert power["nvs/psnr"]["wanted"] == 0.5
+    assert (power["nvs/psnr"]["smallest"], power["nvs/psnr"]["seeds"]) == (0, 2), "its rows differ alike with any seed"
+    assert power["albedo/psnr"]["wanted"] is None
 
 
 def test_a_failed_cell_is_told_of_once_and_again_only_if_it_fails_again(

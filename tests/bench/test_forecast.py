@@ -9,11 +9,12 @@ import pytest
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
 from radiogs.budget import PRESETS
 from radiogs.variant import Variant
-from radiogs_bench.cli.showing import show_plan, whole_memory, whole_time
+from radiogs_bench.cli.showing import needs, show_plan, whole_memory, whole_time
 from radiogs_bench.runs.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.kernels.runtime import workers
+from radiogs_reports.analysis.power import Planned
 
 CELLS = [cell for _, cell in asked(2).cells()]
 SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
@@ -66,13 +67,13 @@ def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured
 ) -> None:
     request = asked(3)
     measured_on = workers(CPU)
-    show_plan(request, store, 2, measured_on + 1)
+    show_plan(request, store, 2, measured_on + 1, {})
     said = capsys.readouterr().out
     assert "10 of 15 cells to run" in said
     note = f"measured on {measured_on} threads a cell; here a cell has {measured_on + 1}"
     assert f"time, one after the other: about 41.8 min ({note})" in said  # twice 111 + 3 * 11 + 1110 seconds
     assert "time, 2 at a time: about 20.9 min\n" in said
-    show_plan(request, store, 1, measured_on)
+    show_plan(request, store, 1, measured_on, {})
     said = capsys.readouterr().out
     assert "about 41.8 min\n" in said
     assert "at a time" not in said
@@ -104,3 +105,18 @@ def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) ->
     assert total(expected) == (0.0, 1)
     assert whole_time(expected).startswith("unknown")
     assert whole_memory(expected) == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("scenes", "seeds", "said"),
+    [
+        (9, 4, "9 scenes with as many seeds as now or 4 seeds on as many scenes as now."),
+        (9, None, "9 scenes with as many seeds as now; no number of seeds does on as many scenes."),
+        (None, 4, "4 seeds on as many scenes as now; how many scenes is not known from seeds of one."),
+        (None, None, "nothing that the stored spread tells of."),
+    ],
+)
+def test_what_a_difference_needs_is_said(scenes: int | None, seeds: int | None, said: str) -> None:
+    column = {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2}
+    found = needs(Planned(column, 0.4, 0.25, scenes, seeds))  # type: ignore[arg-type]
+    assert found == f"To resolve 0.25 dB of NVS PSNR in four of five runs: {said}"

@@ -42,6 +42,29 @@ def test_means_and_differences_follow_from_the_stored_results(sweep: FakeSweep) 
     assert summary["published"] == PUBLISHED
 
 
+def test_means_are_over_kinds_of_scenes_and_intervals_say_what_they_count(sweep: FakeSweep) -> None:
+    manifest = REQUEST.manifest(PLACES)
+    manifest["scenes"], manifest["seeds"] = ["ball", "bowl", "niche"], [0]
+    manifest["cells"] = [{**place, "scene": manifest["scenes"][place["seed"]], "seed": 0} for place in PLACES]
+    values = [
+        result["metrics"]["nvs/psnr"]["value"]
+        for place in PLACES
+        if place["row"] == "ours" and (result := sweep.store.result(place["key"])) is not None
+    ]
+    ball, bowl, niche = (value for value in values if value is not None)
+    scenes = summarise(sweep.store, manifest, PUBLISHED, "four scenes")
+    assert scenes["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx((ball + bowl + niche) / 3)
+    manifest["kinds"] = {"ball": "round", "bowl": "round", "niche": "front"}
+    kinds = summarise(sweep.store, manifest, PUBLISHED, "four scenes")
+    assert kinds["cells"]["ours"]["nvs/psnr"]["mean"] == pytest.approx(((ball + bowl) / 2 + niche) / 2)
+    assert kinds["kinds"] == manifest["kinds"]
+    for made, over, units in ((scenes, "scenes", 3), (kinds, "kinds", 2)):
+        difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+        assert difference is not None
+        assert (difference["over"], difference["units"]) == (over, units)
+        assert over in difference["spread"]
+
+
 def test_values_of_views_are_kept_where_there_are_any(sweep: FakeSweep) -> None:
     summary = summarise(sweep.store, REQUEST.manifest(PLACES), PUBLISHED, "four scenes")
     result = sweep.store.result(PLACES[0]["key"])

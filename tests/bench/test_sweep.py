@@ -14,6 +14,7 @@ from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed
 from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_core.errors import DataError
+from radiogs_datasets import load_scene
 
 
 def request() -> Request:
@@ -32,6 +33,14 @@ def test_the_manifest_comes_back_as_written(tmp_path: Path) -> None:
     manifest = request().manifest([place for place, _ in request().cells()])
     write_sweep(Store(tmp_path), manifest)
     assert read_sweep(tmp_path) == sealed(manifest)
+
+
+def test_the_manifest_holds_the_kinds_that_scenes_state() -> None:
+    stated = {name: load_scene(name) for name in ("corner", "bowl", "front_plain")}
+    kinds = replace(request(), scenes={**stated, "fake": SCENE}).manifest([])["kinds"]
+    assert kinds["corner"] == kinds["bowl"]
+    assert len({kinds["corner"], kinds["front_plain"], kinds["fake"]}) == 3
+    assert "kinds" not in request().manifest([])
 
 
 def test_what_was_typed_is_kept_and_shown_by_the_summary(tmp_path: Path) -> None:

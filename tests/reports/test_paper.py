@@ -13,7 +13,7 @@ from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import PaperTable
 from radiogs_reports.write.latex import as_formula, escape
 from radiogs_reports.write.paper import paper_csv, paper_latex, paper_markdown
-from radiogs_reports.write.paper_reading import caption, measured, measured_ranks, published_ranks
+from radiogs_reports.write.paper_reading import caption, measured
 from radiogs_reports.write.suite import suite_latex, suite_markdown
 
 TABLE, SUMMARY = paper_table(), summary()
@@ -132,14 +132,11 @@ def test_every_missing_value_has_its_reason_below_the_table() -> None:
     assert "$^{c}$ Printed otherwise in table 3." in LATEX
 
 
-def test_measured_and_published_values_are_ranked_separately() -> None:
-    psnr, lpips, _, samples = TABLE["columns"]
-    assert measured_ranks(TABLE, psnr) == {"ours": 1, "detach": 2}
-    assert published_ranks(TABLE, psnr) == {"ours": 1, "detach": 2, "split-sum": 3}
-    assert measured_ranks(TABLE, lpips) == {"ours": 1, "detach": 1}
-    assert published_ranks(TABLE, samples) == {}
-    assert r"\cellcolor[HTML]{FF9999}31.623" in LATEX
-    assert r"\cellcolor[HTML]{FF9999}\color{darkgray}37.858" in LATEX
+def test_what_is_resolved_has_a_colour_and_published_values_have_none() -> None:
+    assert r"\cellcolor[HTML]{FBDCC4}30.123" in LATEX
+    assert LATEX.count(r"\cellcolor") == 1
+    assert "smallest true difference of a typical row" in LATEX
+    assert [entry.verdict for entry in paper_tables(TABLE, SUMMARY)[0].rows[1][1:]] == ["worse", None, None, None]
 
 
 def test_a_small_value_is_not_printed_as_zero() -> None:
@@ -149,13 +146,16 @@ def test_a_small_value_is_not_printed_as_zero() -> None:
 
 def test_the_caption_says_seeds_interval_and_where_published_values_come_from() -> None:
     text = caption(TABLE, SUMMARY)
-    for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval over 2 pairs", "TensoIR_Ind", "Ours_100 %"):
+    for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval", "TensoIR_Ind", "Ours_100 %"):
         assert part in text
 
 
 def test_markdown_and_csv_hold_the_values_of_the_latex() -> None:
     text = paper_markdown(TABLE, SUMMARY)
-    assert "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500) | 0.2500 (0.0000 ± 0.5000) | 0.00047 | 64 |" in text
+    assert (
+        "| Detach L_G^PBR | measured | 30.123 (-1.500 ± 0.500: worse) | 0.2500 (0.0000 ± 0.5000) | 0.00047 | 64 |"
+        in text
+    )
     assert "|  | paper [3] | 37.252 | 0.0275 | 1.1 | 64 |" in text
     assert "1. not in this store; 100 % lost & gone" in text
     records = list(csv.DictReader(io.StringIO(paper_csv(TABLE))))

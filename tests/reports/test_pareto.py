@@ -1,4 +1,4 @@
-"""The Pareto front holds the rows that are better than what is cheaper, as far as paired intervals resolve it."""
+"""The Pareto front holds the rows that are better than what is cheaper, as far as that is resolved."""
 
 import itertools
 import random
@@ -9,16 +9,16 @@ import pytest
 from made_up_run import summary
 from radiogs_reports.analysis.pareto import pareto_front, points
 from radiogs_reports.analysis.samples import cost_of
-from radiogs_reports.statistics import Sample
+from radiogs_reports.statistics import Origin, Sample
 
 
 def single(qualities: Sequence[float]) -> list[Sample]:
     """One pair of scene and seed each, so that values are compared as they are."""
-    return [{("ball", 0): quality} for quality in qualities]
+    return [{Origin("ball", 0): quality} for quality in qualities]
 
 
 def seeds(*values: float) -> Sample:
-    return {("ball", seed): value for seed, value in enumerate(values)}
+    return {Origin("ball", seed): value for seed, value in enumerate(values)}
 
 
 def test_without_intervals_the_front_holds_the_pairs_that_no_other_dominates() -> None:

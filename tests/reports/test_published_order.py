@@ -1,4 +1,4 @@
-"""Measured against published order: tau and its chance against all orders counted, its interval by hand."""
+"""Measured against published order: tau and its chance against all orders counted, its bounds by hand."""
 
 import itertools
 from typing import Any
@@ -65,12 +65,20 @@ def test_tau_counts_pairs_in_order_and_chance_counts_all_orders() -> None:
     assert -1 <= psnr.low <= whole <= psnr.high <= 1
 
 
-def test_the_interval_is_a_point_where_every_scene_says_the_same_and_wide_where_they_differ() -> None:
+def test_the_bounds_are_a_point_where_every_scene_says_the_same_and_wide_where_they_differ() -> None:
     alike = {key: (float(place),) * 3 for place, key in enumerate(GAINS)}
     published = {key: float(place) for place, key in enumerate(GAINS)}
     assert [(o.tau, o.low, o.high) for o in orders(alike, published).orders] == [(1.0, 1.0, 1.0)] * 2
     psnr = orders({**alike, "d": (-9.0, 9.0, 9.0)}, published).orders[0]
-    assert (psnr.low, psnr.high) == (0.0, 1.0), "the outlier's scene alone puts it last: three of six pairs reversed"
+    assert (psnr.confirmed, psnr.reversals) == (3, [])
+    assert (psnr.low, psnr.high) == (0.0, 1.0), "three of six pairs are of the row whose scenes disagree"
+
+
+def test_ties_among_published_values_leave_the_bounds_around_tau() -> None:
+    alike = {key: (float(place),) * 3 for place, key in enumerate(GAINS)}
+    psnr = orders(alike, {"a": 1.0, "b": 1.0, "c": 2.0, "d": 3.0}).orders[0]
+    assert psnr.low == pytest.approx(psnr.tau)
+    assert psnr.high == pytest.approx(psnr.tau)
 
 
 def test_only_resolved_pairs_are_called_reversed() -> None:
@@ -92,14 +100,14 @@ def test_rows_of_one_method_count_once_and_two_methods_have_no_report() -> None:
     assert order_report(made) is None
 
 
-def test_one_pair_of_scene_and_seed_has_no_interval() -> None:
+def test_one_scene_and_seed_resolves_no_pair() -> None:
     report = order_report(
         made_up({key: each[:1] for key, each in GAINS.items()}, {"a": 4, "b": 3, "c": 2, "d": 1}, ("ball",))
     )
     assert report is not None
-    assert report.orders[0].low is None
+    assert (report.orders[0].low, report.orders[0].high) == (-1.0, 1.0)
     assert report.orders[0].reversals == []
-    assert report.grid.rows[0][3].text == "-0.33"
+    assert report.grid.rows[0][2].text == "-0.33"
 
 
 def test_every_form_of_the_report_has_it() -> None:

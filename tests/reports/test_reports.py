@@ -13,7 +13,9 @@ import pytest
 from PIL import Image
 
 from made_up_run import summary, write_run
+from radiogs_reports.analysis.legend import suite_legend
 from radiogs_reports.figures.contact_sheet import write_contact_sheet
+from radiogs_reports.page.tables import suite_table
 from radiogs_reports.run_folder import texts, write_reports
 from radiogs_reports.summary import Summary, read_summary
 from radiogs_reports.write.latex import escape
@@ -47,11 +49,77 @@ def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path:
     assert {"ablations.tex", "report.html", "report.tex"} <= written
 
 
+def test_the_legend_says_what_is_counted_resolved_and_could_have_been_shown() -> None:
+    intervals, resolved, power, *beside = suite_legend(summary())
+    assert intervals.endswith("t intervals over 2 seeds of my_scene, and of that scene alone.")
+    assert "at most 5 % of columns would have a false difference, and at most 10 % of tables of 2 columns" in resolved
+    assert power.endswith("(2 seeds): NVS PSNR 1.75 dB, Normal MAE 0.40 degrees.")
+    assert beside == [
+        "The paper's differences that are resolved here with the same sign: lambda_rad = 0: NVS PSNR -2.04."
+    ]
+    for text in (suite_latex(summary()), suite_markdown(summary())):
+        assert "at most 10" in text
+        assert "1.75 dB" in text
+    assert [*suite_table(summary()).legend] == [intervals, resolved, power, *beside]
+
+
+@pytest.mark.parametrize(
+    ("published", "p_value", "mean", "outcome"),
+    [
+        (35.0, 0.2, -1.0, "Not resolved here, where the paper's difference would have been"),
+        (37.0, 0.2, -1.0, "Not resolved here, where the paper's difference is too small for this table"),
+        (35.0, 0.02, 1.0, "The paper's differences that are resolved here with the other sign"),
+    ],
+)
+def test_the_papers_difference_is_told_from_one_that_could_not_have_been_seen(
+    published: float, p_value: float, mean: float, outcome: str
+) -> None:
+    made = summary()
+    made["published"]["no-rad"]["nvs/psnr"] = published
+    difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert difference is not None
+    difference["p_value"], difference["mean"] = p_value, mean
+    assert suite_legend(made)[-1] == f"{outcome}: lambda_rad = 0: NVS PSNR {published - 37.86:+.2f}."
+
+
+def test_a_row_that_spreads_more_than_others_could_have_shown_less() -> None:
+    made = summary()
+    made["columns"][0]["published_by"] = "radiogs"
+    difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
+    assert difference is not None
+    difference.update(p_value=0.2, smallest=2.5)
+    assert suite_legend(made)[-1] == (
+        "Not resolved here, where the paper's difference is too small for this table (published by protocol radiogs):"
+        " lambda_rad = 0: NVS PSNR -2.04."
+    )
+
+
+@pytest.mark.parametrize("row", ["ours", "no-rad"])
+def test_a_value_that_a_footnote_concerns_has_no_colour(row: str) -> None:
+    made = summary()
+    made["doubts"] = [{"column": "nvs/psnr", "rows": [row], "text": "no better than a constant"}]
+    assert "FBDCC4}30.00" not in suite_latex(made)
+    assert "CDE4F7}7.00" in suite_latex(made)
+    assert ": worse)" not in suite_markdown(made)
+    psnr, normals = suite_table(made).rows[1][1:3]
+    assert (psnr.verdict, normals.verdict) == (None, "better")
+
+
+def test_one_scene_and_seed_resolves_nothing_and_says_so() -> None:
+    made = summary()
+    for row in made["cells"].values():
+        for cell in row.values():
+            if cell["difference"] is not None:
+                cell["difference"].update(low=None, high=None, p_value=None, verdict=None, units=1)
+    (sentence,) = suite_legend(made)
+    assert sentence.startswith("One scene with one seed")
+
+
 def test_the_table_says_everything_that_the_summary_says() -> None:
     text = suite_latex(summary())
-    assert r"\cellcolor[HTML]{FF9999}31.23 & \textcolor{gray}{(37.86)} &" in text
-    assert r"\cellcolor[HTML]{FFD7D7}30.00" in text
-    assert r"\cellcolor[HTML]{FF9999}7.00" in text
+    assert r" & 31.23 & \textcolor{gray}{(37.86)} &" in text
+    assert r"\cellcolor[HTML]{FBDCC4}30.00" in text
+    assert r"\cellcolor[HTML]{CDE4F7}7.00" in text
     assert r"\scriptsize -1.23 & \scriptsize $\pm$0.50 &" in text
     assert text.index(r"\addlinespace") < text.index(r"\lambda_{rad}=0") < text.index("-1.23")
     assert "n/a$^{a}$" in text

@@ -1,12 +1,33 @@
-"""Means, intervals and paired differences, against quadrature and simulation."""
+"""Means, intervals, paired differences and parts of their spread, against quadrature and simulation."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.integrate import quad
 
-from radiogs_reports.statistics import CONFIDENCE, Estimate, estimate, paired_difference
+from radiogs_reports.statistics import (
+    CONFIDENCE,
+    Estimate,
+    Level,
+    Origin,
+    Sample,
+    estimate,
+    mean_of,
+    paired_difference,
+    paired_ratio,
+    spread,
+)
+
+
+def drawn(rng: np.random.Generator, scenes: int, seeds: int, between: float, mean: float = 0.0) -> Sample:
+    """Values whose scenes deviate by ``between`` and seeds by one."""
+    shifts = rng.normal(0, between, scenes)
+    return {
+        Origin(f"scene{scene}", seed): mean + shifts[scene] + rng.normal() for scene in range(scenes)
+        for seed in range(seeds)
+    }  # fmt: skip
 
 
 def t_density(value: float, freedom: int) -> float:
@@ -25,43 +46,99 @@ def test_the_interval_holds_95_percent_of_the_t_distribution(count: int) -> None
     quantile = found.half_width / standard_error
     assert quad(t_density, -quantile, quantile, args=(count - 1,))[0] == pytest.approx(CONFIDENCE, abs=1e-9)
     assert found.mean == pytest.approx(np.mean(values))
+    assert found.deviation == pytest.approx(np.std(values, ddof=1))
+    assert found.p_value == pytest.approx(stats.ttest_1samp(values, 0.0).pvalue, rel=1e-9)
 
 
-def test_the_interval_covers_the_truth_as_often_as_it_says() -> None:
-    rng = np.random.default_rng(0)
-    covered = 0
-    for _ in range(1000):
-        found = estimate(list(rng.normal(1.0, 0.3, 3)))
-        assert found is not None
-        assert found.half_width is not None
-        covered += abs(found.mean - 1.0) <= found.half_width
-    assert covered == pytest.approx(950, abs=25)  # 3.6 standard deviations of a binomial
+def test_with_a_single_scene_the_interval_is_over_its_seeds() -> None:
+    found = mean_of({Origin("ball", seed): value for seed, value in enumerate((1.0, 2.0, 6.0))})
+    assert found is not None
+    assert (found.over, found.units, found.mean) == ("seeds", 3, 3.0)
+
+
+def test_seeds_of_a_scene_are_counted_once() -> None:
+    sample = {
+        Origin(scene, seed): level + 0.01 * seed for scene, level in (("a", 1.0), ("b", 3.0)) for seed in range(9)
+    }
+    found = mean_of(sample)
+    assert found is not None
+    assert (found.over, found.units, found.values) == ("scenes", 2, 18)
+    assert found.half_width == pytest.approx(stats.t.ppf(0.975, 1) * 1.0)
+
+
+def test_kinds_count_alike_however_many_scenes_each_has() -> None:
+    values = {Origin(f"round{place}", 0, "round"): 10.0 for place in range(6)} | {Origin("front", 0, "front"): 4.0}
+    found = mean_of(values)
+    assert found is not None
+    assert (found.over, found.units, found.mean) == ("kinds", 2, 7.0)
+
+
+def test_a_scene_with_fewer_seeds_counts_as_much_as_the_others() -> None:
+    found = mean_of({Origin("a", 0): 1.0, Origin("a", 1): 3.0, Origin("a", 2): 2.0, Origin("b", 0): 8.0})
+    assert found is not None
+    assert found.mean == 5.0
 
 
 def test_one_value_has_no_interval_and_none_has_no_mean() -> None:
     assert estimate([]) is None
+    assert mean_of({}) is None
     assert estimate([2.0]) == Estimate(2.0, None, None, 1)
 
 
 def test_pairing_removes_what_scene_and_seed_add() -> None:
     rng = np.random.default_rng(1)
-    pairs = [(scene, seed) for scene in ("a", "b") for seed in range(3)]
-    reference = {pair: float(rng.normal(30, 5)) for pair in pairs}
-    sample = {pair: value + 0.1 + 0.01 * float(rng.normal()) for pair, value in reference.items()}
+    reference = drawn(rng, 2, 3, 5.0, 30.0)
+    sample = {origin: value + 0.1 + 0.01 * float(rng.normal()) for origin, value in reference.items()}
     found = paired_difference(sample, reference)
     assert found is not None
-    assert found.count == 6
+    assert (found.units, found.values) == (2, 6)
     assert found.mean == pytest.approx(0.1, abs=0.02)
-    assert found.low is not None
-    assert found.low > 0
 
 
-def test_only_pairs_that_both_rows_have_are_compared() -> None:
-    found = paired_difference({("a", 0): 2.0, ("a", 1): 9.0}, {("a", 0): 1.0, ("b", 1): 5.0})
+def test_only_scenes_and_seeds_that_both_rows_have_are_compared() -> None:
+    found = paired_difference(
+        {Origin("a", 0): 2.0, Origin("a", 1): 9.0}, {Origin("a", 0): 1.0, Origin("b", 1): 5.0}
+    )  # fmt: skip
     assert found == Estimate(1.0, None, None, 1)
-    assert paired_difference({("a", 0): 2.0}, {("b", 0): 1.0}) is None
+    assert paired_difference({Origin("a", 0): 2.0}, {Origin("b", 0): 1.0}) is None
 
 
 def test_a_row_compared_with_itself_differs_by_exactly_zero() -> None:
-    sample = {("a", 0): 0.1, ("a", 1): 0.7}
-    assert paired_difference(sample, sample) == Estimate(0.0, 0.0, 0.0, 2)
+    sample = {Origin("a", 0): 0.1, Origin("a", 1): 0.7}
+    found = paired_difference(sample, sample)
+    assert found is not None
+    assert (found.mean, found.low, found.high, found.p_value) == (0.0, 0.0, 0.0, 1.0)
+
+
+def test_the_inverse_ratio_has_the_inverse_estimate() -> None:
+    rng = np.random.default_rng(2)
+    one, other = ({origin: math.exp(value) for origin, value in drawn(rng, 4, 2, 0.3).items()} for _ in range(2))
+    there, back = paired_ratio(one, other), paired_ratio(other, one)
+    assert there is not None
+    assert back is not None
+    assert there.mean * back.mean == pytest.approx(1.0)
+    assert (there.low or 0) * (back.high or 0) == pytest.approx(1.0)
+    assert there.p_value == pytest.approx(back.p_value)
+
+
+def test_parts_of_the_spread_are_found_again() -> None:
+    rng = np.random.default_rng(3)
+    truth: dict[Level, float] = {"kinds": 3.0, "scenes": 2.0, "seeds": 1.0}
+    sample = {}
+    for kind in range(60):
+        of_kind = rng.normal(0, truth["kinds"])
+        for scene in range(4):
+            of_scene = rng.normal(0, truth["scenes"])
+            for seed in range(3):
+                sample[Origin(f"{kind}-{scene}", seed, str(kind))] = of_kind + of_scene + rng.normal()
+    found = spread(sample)
+    assert {level: pytest.approx(size, rel=0.25) for level, size in truth.items()} == found
+
+
+def test_parts_that_nothing_tells_of_are_left_out() -> None:
+    assert spread({Origin("a", 0): 1.0}) == {}
+    assert spread({Origin("a", 0): 1.0, Origin("a", 1): 3.0}) == {"seeds": pytest.approx(math.sqrt(2))}
+    assert spread({Origin("a", 0): 1.0, Origin("b", 0): 3.0}) == {"scenes": pytest.approx(math.sqrt(2))}
+    assert spread({Origin("a", 0, "x"): 1.0, Origin("b", 0, "y"): 3.0}) == {"kinds": pytest.approx(math.sqrt(2))}
+    both = spread({Origin("a", 0): 1.0, Origin("a", 1): 3.0, Origin("b", 0): 11.0, Origin("b", 1): 13.0})
+    assert both == {"seeds": pytest.approx(math.sqrt(2)), "scenes": pytest.approx(math.sqrt(50 - 1))}

@@ -77,11 +77,12 @@ def _bound_sentence(text: str, lines: list[Line]) -> str | None:
 
 def _grid(summary: Summary, lines: list[Line], texts: dict[str, str]) -> Grid:
     note = (
-        f"Compared with '{texts[reference_of(summary)]}', paired over seeds; ± is the half-width of the 95 % t"
-        " interval. A positive loss means worse. The bound is the largest of all probes and seeds; rows whose effects"
-        " were chosen by hand have none. NVS loss under it: yes, if the mean is; within noise, if the low end of the"
-        " interval is. Rays saved: share of the reference's. Times as fast: geometric mean, with the ends of its"
-        " interval. Probes: share of the seconds; n/a where the results do not hold it."
+        f"Compared with '{texts[reference_of(summary)]}', paired by seed; ± is the half-width of the 95 % t"
+        " interval over the seeds of that scene, and of that scene alone. A positive loss means worse. The bound is the"
+        " largest of all probes and seeds; rows whose effects were chosen by hand have none. NVS loss under it: yes, if"
+        " the mean is; within noise, if the low end of the interval is. Rays saved: share of the reference's. Times as"
+        " fast: geometric mean, with the ends of its interval. Probes: share of the seconds; n/a where the results do"
+        " not hold it."
     )
     last = last_stage_title(summary)
     heads = ["scene", "row", *(f"{name} loss, dB" for name in ("NVS", "albedo", "relighting")), "predicted bound, dB",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
-from ..statistics import Estimate, Pair, estimate, paired_difference, paired_ratio, shared_pairs
+from ..statistics import Estimate, Origin, mean_of, paired_difference, paired_ratio, shared_origins
 from ..summary import RunSummary, Summary, last_stage, reference_of
 from .samples import cost_of, runs_of
 
@@ -59,10 +59,12 @@ def audit_lines(summary: Summary) -> list[Line]:
     for scene in summary["scenes"]:
         for row in summary["rows"]:
             mine = {
-                pair: run for pair, run in runs_of(summary, row["key"]).items() if pair[0] == scene and pair in full
+                origin: run
+                for origin, run in runs_of(summary, row["key"]).items()
+                if origin.scene == scene and origin in full
             }
             if mine and all(chosen_effects(run) not in ("all", None) for run in mine.values()):
-                lines.append(_line(scene, row["key"], mine, {pair: full[pair] for pair in mine}))
+                lines.append(_line(scene, row["key"], mine, {origin: full[origin] for origin in mine}))
     return lines
 
 
@@ -72,8 +74,8 @@ def chosen_effects(run: RunSummary) -> str | list[str] | None:
     return chosen
 
 
-def _line(scene: str, row: str, mine: Mapping[Pair, RunSummary], full: Mapping[Pair, RunSummary]) -> Line:
-    plans = {pair: run["effects"] for pair, run in mine.items() if run["effects"] is not None}
+def _line(scene: str, row: str, mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary]) -> Line:
+    plans = {origin: run["effects"] for origin, run in mine.items() if run["effects"] is not None}
     bounds = [plan["bound"] for plan in plans.values() if plan["bound"] is not None]
     tolerances = [plan["tolerance"] for plan in plans.values() if plan["tolerance"] is not None]
     probed = any(chosen_effects(run) == "auto" for run in mine.values())
@@ -97,7 +99,7 @@ def _line(scene: str, row: str, mine: Mapping[Pair, RunSummary], full: Mapping[P
         probes_of_last_stage=share(probe_seconds, _known(mine, last_stage_seconds)),
         probes_of_training=share(probe_seconds, _known(mine, _training_seconds)),
         probe_rays=share(probe_rays, _known(full, traced_rays)),
-        left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed), plan in plans.items()}),
+        left_out=over_seeds({seed: left_out(plan["plan"]) for (_, seed, _), plan in plans.items()}),
     )
 
 
@@ -112,14 +114,14 @@ def judged(loss: Estimate | None, bound: float | None) -> Judgement | None:
     return "within noise" if loss.low <= bound else "no"
 
 
-def share(part: Mapping[Pair, float], whole: Mapping[Pair, float]) -> Estimate | None:
-    """Mean of part / whole over shared pairs. An arithmetic mean, because the part may be zero."""
-    return estimate([part[pair] / whole[pair] for pair in shared_pairs(part, whole) if whole[pair] > 0])
+def share(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> Estimate | None:
+    """Mean of part / whole, where both are known. An arithmetic mean, because the part may be zero."""
+    return mean_of({each: part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0})
 
 
-def share_saved(part: Mapping[Pair, float], whole: Mapping[Pair, float]) -> Estimate | None:
-    """Mean of 1 - part / whole over shared pairs."""
-    return estimate([1 - part[pair] / whole[pair] for pair in shared_pairs(part, whole) if whole[pair] > 0])
+def share_saved(part: Mapping[Origin, float], whole: Mapping[Origin, float]) -> Estimate | None:
+    """Mean of 1 - part / whole, where both are known."""
+    return mean_of({each: 1 - part[each] / whole[each] for each in shared_origins(part, whole) if whole[each] > 0})
 
 
 def traced_rays(run: RunSummary) -> float:
@@ -133,12 +135,12 @@ def last_stage_seconds(run: RunSummary) -> float | None:
     return None if stage is None else run["seconds"].get(stage["name"])
 
 
-def _loss(mine: Mapping[Pair, RunSummary], full: Mapping[Pair, RunSummary], column: str) -> Estimate | None:
+def _loss(mine: Mapping[Origin, RunSummary], full: Mapping[Origin, RunSummary], column: str) -> Estimate | None:
     return paired_difference(*(_known(runs, lambda run: run["metrics"].get(column)) for runs in (full, mine)))
 
 
-def _known(runs: Mapping[Pair, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Pair, float]:
-    return {pair: value for pair, run in runs.items() if (value := read(run)) is not None}
+def _known(runs: Mapping[Origin, RunSummary], read: Callable[[RunSummary], float | None]) -> dict[Origin, float]:
+    return {origin: value for origin, run in runs.items() if (value := read(run)) is not None}
 
 
 def _training_seconds(run: RunSummary) -> float | None:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from ..statistics import Estimate
 from ..summary import ColumnSummary, Summary, last_stage_title, reference_of, row_texts
-from ..wording import label_with_unit, plus_minus, signed
+from ..wording import label_with_unit, plus_minus, population_of, signed
 from .cost_knobs import Doubling, Knob, Step, doublings, knobs, steps
 from .cost_progress import at_equal_time, second_half, to_equal_quality
 from .efficiency import efficiencies
@@ -99,7 +99,8 @@ def _doublings(summary: Summary, turned: list[Knob], found: Sequence[Doubling]) 
     return Grid(
         "doublings",
         "What a doubling of each knob gives",
-        "Least-squares slope over the knob's binary logarithm; half-width of the 95 % t interval over paired seeds.",
+        "Least-squares slope over the knob's binary logarithm; half-width of the 95 % t interval"
+        f" {population_of(summary)}.",
         ["knob", "settings", *map(label_with_unit, summary["columns"]), "time, times"],
         rows,
     )
@@ -145,7 +146,8 @@ def _efficiencies(summary: Summary) -> Grid:
     return Grid(
         "efficiency",
         "Efficiency 1 / (MSE x seconds), times the reference's",
-        "Geometric mean over paired seeds, with the ends of its 95 % interval; above 1 is better than the reference.",
+        f"Geometric mean with the ends of its 95 % interval {population_of(summary)}; above 1 is better than the"
+        " reference.",
         ["row", *(column["label"] for column in columns)],
         rows,
     )

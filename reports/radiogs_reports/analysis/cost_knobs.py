@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from ..statistics import Estimate, Pair, estimate, exponential, paired_difference, paired_ratio
+from ..statistics import Estimate, Origin, exponential, mean_of, paired_difference, paired_ratio
 from ..summary import ColumnSummary, Summary, reference_of
 from .samples import costs_of, made_from, values_of
 
@@ -91,7 +91,7 @@ class Step(NamedTuple):
     low: Setting
     high: Setting
     differences: dict[str, Estimate]
-    """By column; columns in which the two rows share no pair are absent."""
+    """By column; columns in which the two rows share no origin are absent."""
     time_ratio: Estimate | None
     ray_ratio: Estimate | None
 
@@ -106,7 +106,7 @@ class Doubling(NamedTuple):
 
 
 def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
-    """Every pair of neighbouring settings of every knob."""
+    """Every origin of neighbouring settings of every knob."""
     found = []
     for knob in knobs:
         for low, high in pairwise(knob.settings):
@@ -126,11 +126,11 @@ def steps(summary: Summary, knobs: list[Knob]) -> list[Step]:
 
 
 def doublings(summary: Summary, knobs: list[Knob]) -> list[Doubling]:
-    """Slopes for every knob and column, over the (scene, seed) pairs that have all settings."""
+    """Slopes for every knob and column, over the scenes and seeds that have all settings."""
     found = []
     for knob in knobs:
         log_seconds = {
-            setting.row: {pair: math.log2(each) for pair, each in costs_of(summary, setting.row, "seconds").items()}
+            setting.row: {origin: math.log2(each) for origin, each in costs_of(summary, setting.row, "seconds").items()}
             for setting in knob.settings
         }
         time_ratio = exponential(_slope(knob, log_seconds), 2.0)
@@ -142,19 +142,19 @@ def doublings(summary: Summary, knobs: list[Knob]) -> list[Doubling]:
     return found
 
 
-def _slope(knob: Knob, samples: Mapping[str, Mapping[Pair, float]]) -> Estimate | None:
+def _slope(knob: Knob, samples: Mapping[str, Mapping[Origin, float]]) -> Estimate | None:
     """Mean over (scene, seed) of the least-squares slope over log2 of the settings; ``samples`` are by row."""
     complete = sorted(set.intersection(*(set(sample) for sample in samples.values())))
     places = [math.log2(setting.value) for setting in knob.settings]
     centre = math.fsum(places) / len(places)
     spread = math.fsum((place - centre) ** 2 for place in places)
-    return estimate(
-        [
-            math.fsum(
-                (place - centre) * samples[setting.row][pair]
+    return mean_of(
+        {
+            origin: math.fsum(
+                (place - centre) * samples[setting.row][origin]
                 for place, setting in zip(places, knob.settings, strict=True)
             )
             / spread
-            for pair in complete
-        ]
+            for origin in complete
+        }
     )

@@ -7,7 +7,7 @@ import math
 from itertools import pairwise
 from typing import NamedTuple
 
-from ..statistics import Estimate, Pair, estimate, paired_difference
+from ..statistics import Estimate, Origin, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, reference_of
 from .samples import runs_of
 from .settling import Point, curve
@@ -41,10 +41,10 @@ class ToQuality(NamedTuple):
     reached: int
 
 
-def curves(summary: Summary, row: str, column: str) -> dict[Pair, list[Point]]:
+def curves(summary: Summary, row: str, column: str) -> dict[Origin, list[Point]]:
     """Curves of the row's finished runs that were scored during training."""
-    found = {pair: curve(run, column) for pair, run in runs_of(summary, row).items()}
-    return {pair: points for pair, points in found.items() if points}
+    found = {origin: curve(run, column) for origin, run in runs_of(summary, row).items()}
+    return {origin: points for origin, points in found.items() if points}
 
 
 def at_equal_time(summary: Summary) -> list[AtTime]:
@@ -71,12 +71,12 @@ def to_equal_quality(summary: Summary) -> list[ToQuality]:
     found = []
     for column in summary["columns"]:
         every = {row["key"]: curves(summary, row["key"], column["key"]) for row in summary["rows"]}
-        ends = {pair: (points[0].value, points[-1].value) for pair, points in every[reference_of(summary)].items()}
+        ends = {origin: (points[0].value, points[-1].value) for origin, points in every[reference_of(summary)].items()}
         if not ends or any(_goodness(last, column) <= _goodness(first, column) for first, last in ends.values()):
             continue
         for share in SHARES:
             targets = {
-                pair: last if share == 1 else first + share * (last - first) for pair, (first, last) in ends.items()
+                origin: last if share == 1 else first + share * (last - first) for origin, (first, last) in ends.items()
             }
             found.append(_to_targets(summary, column, share, targets, every))
     return found
@@ -86,11 +86,11 @@ def _to_targets(
     summary: Summary,
     column: ColumnSummary,
     share: float,
-    targets: dict[Pair, float],
-    every: dict[str, dict[Pair, list[Point]]],
+    targets: dict[Origin, float],
+    every: dict[str, dict[Origin, list[Point]]],
 ) -> ToQuality:
     times = {
-        row: _mean([seconds_to(points.get(pair, []), target, column) for pair, target in targets.items()])
+        row: _mean([seconds_to(points.get(origin, []), target, column) for origin, target in targets.items()])
         for row, points in every.items()
     }
     known = {row: seconds for row, seconds in times.items() if seconds is not None}
@@ -105,12 +105,12 @@ def second_half(summary: Summary, column: str) -> tuple[Estimate, Estimate] | No
     Models are scored at halves, quarters and so on of the last stage: its second half lies between the last two points.
     """
     scored = curves(summary, reference_of(summary), column)
-    whole = {pair: points for pair, points in scored.items() if len(points) >= 2}
+    whole = {origin: points for origin, points in scored.items() if len(points) >= 2}
     gain = paired_difference(
-        {pair: points[-1].value for pair, points in whole.items()},
-        {pair: points[-2].value for pair, points in whole.items()},
+        {origin: points[-1].value for origin, points in whole.items()},
+        {origin: points[-2].value for origin, points in whole.items()},
     )
-    share = estimate([1 - points[-2].seconds / points[-1].seconds for _, points in sorted(whole.items())])
+    share = mean_of({origin: 1 - points[-2].seconds / points[-1].seconds for origin, points in whole.items()})
     return None if gain is None or share is None else (gain, share)
 
 

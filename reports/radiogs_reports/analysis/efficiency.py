@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..statistics import Estimate, Pair, paired_ratio
+from ..statistics import Estimate, Origin, paired_ratio
 from ..summary import ColumnSummary, Summary, reference_of
 from .samples import costs_of, values_of
 
@@ -28,11 +28,11 @@ def efficiencies(summary: Summary) -> list[Efficiency]:
     return found
 
 
-def _efficiency(summary: Summary, row: str, column: ColumnSummary) -> dict[Pair, float]:
+def _efficiency(summary: Summary, row: str, column: ColumnSummary) -> dict[Origin, float]:
     """1 / (MSE x seconds) by (scene, seed), with MSE = 10^(-PSNR / 10) for peak 1."""
     seconds = costs_of(summary, row, "seconds")
     return {
-        pair: 10 ** (decibels / 10) / seconds[pair]
-        for pair, decibels in values_of(summary, row, column["key"]).items()
-        if pair in seconds
+        origin: 10 ** (decibels / 10) / seconds[origin]
+        for origin, decibels in values_of(summary, row, column["key"]).items()
+        if origin in seconds
     }

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ..statistics import Estimate, Pair, estimate, paired_difference
+from ..statistics import Estimate, Origin, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary
 from ..wording import heading, label_with_unit, signed
 from .grid import Grid, Item, estimate_item, name_item, plain_item
@@ -98,12 +98,12 @@ def _ladders(summary: Summary) -> dict[str, dict[frozenset[str], str]]:
     return ladders
 
 
-def _within(values: Mapping[Pair, float], scenes: Sequence[str]) -> dict[Pair, float]:
-    return {pair: value for pair, value in values.items() if pair[0] in scenes}
+def _within(values: Mapping[Origin, float], scenes: Sequence[str]) -> dict[Origin, float]:
+    return {origin: value for origin, value in values.items() if origin.scene in scenes}
 
 
 def _rung(
-    method: str, scene: str, column: ColumnSummary, values: Mapping[frozenset[str], Mapping[Pair, float]]
+    method: str, scene: str, column: ColumnSummary, values: Mapping[frozenset[str], Mapping[Origin, float]]
 ) -> Rung:
     none, whole = frozenset[str](), frozenset[str]().union(*values)
     own = frozenset(part for part in whole if is_own(part, column))
@@ -117,8 +117,8 @@ def _rung(
         method,
         scene,
         column,
-        estimate(list(values.get(none, {}).values())),
-        estimate(list(values.get(whole - own, {}).values())),
+        mean_of(values.get(none, {})),
+        mean_of(values.get(whole - own, {})),
         {
             part: Share(gain(frozenset({part}), none), gain(whole - (own - {part}), whole - own - {part}))
             for part in singles
@@ -163,8 +163,9 @@ def _grid(rungs: Sequence[Rung], several: bool) -> Grid:
                 line.append(_end(end, decimals, is_own(part, rung.column)))
         rows.append([*line, plain_item(rung.everything, decimals)])
     note = (
-        f"{WHAT_THEY_MEAN} Paired over seeds (and scenes, for all of them); ± is the half-width of the 95 % t interval."
-        " n/a: a row that the value is made from has not been run."
+        f"{WHAT_THEY_MEAN} Paired by scene and seed; ± is the half-width of the 95 % t interval: over the seeds of the"
+        " scene, or over scenes, each with the mean over its seeds, in the lines of all scenes. n/a: a row that the"
+        " value is made from has not been run."
     )
     title = "What each part is responsible for"
     return Grid("ladder", title, note, [*heads, "everything given"], rows)

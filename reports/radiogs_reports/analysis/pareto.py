@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..statistics import Sample, paired_difference
+from ..statistics import Sample, mean_of, paired_difference
 from ..summary import ColumnSummary, Summary, half_width
-from .ranks import Direction, upwards
-from .samples import cost_of, values_of
+from .comparisons import Direction, beaten, upwards
+from .samples import costs_of, values_of
 
 
 class Point(NamedTuple):
@@ -25,34 +25,32 @@ def points(summary: Summary, column: ColumnSummary, cost: str) -> list[Point]:
     found = []
     for row in summary["rows"]:
         cell = summary["cells"][row["key"]][column["key"]]
-        costs = [cost_of(run, cost) for run in summary["runs"] if run["row"] == row["key"]]
-        known = [each for each in costs if each is not None]
-        if cell["mean"] is None or not known:
-            continue
-        mean_cost = math.fsum(known) / len(known)
-        found.append(Point(row["key"], mean_cost, cell["mean"], half_width(cell["difference"]), False))
+        spent = mean_of(costs_of(summary, row["key"], cost))
+        if cell["mean"] is not None and spent is not None:
+            found.append(Point(row["key"], spent.mean, cell["mean"], half_width(cell["difference"]), False))
     samples = [values_of(summary, point.row, column["key"]) for point in found]
     best = pareto_front([point.cost for point in found], samples, column["direction"])
     return [point._replace(on_front=place in best) for place, point in enumerate(found)]
 
 
 def pareto_front(costs: Sequence[float], samples: Sequence[Sample], direction: Direction) -> set[int]:
-    """Indices of the rows that are better than every cheaper one on the front. ``samples``: values by (scene, seed).
+    """Indices of the rows that are better than every cheaper one on the front.
 
-    Better is what the paired 95 % interval resolves; where two rows share one pair only, what the pair says. Among rows
-    of equal cost the better one comes first.
+    Better is what ``comparisons.beaten`` resolves among all of them; where two rows share a single unit, what their
+    difference says. Among rows of equal cost the better one comes first.
     """
-    upward = [upwards(sample, direction) for sample in samples]
-    means = [math.fsum(sample.values()) / len(sample) if sample else -math.inf for sample in upward]
+    named = {str(place): sample for place, sample in enumerate(samples)}
+    worse = beaten(named, direction) or {}
+    means = [-math.inf if (mean := mean_of(upwards(each, direction))) is None else mean.mean for each in samples]
     front: list[int] = []
     for place in sorted(range(len(costs)), key=lambda place: (costs[place], -means[place])):
-        if upward[place] and all(_better(upward[place], upward[other]) for other in front):
+        if samples[place] and all(_better(named, worse, str(place), str(other), direction) for other in front):
             front.append(place)
     return set(front)
 
 
-def _better(sample: Sample, other: Sample) -> bool:
-    difference = paired_difference(sample, other)
-    if difference is None:
+def _better(samples: dict[str, Sample], worse: dict[str, set[str]], row: str, other: str, direction: Direction) -> bool:
+    gain = paired_difference(upwards(samples[row], direction), upwards(samples[other], direction))
+    if gain is None:
         return False
-    return (difference.mean if difference.low is None else difference.low) > 0
+    return gain.mean > 0 if gain.low is None else other in worse.get(row, set())

@@ -1,30 +1,35 @@
-"""A row's metric values and training costs by (scene, seed)."""
+"""A row's metric values and training costs by scene and seed."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from ..statistics import Pair
+from ..statistics import Origin
 from ..summary import EVALUATION, RunSummary, Summary
 
 COSTS: Mapping[str, str] = {"seconds": "seconds of training", "rays": "rays traced in training"}
 """Kinds of training cost, by key. Seconds differ between machines, ray counts do not."""
 
 
-def runs_of(summary: Summary, row: str) -> dict[Pair, RunSummary]:
+def runs_of(summary: Summary, row: str) -> dict[Origin, RunSummary]:
     """The finished runs of a row."""
-    return {(run["scene"], run["seed"]): run for run in summary["runs"] if run["row"] == row and run["metrics"]}
+    kinds = summary.get("kinds", {})
+    return {
+        Origin(run["scene"], run["seed"], kinds.get(run["scene"], "")): run
+        for run in summary["runs"]
+        if run["row"] == row and run["metrics"]
+    }
 
 
-def values_of(summary: Summary, row: str, column: str) -> dict[Pair, float]:
+def values_of(summary: Summary, row: str, column: str) -> dict[Origin, float]:
     """A row's values in a column, where it has any."""
-    found = {pair: run["metrics"].get(column) for pair, run in runs_of(summary, row).items()}
-    return {pair: value for pair, value in found.items() if value is not None}
+    found = {origin: run["metrics"].get(column) for origin, run in runs_of(summary, row).items()}
+    return {origin: value for origin, value in found.items() if value is not None}
 
 
-def costs_of(summary: Summary, row: str, cost: str) -> dict[Pair, float]:
+def costs_of(summary: Summary, row: str, cost: str) -> dict[Origin, float]:
     """A row's training costs of one kind, where they are known and not zero."""
-    found = {pair: cost_of(run, cost) for pair, run in runs_of(summary, row).items()}
-    return {pair: value for pair, value in found.items() if value is not None}
+    found = {origin: cost_of(run, cost) for origin, run in runs_of(summary, row).items()}
+    return {origin: value for origin, value in found.items() if value is not None}
 
 
 def cost_of(run: RunSummary, cost: str) -> float | None:

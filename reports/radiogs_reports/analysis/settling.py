@@ -8,8 +8,9 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from ..statistics import Pair, estimate
+from ..statistics import Origin, mean_of
 from ..summary import EVALUATION, ColumnSummary, RowSummary, Settled, Summary
+from ..wording import population_of
 from .grid import Grid, Item, name_item
 from .samples import runs_of
 
@@ -72,24 +73,23 @@ def settling(summary: Summary) -> dict[str, dict[str, Settled]]:
     found: dict[str, dict[str, Settled]] = {}
     for row in summary["rows"]:
         for column in summary["columns"]:
-            after = _by_pair(summary, row["key"], column)
-            mean = estimate([after[pair] for pair in sorted(after)])
+            mean = mean_of(_seconds(summary, row["key"], column))
             if mean is not None:
                 found.setdefault(row["key"], {})[column["key"]] = Settled(
-                    seconds=mean.mean, low=mean.low, high=mean.high, count=mean.count
+                    seconds=mean.mean, low=mean.low, high=mean.high, count=mean.values
                 )
     return found
 
 
-def _by_pair(summary: Summary, row: str, column: ColumnSummary) -> dict[Pair, float]:
+def _seconds(summary: Summary, row: str, column: ColumnSummary) -> dict[Origin, float]:
     found = {}
-    for pair, run in runs_of(summary, row).items():
+    for origin, run in runs_of(summary, row).items():
         points = curve(run, column["key"])
         if points:
             measure = column["key"].partition("/")[2]
             seconds = settled_after(points, band_of(measure, column["unit"], points[-1].value))
             if seconds is not None:
-                found[pair] = seconds
+                found[origin] = seconds
     return found
 
 
@@ -120,8 +120,8 @@ def settling_report(summary: Summary) -> SettlingReport | None:
         "settling",
         "Seconds until a metric stays near its final value",
         f"Near is within {DECIBELS:g} dB, {_bands()} of the row's own final value. Seconds of training, all stages"
-        " included, linear between scored points; half-width of the 95 % t interval over scenes and seeds. What is near"
-        " at the first scored point was so by then.",
+        f" included, linear between scored points; half-width of the 95 % t interval {population_of(summary)}. What is"
+        " near at the first scored point was so by then.",
         ["row", *(column["label"] for column in columns), "whole training"],
         lines,
     )

@@ -49,8 +49,9 @@ def audit_figure(summary: Summary) -> list[Sketch]:
         figure.legend(handles=_handles(summary, lines), loc="outside right center", frameon=False)
     caption = (
         "Predicted bound on the loss of NVS PSNR (the largest of all probes and seeds) and the observed loss compared"
-        " with everything on (mean over paired seeds; bars: 95 % t interval). Below the diagonal the loss is under its"
-        " bound. Dashed: the tolerance. Where nothing was left out, bound and loss are 0."
+        " with everything on (mean over paired seeds; bars: 95 % t interval over the seeds of a scene). Below the"
+        " diagonal the loss is under its bound. Dashed: the tolerance. Where nothing was left out, bound and loss are"
+        " 0."
     )
     return [Sketch("audit", caption, figure, on_page=True)]
 

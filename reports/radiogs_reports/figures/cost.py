@@ -9,7 +9,7 @@ from ..analysis.cost_knobs import Doubling, Knob, doublings, knobs
 from ..analysis.pareto import Point, points
 from ..analysis.samples import COSTS, cost_of
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
-from ..wording import ARROWS
+from ..wording import ARROWS, population_of
 from .axes import GRID, add_grid, better_is_up, cost_axis, metric_title
 from .canvas import COLOURS, MARKERS, STYLE, Sketch, blank, legend_columns, plain
 
@@ -54,8 +54,8 @@ def _figure(summary: Summary, cost: str, panels: list[tuple[ColumnSummary, list[
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False)
     caption = (
         f"Quality against {COSTS[cost]}. Large marks: means of rows, filled on the Pareto front; small marks: single"
-        " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel;"
-        " line: the front, whose rows are better than the cheaper ones on it as far as intervals resolve it."
+        " cells; bars: 95 % interval of the paired difference to the reference row, cut at the edge of a panel,"
+        f" {population_of(summary)}; line: the front, whose rows are resolved to be better than the cheaper ones on it."
     )
     return Sketch(f"cost-{cost}", caption, figure)
 
@@ -125,8 +125,8 @@ def _fronts(summary: Summary, turned: list[Knob], cost: str) -> Sketch | None:
     caption = (
         f"What accuracy costs in {COSTS[cost]}: means over the finished cells. A line joins the settings of one knob,"
         " from the lowest to the highest (triangle); the star is the reference. Filled marks lie on the Pareto front"
-        " (dashed); bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel. A row"
-        " that costs nothing has no point."
+        " (dashed); bars: 95 % interval of the paired difference to the reference, cut at the edge of a panel,"
+        f" {population_of(summary)}. A row that costs nothing has no point."
     )
     return Sketch(FILE_NAMES[cost], caption, figure, on_page=True)
 
@@ -186,7 +186,8 @@ def _doublings(summary: Summary, turned: list[Knob]) -> Sketch:
         for axes in grid[len(columns) :]:
             axes.set_visible(False)
     caption = (
-        "What each doubling of a knob gives: slope over its binary logarithm, with the 95 % t interval over seeds."
+        "What each doubling of a knob gives: slope over its binary logarithm, with the 95 % t interval"
+        f" {population_of(summary)}."
     )
     return Sketch("cost-doublings", caption, figure, on_page=True)
 

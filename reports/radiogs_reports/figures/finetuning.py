@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..analysis.samples import made_from
 from ..maps import Image
 from ..summary import ColumnSummary, Summary, reference_of, row_texts
+from ..wording import population_of
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import COLOURS, STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, wrapped
 from .views import SceneViews, scene_views
@@ -108,7 +109,7 @@ def _progression(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
         figure.legend(handles=_handles(summary, tuned), loc="outside lower center", ncols=3, frameon=False)
     caption = (
         "Fine-tuning the surfels for a new light: metrics by iterations, means over the finished cells; dashed:"
-        " without fine-tuning; bars: 95 % interval of the paired difference to that."
+        f" without fine-tuning; bars: 95 % interval of the paired difference to that, {population_of(summary)}."
     )
     return [Sketch("finetuning", caption, figure, on_page=True, images=True)]
 

@@ -60,8 +60,8 @@ def _sketch(name: str, title: str, rungs: Sequence[Rung], on_page: bool) -> Sket
     caption = (
         f"{title}: what each part of the truth is worth when it alone is given (first in, compared with nothing given),"
         " and when it alone is left out (last out, compared with everything given). To the right is better, whatever"
-        " the metric's direction; bars: 95 % t interval over pairs. Pale: the metric measures the part itself, which"
-        " for the other parts is never given. Bars that are cut off have their value on them."
+        " the metric's direction; bars: 95 % t interval over seeds, or over scenes. Pale: the metric measures the part"
+        " itself, which for the other parts is never given. Bars that are cut off have their value on them."
     )
     return Sketch(name, caption, figure, on_page=on_page)
 

@@ -145,6 +145,7 @@ def data(summary: Summary, pictures: Album) -> dict[str, Any]:
             column["key"]: {cost: [point._asdict() for point in points(summary, column, cost)] for cost in COSTS}
             for column in columns
         },
+        "kinds": summary.get("kinds", {}),
         "runs": [{**run, "cost": {cost: cost_of(run, cost) for cost in COSTS}} for run in summary["runs"]],
         "maps": {
             name: {"label": kind.label, "unit": kind.error_unit, "metric": METRICS_OF.get(name.partition("/")[0])}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..analysis.grid import Grid
-from ..analysis.ranks import suite_ranks
+from ..analysis.legend import paper_legend, shown_verdict, suite_legend, verdict_of, without_marked
 from ..analysis.samples import cost_of
 from ..doubts import footnotes, marks, remarks
 from ..summary import (
@@ -15,13 +15,14 @@ from ..summary import (
     RowSummary,
     RunSummary,
     Summary,
+    Verdict,
     beside,
     half_width,
     row_texts,
 )
 from ..wording import ARROWS, plus_minus, signed
 from ..write.paper_layout import as_printed
-from ..write.paper_reading import apart, change, is_beside, measured, measured_ranks, row_label
+from ..write.paper_reading import apart, change, is_beside, measured, row_label
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,8 @@ class Head:
 class Entry:
     """An entry of a table: its text and the value that it sorts by, with the difference and published value below it.
 
-    ``opens``: key of the cell whose provenance the entry opens. ``row``: key of the row that it names.
+    ``verdict``: what it is coloured by. ``rank``: its rank among the rows, in words. ``opens``: key of the cell whose
+    provenance the entry opens. ``row``: key of the row that it names.
     """
 
     text: str
@@ -48,7 +50,8 @@ class Entry:
     published: str = ""
     published_value: float | None = None
     reason: str = ""
-    rank: int = 0
+    verdict: Verdict | None = None
+    rank: str = ""
     opens: str = ""
     row: str = ""
 
@@ -57,7 +60,8 @@ class Entry:
 class Table:
     """A table: rows of entries under ``heads``, the row's name first. ``title``: shown while the table is folded.
 
-    ``footnotes``: below the table, each behind the mark that entries have. ``remarks``: of whole rows, folded.
+    ``legend``: how the table is read. ``footnotes``: below the table, each behind the mark that entries have.
+    ``remarks``: of whole rows, folded.
     """
 
     name: str
@@ -65,6 +69,7 @@ class Table:
     heads: list[Head]
     rows: list[list[Entry]]
     title: str = ""
+    legend: Sequence[str] = ()
     footnotes: Sequence[str] = ()
     remarks: Sequence[str] = ()
 
@@ -93,7 +98,6 @@ def heads_of(columns: Sequence[ColumnSummary]) -> list[Head]:
 
 def suite_table(summary: Summary) -> Table:
     """The suite's own table: means, differences with intervals, published values, and training seconds."""
-    ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
     rows = []
     for row in summary["rows"]:
         values = [
@@ -101,17 +105,23 @@ def suite_table(summary: Summary) -> Table:
                 summary["cells"][row["key"]][column["key"]],
                 column,
                 beside(summary, row["key"], column),
-                ranks[column["key"]].get(row["key"], 0),
+                shown_verdict(
+                    summary, row["key"], column["key"], summary["cells"][row["key"]][column["key"]]["difference"]
+                ),
                 marks(summary, row["key"], column["key"]),
             )
             for column in summary["columns"]
         ]
         rows.append([Entry(row["text"], row["text"], row=row["key"]), *values, seconds_entry(row)])
     heads = [Head("row", numeric=False), *heads_of(summary["columns"]), Head("training", "s", ARROWS["down"])]
-    return Table("means", summary["title"], heads, rows, footnotes=footnotes(summary), remarks=remarks(summary))
+    return Table(
+        "means", summary["title"], heads, rows, "", suite_legend(summary), footnotes(summary), remarks(summary)
+    )
 
 
-def value_entry(cell: CellSummary, column: ColumnSummary, published: float | None, rank: int, mark: str = "") -> Entry:
+def value_entry(
+    cell: CellSummary, column: ColumnSummary, published: float | None, verdict: Verdict | None, mark: str = ""
+) -> Entry:
     """A value with the marks of its footnotes, its difference to the reference row and the published value."""
     decimals = column["decimals"]
     interval = cell["difference"]
@@ -126,8 +136,14 @@ def value_entry(cell: CellSummary, column: ColumnSummary, published: float | Non
         published="" if published is None else f"{published:.{decimals}f}",
         published_value=published,
         reason=cell["reason"] or "",
-        rank=rank if rank <= 3 else 0,
+        verdict=verdict,
+        rank=rank_in_words(cell.get("rank")),
     )
+
+
+def rank_in_words(rank: int | None) -> str:
+    """How many rows are resolved to be better; empty for a row that was not compared."""
+    return "" if rank is None else f"{rank - 1 or 'no'} row{'' if rank == 2 else 's'} resolved to be better"
 
 
 def sort_value(value: float | None, column: ColumnSummary) -> float | None:
@@ -147,11 +163,12 @@ def paper_tables(table: PaperTable, summary: Summary) -> list[Table]:
 
     Published values stand below the measured ones, or in a second table if they are by other conventions.
     """
-    title, table = apart(table, summary), as_printed(table)
-    return [measured_table(table), *([published_table(table, title)] if title else [])]
+    title, sentences = apart(table, summary), paper_legend(table, summary)
+    table = as_printed(without_marked(table, summary))
+    return [measured_table(table, sentences), *([published_table(table, title)] if title else [])]
 
 
-def measured_table(table: PaperTable) -> Table:
+def measured_table(table: PaperTable, sentences: Sequence[str]) -> Table:
     """The measured values, with published ones below them where those are by the same conventions."""
     rows = []
     for row in table["rows"]:
@@ -168,7 +185,8 @@ def measured_table(table: PaperTable) -> Table:
                     published=printed or "",
                     published_value=float(printed) if printed else None,
                     reason=value["reason"] or "",
-                    rank=measured_ranks(table, column).get(row["key"], 0),
+                    verdict=verdict_of(value),
+                    rank=rank_in_words(value.get("rank")),
                 )
             )
         rows.append(entries)
@@ -178,6 +196,7 @@ def measured_table(table: PaperTable) -> Table:
         paper_heads(table["columns"]),
         rows,
         table["title"],
+        sentences,
     )
 
 

@@ -83,7 +83,9 @@ def _points(summary: Summary) -> Iterator[dict[str, object]]:
             for point in points(summary, column, cost):
                 place = "on the front" if point.on_front else "beaten"
                 count = summary["cells"][point.row][column["key"]]["count"]
-                mean_cost, quality = (Estimate(mean, None, None, count) for mean in (point.cost, point.quality))
+                mean_cost, quality = (
+                    Estimate(mean, None, None, 1, values=count) for mean in (point.cost, point.quality)
+                )
                 yield _record(f"point, {cost}", point.row, place, column["key"], mean_cost)
                 yield _record("point, value", point.row, cost, column["key"], quality)
 
@@ -101,7 +103,7 @@ def _steps(summary: Summary, report: CostReport) -> Iterator[dict[str, object]]:
 def _record(what: str, row: str, versus: str, column: str, value: Estimate) -> dict[str, object]:
     return {
         "what": what, "row": row, "versus": versus, "column": column, "value": value.mean, "low": value.low,
-        "high": value.high, "count": value.count,
+        "high": value.high, "over": value.over, "units": value.units, "count": value.values,
     }  # fmt: skip
 
 
@@ -139,11 +141,11 @@ def ladder_csv(report: LadderReport) -> str:
 
 
 def order_csv(report: OrderReport) -> str:
-    """One record per column: tau with the ends of its interval, and the pairs of rows in the other order."""
+    """One record per column: tau with its bounds, and the pairs of rows that are resolved in either order."""
     records = [
         {
-            "column": order.column["key"], "methods": order.methods, "pairs": order.pairs, "tau": order.tau,
-            "tau_low": order.low, "tau_high": order.high, "by_chance": order.by_chance,
+            "column": order.column["key"], "methods": order.methods, "tau": order.tau, "tau_low": order.low,
+            "tau_high": order.high, "by_chance": order.by_chance, "confirmed": order.confirmed,
             "reversed": "; ".join(f"{each.better} > {each.worse}" for each in order.reversals) or None,
         }
         for order in report.orders

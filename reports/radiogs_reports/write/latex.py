@@ -1,10 +1,12 @@
-"""What every LaTeX report shares: the preamble, escapes, symbols, rank colours, notes, and boxes that fit the page."""
+"""What every LaTeX report shares: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
 
-from ..summary import RowSummary
+from collections.abc import Mapping, Sequence
+
+from ..summary import RowSummary, Verdict
 from ..wording import SYMBOL
 
-RANK_COLOURS = {1: "FF9999", 2: "FFD7D7", 3: "FFFFC7"}
-"""First, second and third, as in the paper's tables."""
+COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
+"""Blue and orange, which people tell apart who do not see red and green."""
 
 ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$", "zero": r"$\to 0$"}
 
@@ -103,9 +105,18 @@ def row_label(row: RowSummary) -> str:
     return row["latex"] or escape(row["text"])
 
 
-def rank_colour(rank: int | None) -> str:
-    """The cell colour of a rank; empty below the third."""
-    return rf"\cellcolor[HTML]{{{RANK_COLOURS[rank]}}}" if rank in RANK_COLOURS else ""
+def colour_of(verdict: Verdict | None) -> str:
+    """The cell colour of a value that is resolved to be better or worse than the reference row's; else empty."""
+    return "" if verdict is None else rf"\cellcolor[HTML]{{{COLOURS[verdict]}}}"
+
+
+def legend(sentences: Sequence[str]) -> list[str]:
+    """What stands below a table, a paragraph each; the colours are shown in front."""
+    swatches = " ".join(rf"\colorbox[HTML]{{{code}}}{{{verdict}}}" for verdict, code in COLOURS.items())
+    first = [rf"{swatches} "] + [""] * max(0, len(sentences) - 1)
+    return [
+        rf"\par\smallskip\footnotesize {shown}{as_formula(each)}" for shown, each in zip(first, sentences, strict=False)
+    ]
 
 
 def note_mark(index: int) -> str:

@@ -2,8 +2,9 @@
 
 import pandas as pd
 
+from ..analysis.legend import paper_legend, verdict_of, without_marked
 from ..summary import PaperColumn, PaperTable, PaperValue, Summary
-from .latex import ARROWS, LEFT, as_formula, escape, note_mark, rank_colour
+from .latex import ARROWS, LEFT, as_formula, colour_of, escape, legend, note_mark
 from .markdown import table_head, table_line
 from .notes import note_index
 from .numbers import SETUP, Entry, Group, Line, over, tabulars
@@ -16,14 +17,9 @@ from .paper_reading import (
     heading,
     is_beside,
     measured,
-    measured_ranks,
-    published_ranks,
     row_label,
 )
 from .records import difference_fields
-
-Ranks = dict[str, dict[str, int]]
-"""By column, then row."""
 
 PLUS_MINUS = "±"
 
@@ -37,15 +33,12 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     """
     notes: list[str] = []
     below = as_formula(caption(table, summary))
-    table = as_printed(table)
-    ranks = [
-        {column["key"]: ranks_of(table, column) for column in table["columns"]}
-        for ranks_of in (measured_ranks, published_ranks)
-    ]
-    groups = [Group(_row_lines(table, row, ranks, notes)) for row in table["rows"]]
+    sentences = paper_legend(table, summary)
+    table = as_printed(without_marked(table, summary))
+    groups = [Group(_row_lines(table, row, notes)) for row in table["rows"]]
     title = apart(table, summary)
     if title:
-        groups.append(Group(_apart(table, ranks[1], notes), f"{as_formula(title)}:"))
+        groups.append(Group(_apart(table, notes), f"{as_formula(title)}:"))
     lines = [
         f"% {escape(table['key'])}: made by radiogs-bench; the paper's {escape(table['label'])}",
         r"\begin{table}[tbp]",
@@ -59,7 +52,7 @@ def paper_latex(table: PaperTable, summary: Summary) -> str:
     lines += [
         rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}." for index, note in enumerate(notes)
     ]
-    return "\n".join([*lines, r"\end{table}", ""])
+    return "\n".join([*lines, *legend(sentences), r"\end{table}", ""])
 
 
 def _heads(columns: list[PaperColumn]) -> list[str]:
@@ -71,18 +64,16 @@ def _heads(columns: list[PaperColumn]) -> list[str]:
     ]
 
 
-def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes: list[str]) -> list[Line]:
+def _row_lines(table: PaperTable, row: dict[str, str], notes: list[str]) -> list[Line]:
     """Lines of measured values, of differences if there are any, and of published values."""
     upper, middle, lower = [], [], []
-    of_measured, of_published = ranks
     for column in table["columns"]:
         value = table["cells"][row["key"]][column["key"]]
         text = measured(value, column)
-        colour = rank_colour(of_measured[column["key"]].get(row["key"]))
+        colour = colour_of(verdict_of(value))
         upper.append(Entry(text, colour) if text else Entry(_missing(value["reason"] or "not measured", notes)))
         middle.append(_difference(value, column))
-        rank = of_published[column["key"]].get(row["key"])
-        lower.append(_published(value, rank, notes) if is_beside(column) else Entry())
+        lower.append(_published(value, notes) if is_beside(column) else Entry())
     lines = [Line(f"{as_formula(row_label(row))} & measured", upper)]
     if any(middle):
         lines.append(Line(r" & \scriptsize difference", middle))
@@ -91,13 +82,12 @@ def _row_lines(table: PaperTable, row: dict[str, str], ranks: list[Ranks], notes
     return lines
 
 
-def _apart(table: PaperTable, ranks: Ranks, notes: list[str]) -> list[Line]:
+def _apart(table: PaperTable, notes: list[str]) -> list[Line]:
     """Lines of published values by other conventions."""
     lines = []
     for row in table["rows"]:
         values = [
-            Entry() if is_beside(column)
-            else _published(table["cells"][row["key"]][column["key"]], ranks[column["key"]].get(row["key"]), notes)
+            Entry() if is_beside(column) else _published(table["cells"][row["key"]][column["key"]], notes)
             for column in table["columns"]
         ]  # fmt: skip
         lines.append(Line(_paper_label(row["text"], row, notes), values))
@@ -114,9 +104,9 @@ def _difference(value: PaperValue, column: PaperColumn) -> Entry:
     return Entry(number, r"\scriptsize ", rf"\scriptsize $\pm${half_width}" if sign else "") if number else Entry()
 
 
-def _published(value: PaperValue, rank: int | None, notes: list[str]) -> Entry:
+def _published(value: PaperValue, notes: list[str]) -> Entry:
     text = value["published"] or _missing(value["absent"] or "not published", notes)
-    return Entry(text, rf"{rank_colour(rank)}\color{{darkgray}}")
+    return Entry(text, r"\color{darkgray}")
 
 
 def _missing(reason: str, notes: list[str]) -> str:
@@ -156,15 +146,16 @@ def paper_markdown(table: PaperTable, summary: Summary) -> str:
     Published values by other conventions are a table of their own below.
     """
     notes: list[str] = []
-    below = caption(table, summary)
-    table = as_printed(table)
+    below = [caption(table, summary), *paper_legend(table, summary, coloured=False)]
+    table = as_printed(without_marked(table, summary))
     lines = [f"# {table['title']}", "", *table_head(["", "", *map(heading, table["columns"])])]
     for row in table["rows"]:
         upper, lower = [], []
         for column in table["columns"]:
             value = table["cells"][row["key"]][column["key"]]
             text, difference = measured(value, column), change(value, column, " ± ")
-            beside = f" ({difference})" if difference else ""
+            verdict = verdict_of(value)
+            beside = f" ({difference}{'' if verdict is None else f': {verdict}'})" if difference else ""
             upper.append(f"{text}{beside}" if text else _markdown_missing(value["reason"] or "not measured", notes))
             lower.append(_markdown_published(value, notes) if is_beside(column) else "")
         lines.append(table_line([row_label(row), "measured", *upper]))
@@ -172,7 +163,8 @@ def paper_markdown(table: PaperTable, summary: Summary) -> str:
             lines.append(table_line([row["text"] if row.get("ran") else "", f"paper{_remark(row, notes)}", *lower]))
     lines += _markdown_apart(table, apart(table, summary), notes)
     numbered = [f"{place}. {note}" for place, note in enumerate(notes, start=1)]
-    return "\n".join([*lines, "", below, "", *numbered, *([""] if numbered else [])])
+    paragraphs = [line for paragraph in below for line in (paragraph, "")]
+    return "\n".join([*lines, "", *paragraphs, *numbered, *([""] if numbered else [])])
 
 
 def _markdown_apart(table: PaperTable, title: str, notes: list[str]) -> list[str]:
@@ -204,7 +196,7 @@ def _markdown_mark(reason: str, notes: list[str]) -> str:
 
 
 def paper_csv(table: PaperTable) -> str:
-    """One record per value: row, column, mean, count, difference, interval, published value, reasons."""
+    """One record per value: row, column, mean, count, difference, its interval, rank, published value, reasons."""
     records = []
     for row in table["rows"]:
         for column in table["columns"]:
@@ -219,6 +211,8 @@ def paper_csv(table: PaperTable) -> str:
                     "mean": value["mean"],
                     "count": value["count"],
                     **difference_fields(value["difference"]),
+                    "rank": value.get("rank"),
+                    "smallest_resolved": column.get("smallest"),
                     "published": value["published"],
                     "published_by": column.get("published_by"),
                     "ran": row.get("ran") or None,

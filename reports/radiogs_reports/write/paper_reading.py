@@ -1,14 +1,10 @@
-"""What all forms of a table of the paper share: printed values, ranks, headings and the caption."""
+"""What all forms of a table of the paper share: printed values, headings and the caption."""
 
 from collections.abc import Sequence
 from itertools import groupby
 
-from ..analysis.ranks import printed_ranks
 from ..summary import PaperColumn, PaperTable, PaperValue, Summary, half_width
 from ..wording import ARROWS, count_of, plus_minus, signed
-
-LAST_RANK = 3
-"""The paper colours the first three."""
 
 
 def measured(value: PaperValue, column: PaperColumn) -> str | None:
@@ -26,24 +22,6 @@ def change(value: PaperValue, column: PaperColumn, sign: str) -> str:
     if difference is None:
         return ""
     return plus_minus(signed(difference["mean"], decimals), half_width(difference), decimals, sign)
-
-
-def measured_ranks(table: PaperTable, column: PaperColumn) -> dict[str, int]:
-    """First to third of the measured values by row, where paired intervals tell the rows apart."""
-    ranks = {row: cells[column["key"]].get("rank") for row, cells in table["cells"].items()}
-    return {row: rank for row, rank in ranks.items() if rank is not None and rank <= LAST_RANK}
-
-
-def published_ranks(table: PaperTable, column: PaperColumn) -> dict[str, int]:
-    """First to third of the published values by row. Empty for a single row and for columns without a direction."""
-    direction = column["direction"]
-    if direction == "none":
-        return {}
-    texts = {row: cells[column["key"]]["published"] for row, cells in table["cells"].items()}
-    printed = {row: float(text) for row, text in texts.items() if text is not None}
-    if len(printed) < 2:
-        return {}
-    return {row: rank for row, rank in printed_ranks(printed, direction).items() if rank <= LAST_RANK}
 
 
 def heading(column: PaperColumn) -> str:
@@ -80,21 +58,17 @@ def groups_of(columns: Sequence[PaperColumn]) -> list[tuple[str, int]]:
 
 
 def caption(table: PaperTable, summary: Summary) -> str:
-    """Data, seeds, protocol, interval, and the source of published values; plain text."""
+    """Data, seeds, protocol, and the source of published values; plain text."""
     seeds, scenes = summary["seeds"], summary["scenes"]
-    values = [value for row in table["cells"].values() for value in row.values()]
-    pairs = max(value["count"] for value in values)
     text = (
         f"{table['title']}. Measured: mean over {count_of(len(scenes), 'scene')} ({', '.join(scenes)}) and"
         f" {count_of(len(seeds), 'seed')} ({', '.join(map(str, seeds))}), preset {summary['preset']}, metric protocol"
         f" {summary['protocol']}."
     )
     reference = next((row["text"] for row in table["rows"] if row["key"] == table["reference"]), None)
-    if reference is not None and any(value["difference"] for value in values):
+    differences = [value["difference"] for row in table["cells"].values() for value in row.values()]
+    if reference is not None and any(differences):
         text += f" Below it: paired difference to {reference}"
-        text += (
-            f" and half-width of its 95 % t interval over {pairs} pairs of scene and seed."
-            if pairs > 1
-            else "; one pair of scene and seed gives no interval."
-        )
+        several = any(each is not None and each["low"] is not None for each in differences)
+        text += " and half-width of its 95 % t interval." if several else "; a single seed gives no interval."
     return f"{text} Paper: as published, {table['data']}."

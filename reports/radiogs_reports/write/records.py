@@ -4,13 +4,11 @@ from ..statistics import Estimate
 from ..summary import Interval
 
 
-def difference_fields(interval: Interval | None) -> dict[str, float | None]:
-    """A paired difference and the ends of its interval; None where there is none."""
-    if interval is None:
-        return {"difference": None, "difference_low": None, "difference_high": None}
-    return {
-        "difference": interval["mean"], "difference_low": interval["low"], "difference_high": interval["high"],
-    }  # fmt: skip
+def difference_fields(interval: Interval | None) -> dict[str, float | str | None]:
+    """A paired difference, the ends of its interval, what that counts, and whether it is resolved; None without one."""
+    names = {"mean": "difference", "low": "difference_low", "high": "difference_high", "over": "over", "units": "units",
+             "p_value": "p_value", "verdict": "resolved"}  # fmt: skip
+    return {field: None if interval is None else interval[name] for name, field in names.items()}  # type: ignore[literal-required]
 
 
 def estimate_fields(name: str, estimate: Estimate | None) -> dict[str, float | None]:

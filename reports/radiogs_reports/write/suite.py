@@ -2,13 +2,13 @@
 
 import pandas as pd
 
-from ..analysis.ranks import suite_ranks
+from ..analysis.legend import shown_verdict, suite_legend
 from ..doubts import footnotes, marks, remarks, texts_of
-from ..summary import CellSummary, ColumnSummary, RowSummary, Summary, half_width, row_texts
+from ..summary import CellSummary, ColumnSummary, RowSummary, Summary, Verdict, half_width, row_texts
 from ..summary import beside as published_beside
 from ..wording import heading, signed
 from .caption import run_note, unfinished
-from .latex import ARROWS, END, LEFT, PREAMBLE, escape, note_mark, rank_colour, row_label
+from .latex import ARROWS, END, LEFT, PREAMBLE, colour_of, escape, legend, note_mark, row_label
 from .markdown import table_head, table_line
 from .notes import note_index
 from .numbers import SETUP, Entry, Group, Line, over, tabulars
@@ -28,8 +28,7 @@ def suite_latex(summary: Summary) -> str:
     to be said of values and methods follows the table as text.
     """
     notes: list[str] = []
-    ranks = {column["key"]: suite_ranks(summary, column) for column in summary["columns"]}
-    groups = [_group(summary, row, ranks, notes) for row in summary["rows"]]
+    groups = [_group(summary, row, notes) for row in summary["rows"]]
     lines = [
         f"% {escape(summary['suite'])}: made by radiogs-bench from the results {', '.join(summary['keys'])}",
         r"\begin{table}[tbp]",
@@ -41,6 +40,7 @@ def suite_latex(summary: Summary) -> str:
         LEFT,
     ]
     lines += [rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}" for index, note in enumerate(notes)]
+    lines += legend(suite_legend(summary))
     return "\n".join([*lines, r"\end{table}", *_beside(summary), ""])
 
 
@@ -65,7 +65,7 @@ def _heads(summary: Summary, part: slice) -> list[str]:
     return [rf"{' & '.join([label, *map(over, texts[part])])} \\" for label, texts in lines]
 
 
-def _group(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], notes: list[str]) -> Group:
+def _group(summary: Summary, row: RowSummary, notes: list[str]) -> Group:
     """A line of means with published values behind them, and one of differences with the half-widths of intervals."""
     means, differences = [], []
     for column in summary["columns"]:
@@ -73,17 +73,18 @@ def _group(summary: Summary, row: RowSummary, ranks: dict[str, dict[str, int]], 
         published = published_beside(summary, row["key"], column)
         beside = "" if published is None else rf"\textcolor{{gray}}{{({published:.{column['decimals']}f})}}"
         behind = escape(marks(summary, row["key"], column["key"])) + beside
-        means.append(_mean(cell, column, ranks[column["key"]].get(row["key"]), notes)._replace(behind=behind))
+        verdict = shown_verdict(summary, row["key"], column["key"], cell["difference"])
+        means.append(_mean(cell, column, verdict, notes)._replace(behind=behind))
         differences.append(_difference(cell, column))
     seconds = Entry() if row["seconds"] is None else Entry(f"{row['seconds']:.0f}")
     lines = [Line(row_label(row), [*means, seconds]), Line("", [*differences, Entry()])]
     return Group([line for line in lines if any(line.entries)])
 
 
-def _mean(cell: CellSummary, column: ColumnSummary, rank: int | None, notes: list[str]) -> Entry:
+def _mean(cell: CellSummary, column: ColumnSummary, verdict: Verdict | None, notes: list[str]) -> Entry:
     if cell["mean"] is None:
         return Entry(f"n/a{note_mark(note_index(notes, cell['reason'] or 'not measured'))}")
-    return Entry(f"{cell['mean']:.{column['decimals']}f}", rank_colour(rank))
+    return Entry(f"{cell['mean']:.{column['decimals']}f}", colour_of(verdict))
 
 
 def _difference(cell: CellSummary, column: ColumnSummary) -> Entry:
@@ -102,9 +103,6 @@ def _caption(summary: Summary) -> str:
         if reference
         else ""
     )
-    ranked = (
-        " First to third in colour; rows that paired intervals do not tell apart share a rank." if reference else ""
-    )
     seeds, scenes = len(summary["seeds"]), ", ".join(summary["scenes"])
     published = (
         f" In grey: published ({escape(summary['published_data'])})."
@@ -118,7 +116,7 @@ def _caption(summary: Summary) -> str:
     return (
         f"{escape(summary['title'])}. Mean over {seeds} seed{'' if seeds == 1 else 's'} on {escape(scenes)}; preset"
         f" {escape(summary['preset'])}; metric protocol {escape(summary['protocol'])}.{unfinished(summary)}"
-        f"{differences}{published}{ranked}"
+        f"{differences}{published}"
     )
 
 
@@ -128,17 +126,19 @@ def suite_markdown(summary: Summary) -> str:
     heads = ["", *map(heading, summary["columns"]), *(f"paper: {heading(column)}" for column in published), "s"]
     lines = [f"# {summary['title']}", "", *table_head(heads)]
     for row in summary["rows"]:
-        values = [
-            measured(summary["cells"][row["key"]][c["key"]], c["decimals"], marks(summary, row["key"], c["key"]))
-            for c in summary["columns"]
-        ]
+        values = [measured(summary, row["key"], column) for column in summary["columns"]]
         beside = [
             f"{value:.{c['decimals']}f}" if (value := published_beside(summary, row["key"], c)) else ""
             for c in published
         ]
         seconds = "" if row["seconds"] is None else f"{row['seconds']:.0f}"
         lines.append(table_line([row["text"], *values, *beside, seconds]))
-    below = [f"{_brackets(summary)}{run_note(summary)}", *footnotes(summary), *remarks(summary)]
+    below = [
+        f"{_brackets(summary)}{run_note(summary)}",
+        *suite_legend(summary, coloured=False),
+        *footnotes(summary),
+        *remarks(summary),
+    ]
     return "\n".join([*lines, *(line for paragraph in below for line in ("", paragraph)), ""])
 
 
@@ -154,22 +154,24 @@ def _brackets(summary: Summary) -> str:
     return f"In brackets: paired difference to '{row_texts(summary)[reference]}', with its 95 % t interval. "
 
 
-def measured(cell: CellSummary, decimals: int, mark: str = "") -> str:
-    """The mean with the marks of its footnotes, and the paired difference with the ends of its interval."""
+def measured(summary: Summary, row: str, column: ColumnSummary) -> str:
+    """The mean with the marks of its footnotes, and the paired difference with its interval and verdict."""
+    cell, decimals = summary["cells"][row][column["key"]], column["decimals"]
     if cell["mean"] is None:
         return f"n/a ({cell['reason']})"
-    text = f"{cell['mean']:.{decimals}f}{mark}"
+    text = f"{cell['mean']:.{decimals}f}{marks(summary, row, column['key'])}"
     difference = cell["difference"]
     if difference is None:
         return text
     if difference["low"] is None or difference["high"] is None:
         return f"{text} ({signed(difference['mean'], decimals)})"
     middle, low, high = (signed(end, decimals) for end in (difference["mean"], difference["low"], difference["high"]))
-    return f"{text} ({middle}, {low} to {high})"
+    verdict = shown_verdict(summary, row, column["key"], difference)
+    return f"{text} ({middle}, {low} to {high}{'' if verdict is None else f': {verdict}'})"
 
 
 def suite_csv(summary: Summary) -> str:
-    """One record per value: row, column, mean, count, difference, interval, published value, reason, doubt."""
+    """One record per value: the mean, its difference, interval, rank, published value, reason and doubt."""
     records = []
     for row in summary["rows"]:
         for column in summary["columns"]:
@@ -183,6 +185,8 @@ def suite_csv(summary: Summary) -> str:
                     "mean": cell["mean"],
                     "count": cell["count"],
                     **difference_fields(cell["difference"]),
+                    "rank": cell.get("rank"),
+                    "smallest_resolved": column.get("smallest"),
                     "published": summary["published"].get(row["key"], {}).get(column["key"]),
                     "published_by": column.get("published_by"),
                     "reason": cell["reason"],

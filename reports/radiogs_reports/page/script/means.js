@@ -1,6 +1,6 @@
 // The suite's table and that of cells follow the selection: means over the ticked cells, without what needs all of them.
 (() => {
-  const { data, mean, numbers } = shared;
+  const { data, meanOf } = shared;
   const table = document.querySelector('table[data-name="means"]');
   const cells = document.querySelector('table[data-name="cells"]');
   const runs = new Map(data.runs.map((run) => [run.key, run]));
@@ -42,8 +42,8 @@
       line.hidden = !rows(row);
       if (whole) continue;
       const held = data.runs.filter((run) => run.row === row && holds(run));
-      data.table.forEach((column, place) => put(line.cells[place + 1], mean(numbers(held.map((run) => run.metrics[column.key]))), column));
-      put(line.cells[data.table.length + 1], mean(numbers(held.map(spent))), { decimals: 1 });
+      data.table.forEach((column, place) => put(line.cells[place + 1], meanOf(held, (run) => run.metrics[column.key]), column));
+      put(line.cells[data.table.length + 1], meanOf(held, spent), { decimals: 1 });
     }
   }
 

@@ -1,6 +1,6 @@
 // Quality against cost: rows as large marks with intervals and the Pareto front, cells as small marks; hover or arrow keys.
 (() => {
-  const { data, fill, colour, colourOf, hollow, legend, mean, numbers } = shared;
+  const { data, fill, colour, colourOf, hollow, legend, meanOf } = shared;
   const box = document.getElementById("scatter");
   if (!box) return; // nothing was trained
   const said = document.getElementById("scatter-said");
@@ -18,7 +18,7 @@
   function partial(column, cost, holds) { // means of the ticked cells, which have neither interval nor front
     return data.rows.flatMap((row) => {
       const held = data.runs.filter((run) => run.row === row.key && holds(run));
-      const [quality, spent] = [held.map((run) => run.metrics[column.key]), held.map((run) => run.cost[cost])].map((each) => mean(numbers(each)));
+      const [quality, spent] = [meanOf(held, (run) => run.metrics[column.key]), meanOf(held, (run) => run.cost[cost])];
       return quality === null || spent === null ? [] : [{ row: row.key, cost: spent, quality, half_width: null, on_front: false }];
     });
   }

@@ -55,10 +55,20 @@ const shared = (() => {
   }
 
   const mean = (values) => (values.length ? values.reduce((sum, each) => sum + each, 0) / values.length : null);
+  function grouped(items, key) {
+    const groups = new Map();
+    for (const item of items) groups.set(key(item), [...(groups.get(key(item)) ?? []), item]);
+    return [...groups.values()];
+  }
+  function meanOf(runs, value) { // over kinds of scenes, of means over their scenes, of means over those' seeds
+    const known = runs.filter((run) => typeof value(run) === "number");
+    const overScenes = (held) => mean(grouped(held, (run) => run.scene).map((own) => mean(own.map(value))));
+    return mean(grouped(known, (run) => data.kinds[run.scene] ?? "").map(overScenes));
+  }
   const numbers = (values) => values.filter((each) => typeof each === "number");
 
   return {
-    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, drawnAnew, mean, numbers,
+    data, texts, element, fill, colour, colourOf, hollow, nameOf, legend, drawnAnew, mean, meanOf, numbers,
     selection: () => selection,
     select(chosen) {
       selection = chosen ?? ALL;

@@ -1,0 +1,108 @@
+"""Which rows of a column differ: paired t tests, corrected by Holm for how many the column has.
+
+Where rows do not differ, a column has a false difference in at most 5 % of cases, however many rows there are (Holm, "A
+simple sequentially rejective multiple test procedure", 1979).
+"""
+
+from collections.abc import Hashable, Mapping
+from itertools import combinations
+from typing import Literal, NamedTuple, TypeVar
+
+from ..statistics import CONFIDENCE, Estimate, Level, Sample, differences, paired_difference, spread
+from ..summary import Verdict
+
+Direction = Literal["up", "down", "zero"]
+
+Key = TypeVar("Key", bound=Hashable)
+
+ERROR_RATE = 1 - CONFIDENCE
+"""How often a column of rows that do not differ has a false difference, at most."""
+
+
+class Comparison(NamedTuple):
+    """A row beside the reference row: the difference of their values, and whether it is resolved to be better.
+
+    ``parts``: standard deviations of the difference by level. ``p_value``: of no gain, after the correction; None for a
+    single unit.
+    """
+
+    difference: Estimate
+    parts: dict[Level, float]
+    p_value: float | None
+    verdict: Verdict | None
+    """None where the two rows are not told apart, and in columns in which neither more nor less is better."""
+
+
+def holm(p_values: Mapping[Key, float]) -> dict[Key, float]:
+    """P values of one family, adjusted: each is compared with the error rate of the whole family."""
+    adjusted, highest = {}, 0.0
+    for place, key in enumerate(sorted(p_values, key=lambda each: p_values[each])):
+        highest = max(highest, (len(p_values) - place) * p_values[key])
+        adjusted[key] = min(1.0, highest)
+    return adjusted
+
+
+def to_reference(
+    samples: Mapping[str, Sample], reference: str, direction: Direction | Literal["none"]
+) -> dict[str, Comparison]:
+    """Every other row that shares a scene and seed with the reference row, compared with it."""
+    others = {row: sample for row, sample in samples.items() if row != reference}
+    found, gains = {}, {}
+    for row, sample in others.items():
+        difference = paired_difference(sample, samples[reference])
+        if difference is not None:
+            found[row] = difference
+            gains[row] = difference if direction == "none" else _gain(sample, samples[reference], direction)
+    adjusted = holm({row: gain.p_value for row, gain in gains.items() if gain.p_value is not None})
+    return {
+        row: Comparison(
+            difference,
+            spread(differences(others[row], samples[reference])),
+            adjusted.get(row),
+            _verdict(gains[row], adjusted.get(row), direction),
+        )
+        for row, difference in found.items()
+    }
+
+
+def _gain(sample: Sample, reference: Sample, direction: Direction) -> Estimate:
+    gain = paired_difference(upwards(sample, direction), upwards(reference, direction))
+    assert gain is not None
+    return gain
+
+
+def _verdict(gain: Estimate, p_value: float | None, direction: Direction | Literal["none"]) -> Verdict | None:
+    if direction == "none" or p_value is None or p_value > ERROR_RATE:
+        return None
+    return "better" if gain.mean > 0 else "worse"
+
+
+def upwards(sample: Sample, direction: Direction) -> Sample:
+    """The values with the sign that makes larger ones better."""
+    if direction == "up":
+        return sample
+    return {origin: -abs(value) if direction == "zero" else -value for origin, value in sample.items()}
+
+
+def beaten(samples: Mapping[str, Sample], direction: Direction) -> dict[str, set[str]] | None:
+    """By row, the rows that are resolved to be worse than it, over all pairs of rows; None if no pair can be tested."""
+    upward = {row: upwards(sample, direction) for row, sample in samples.items() if sample}
+    pairs = {pair: paired_difference(upward[pair[0]], upward[pair[1]]) for pair in combinations(upward, 2)}
+    tested = {pair: gain for pair, gain in pairs.items() if gain is not None and gain.p_value is not None}
+    if not tested:
+        return None
+    adjusted = holm({pair: gain.p_value for pair, gain in tested.items() if gain.p_value is not None})
+    found: dict[str, set[str]] = {row: set() for row in upward}
+    for (one, other), gain in tested.items():
+        if adjusted[one, other] <= ERROR_RATE:
+            better, worse = (one, other) if gain.mean > 0 else (other, one)
+            found[better].add(worse)
+    return found
+
+
+def ranks(samples: Mapping[str, Sample], direction: Direction) -> dict[str, int]:
+    """One more than the number of rows that are resolved to be better, by row; empty if no two rows can be tested."""
+    found = beaten(samples, direction)
+    if found is None:
+        return {}
+    return {row: 1 + sum(row in worse for worse in found.values()) for row in found}

@@ -1,0 +1,132 @@
+"""The smallest difference that a table could have shown, and how many scenes or seeds another one needs."""
+
+import math
+from collections.abc import Mapping
+from functools import cache
+from statistics import median
+from typing import NamedTuple
+
+from scipy.special import nctdtr, stdtrit
+
+from ..statistics import Estimate, Level
+from ..summary import ColumnSummary, Summary
+from .comparisons import ERROR_RATE, Comparison
+
+POWER = 0.8
+"""How often a difference of the stated size is resolved."""
+
+LEVELS: tuple[Level, ...] = ("kinds", "scenes", "seeds")
+
+MOST = 1_000
+"""Scenes or seeds beyond which nobody would run them."""
+
+
+def smallest_of(difference: Estimate, comparisons: int) -> float | None:
+    """The smallest true difference that a row with this spread resolves in four of five runs like this one.
+
+    ``comparisons``: rows of its column that are compared with the reference row; Holm's correction is taken at its
+    strictest. None for a single unit.
+    """
+    if difference.deviation is None:
+        return None
+    return shift(difference.units, comparisons) * difference.deviation / math.sqrt(difference.units)
+
+
+def smallest_difference(compared: Mapping[str, Comparison]) -> float | None:
+    """``smallest_of`` a typical row of a column: the median over its rows; None where no row has several units."""
+    found = [smallest_of(each.difference, len(compared)) for each in compared.values()]
+    known = [each for each in found if each is not None]
+    return median(known) if known else None
+
+
+@cache
+def shift(units: int, comparisons: int) -> float:
+    """The true difference, in standard errors, that a t test over so many units resolves in four of five runs.
+
+    The test is two-sided at the error rate over the number of comparisons. Found by bisection over the distribution
+    function of the non-central t distribution; the chance of the wrong sign is left out.
+    """
+    freedom = units - 1
+    critical = float(stdtrit(freedom, 1 - ERROR_RATE / comparisons / 2))
+    low, high = 0.0, 2.0
+    while nctdtr(freedom, high, critical) > 1 - POWER:
+        low, high = high, 2 * high
+    for _ in range(60):
+        middle = (low + high) / 2
+        low, high = (middle, high) if nctdtr(freedom, middle, critical) > 1 - POWER else (low, middle)
+    return high
+
+
+class Plan(NamedTuple):
+    """How many kinds of scenes, scenes of each kind, and seeds of each scene are run."""
+
+    kinds: int
+    scenes: int
+    seeds: int
+
+    def units(self) -> tuple[Level, int]:
+        """What the units of an interval are, and how many."""
+        if self.kinds > 1:
+            return "kinds", self.kinds
+        return ("scenes", self.scenes) if self.scenes > 1 else ("seeds", self.seeds)
+
+
+def expected_difference(plan: Plan, parts: Mapping[Level, float], comparisons: int) -> float | None:
+    """``smallest_difference`` of a plan, given the standard deviations of a difference (``statistics.spread``).
+
+    A part that is not known lies in that of the level above. None for a single unit, or if the units' part is unknown.
+    """
+    over, units = plan.units()
+    if units < 2 or over not in parts:
+        return None
+    variance, count = 0.0, 1
+    for level in LEVELS[LEVELS.index(over) :]:
+        count *= getattr(plan, level)
+        variance += parts.get(level, 0.0) ** 2 / count
+    return shift(units, comparisons) * math.sqrt(variance)
+
+
+def needed(wanted: float, plan: Plan, parts: Mapping[Level, float], comparisons: int, more: Level) -> int | None:
+    """How many scenes (of each kind) or seeds resolve a wanted difference, all else as in the plan.
+
+    None where ``MOST`` would not do, or the parts that it takes are not known.
+    """
+    for count in range(1, MOST + 1):
+        found = expected_difference(plan._replace(**{more: count}), parts, comparisons)
+        if found is not None and found <= wanted:
+            return count
+    return None
+
+
+class Planned(NamedTuple):
+    """A column of a planned run: the smallest difference that it would resolve, and how many units a wanted one needs.
+
+    ``scenes``: scenes of each kind, at the plan's seeds. ``seeds``: of each scene, at the plan's scenes. None where the
+    stored spread does not tell, or ``MOST`` would not do.
+    """
+
+    column: ColumnSummary
+    smallest: float | None
+    wanted: float | None
+    scenes: int | None
+    seeds: int | None
+
+
+def planned(summary: Summary, plan: Plan, wanted: Mapping[str, float]) -> list[Planned]:
+    """What a plan could show in each column, by the spread of the differences that a summary holds.
+
+    ``wanted``: differences by column. A part of the spread is the median over the rows.
+    """
+    found = []
+    for column in summary["columns"]:
+        cells = (summary["cells"][row["key"]][column["key"]] for row in summary["rows"])
+        spreads = [each["difference"]["spread"] for each in cells if each["difference"] is not None]
+        parts = {level: median(known) for level in LEVELS if (known := [s[level] for s in spreads if level in s])}
+        size = wanted.get(column["key"])
+        scenes, seeds = (
+            None if size is None or not spreads else needed(size, plan, parts, len(spreads), level)
+            for level in ("scenes", "seeds")
+        )
+        smallest = expected_difference(plan, parts, len(spreads)) if spreads else None
+        found.append(Planned(column, smallest, size, scenes, seeds))
+    return found

@@ -1,0 +1,164 @@
+"""Which rows of a column are told apart, how often falsely, and what a table could have shown."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from made_up_run import summary
+from radiogs_reports.analysis.comparisons import Direction, beaten, holm, ranks, to_reference
+from radiogs_reports.analysis.power import (
+    Plan,
+    expected_difference,
+    needed,
+    planned,
+    shift,
+    smallest_difference,
+)
+from radiogs_reports.statistics import Level, Origin, Sample, paired_difference, spread
+
+
+def seeds(*values: float) -> Sample:
+    return {Origin("ball", seed): value for seed, value in enumerate(values)}
+
+
+LEVELS = (30.0, 33.0, 36.0)
+"""By seed: far apart, so that only pairs resolve a decibel."""
+
+
+def shifted(*by: float) -> Sample:
+    return seeds(*(level + each for level, each in zip(LEVELS, by, strict=True)))
+
+
+def test_holm_compares_the_smallest_with_all_and_the_largest_with_itself() -> None:
+    assert holm({"a": 0.01, "b": 0.04, "c": 0.03}) == {"a": 0.03, "c": 0.06, "b": 0.06}
+    assert holm({"a": 0.6, "b": 0.9}) == {"a": 1.0, "b": 1.0}
+
+
+def test_a_difference_that_one_row_resolves_is_lost_among_many_rows() -> None:
+    ours = shifted(0, 0, 0)
+    close, noise = shifted(-1.0, -1.3, -0.8), shifted(1.0, -1.0, 0.3)
+    alone = to_reference({"ours": ours, "row": close}, "ours", "up")
+    assert alone["row"].verdict == "worse"
+    many = {"ours": ours, "row": close} | {f"other{place}": noise for place in range(9)}
+    assert to_reference(many, "ours", "up")["row"].verdict is None
+
+
+@pytest.mark.parametrize(("direction", "expected"), [("up", "worse"), ("down", "better"), ("zero", "better")])
+def test_verdicts_follow_the_direction_of_better_values(direction: Direction, expected: str) -> None:
+    found = to_reference({"ours": shifted(0, 0, 0), "row": shifted(-1.0, -1.1, -0.9)}, "ours", direction)
+    assert found["row"].verdict == expected
+    assert found["row"].difference.mean == pytest.approx(-1.0)
+
+
+def test_columns_without_a_direction_have_no_verdict() -> None:
+    found = to_reference({"ours": shifted(0, 0, 0), "row": shifted(-1.0, -1.1, -0.9)}, "ours", "none")
+    assert found["row"].verdict is None
+    assert found["row"].p_value is not None
+
+
+def test_a_row_ranks_behind_the_rows_that_are_resolved_to_be_better() -> None:
+    rows = {"best": shifted(0.1, 0.0, 0.0), "close": shifted(-0.2, 0.1, 0.0), "worse": shifted(-9.0, -9.1, -8.9)}
+    assert ranks(rows, "up") == {"best": 1, "close": 1, "worse": 3}
+    turned = {row: {origin: -value for origin, value in sample.items()} for row, sample in rows.items()}
+    assert ranks(turned, "down") == {"best": 1, "close": 1, "worse": 3}
+    assert beaten(rows, "up") == {"best": {"worse"}, "close": {"worse"}, "worse": set()}
+
+
+def test_magnitudes_count_where_zero_is_best() -> None:
+    assert ranks({"low": seeds(-3.0, -3.1, -2.9), "high": seeds(1.0, 1.1, 0.9)}, "zero") == {"high": 1, "low": 2}
+
+
+def test_one_unit_resolves_nothing() -> None:
+    assert ranks({"a": seeds(30.0), "b": seeds(10.0)}, "up") == {}
+    assert ranks({"a": seeds(30.0, 31.0), "none": {}}, "up") == {}
+
+
+@pytest.mark.parametrize(("units", "comparisons"), [(2, 1), (4, 1), (4, 6), (12, 10)])
+def test_a_difference_of_the_smallest_size_is_resolved_in_four_of_five_runs(units: int, comparisons: int) -> None:
+    rng = np.random.default_rng(units)
+    drawn = rng.normal(shift(units, comparisons) / np.sqrt(units), 1.0, (20_000, units))
+    p_values = stats.ttest_1samp(drawn, 0.0, axis=1).pvalue
+    assert np.mean(p_values <= 0.05 / comparisons) == pytest.approx(0.8, abs=0.012)
+
+
+def column(rng: np.random.Generator, plan: Plan, parts: Mapping[Level, float], rows: int) -> dict[str, Sample]:
+    """A reference row of zeros and others that differ from it by nothing but the parts of the spread."""
+    origins = [
+        Origin(f"{kind}-{scene}", seed, str(kind))
+        for kind in range(plan.kinds) for scene in range(plan.scenes) for seed in range(plan.seeds)
+    ]  # fmt: skip
+    samples: dict[str, Sample] = {"ours": dict.fromkeys(origins, 0.0)}
+    for row in range(rows):
+        kinds = rng.normal(0, parts["kinds"], plan.kinds)
+        scenes = rng.normal(0, parts["scenes"], (plan.kinds, plan.scenes))
+        samples[str(row)] = {
+            origin: float(
+                kinds[int(origin.kind)]
+                + scenes[int(origin.kind), int(origin.scene.partition("-")[2])]
+                + rng.normal(0, parts["seeds"])
+            )
+            for origin in origins
+        }
+    return samples
+
+
+PARTS: dict[Level, float] = {"kinds": 0.0, "scenes": 1.0, "seeds": 0.5}
+
+
+def test_a_plan_predicts_the_smallest_difference_of_its_runs() -> None:
+    rng, plan = np.random.default_rng(5), Plan(1, 5, 3)
+    squares = []
+    for _ in range(300):
+        compared = to_reference(column(rng, plan, PARTS, rows=1), "ours", "up")
+        size = smallest_difference(compared)
+        assert size is not None
+        squares.append(size**2)
+    assert np.sqrt(np.mean(squares)) == pytest.approx(expected_difference(plan, PARTS, 1), rel=0.1)
+
+
+def test_more_scenes_resolve_what_more_seeds_cannot() -> None:
+    plan = Plan(1, 4, 3)
+    now = expected_difference(plan, PARTS, 5)
+    assert now is not None
+    scenes = needed(now / 2, plan, PARTS, 5, "scenes")
+    assert scenes is not None
+    assert scenes > 4
+    assert expected_difference(plan._replace(scenes=scenes), PARTS, 5) <= now / 2  # type: ignore[operator]
+    assert expected_difference(plan._replace(scenes=scenes - 1), PARTS, 5) > now / 2  # type: ignore[operator]
+    assert needed(now / 2, plan, PARTS, 5, "seeds") is None
+
+
+def test_a_plan_is_silent_where_the_stored_spread_is() -> None:
+    assert expected_difference(Plan(1, 1, 1), PARTS, 2) is None
+    assert expected_difference(Plan(1, 4, 1), {"seeds": 1.0}, 2) is None
+    assert expected_difference(Plan(3, 4, 1), {"scenes": 1.0}, 2) is None
+    assert smallest_difference({}) is None
+
+
+def test_the_smallest_difference_is_of_the_typical_row() -> None:
+    rows = {
+        "ours": shifted(0, 0, 0),
+        "calm": shifted(0.1, 0, 0.1),
+        "typical": shifted(1, 0, 1),
+        "wild": shifted(9, 0, 9),
+    }
+    compared = to_reference(rows, "ours", "up")
+    typical = paired_difference(rows["typical"], rows["ours"])
+    assert typical is not None
+    assert typical.deviation is not None
+    assert smallest_difference(compared) == pytest.approx(shift(3, 3) * typical.deviation / np.sqrt(3))
+
+
+def test_a_plan_reads_the_spread_of_a_stored_summary() -> None:
+    made = summary()
+    key = made["columns"][0]["key"]
+    interval = made["cells"]["no-rad"][key]["difference"]
+    assert interval is not None
+    interval["spread"] = spread({Origin("a", 0): 0.0, Origin("a", 1): 1.0, Origin("b", 0): 2.0, Origin("b", 1): 5.0})
+    found = next(each for each in planned(made, Plan(1, 3, 2), {key: 2.0}) if each.column["key"] == key)
+    assert found.smallest == expected_difference(Plan(1, 3, 2), interval["spread"], 1)
+    assert found.scenes == needed(2.0, Plan(1, 3, 2), interval["spread"], 1, "scenes")
+    others = [each for each in planned(made, Plan(1, 3, 2), {}) if each.column["key"] != key]
+    assert all(each.wanted is None for each in others)
