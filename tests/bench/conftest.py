@@ -1,6 +1,6 @@
 """The command line with the fake method in place of RadioGS."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -11,7 +11,20 @@ from radiogs_bench.methods import substitutes
 from radiogs_bench.runs import preflight, train
 from radiogs_bench.runs.engines import run as sweeping
 from radiogs_bench.suites import scenes
+from radiogs_reports import run_folder
 from scenes import sphere_scene
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _without_figures(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Reports without figures, which take most of their time and have tests of their own in tests/reports.
+
+    A module that looks at them sets WITH_FIGURES.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        if not getattr(request.module, "WITH_FIGURES", False):
+            patch.setattr(run_folder, "write_figures", lambda summary, out: [])
+        yield
 
 
 @pytest.fixture

@@ -26,6 +26,8 @@ from radiogs_bench.suites.paper import ABLATIONS
 from radiogs_bench.suites.suite import Suite
 from radiogs_datasets import load_scene
 
+WITH_FIGURES = True
+
 
 def finished(folder: Path, suite: Suite = ABLATIONS) -> Sweep:
     sweep, request = FakeSweep(folder), asked(1, suite)

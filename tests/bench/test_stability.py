@@ -24,6 +24,8 @@ from radiogs_core.instruments import fire
 from radiogs_datasets import load_scene
 from radiogs_datasets.furnace import ALBEDOS
 
+WITH_FIGURES = True
+
 SCENE = load_scene("hard-cases")
 STAND = stand_of(SCENE, 0)
 
