@@ -85,8 +85,6 @@ class SourceTree:
         """Files other than Python's that a module names in literals; none for one that is in no package."""
         path, top = self.file(module), self.roots[module.split(".")[0]]
         assert path is not None
-        if path == top:
-            return []
         around = [folder for folder in path.parents if folder.is_relative_to(top)]
         patterns = {pattern for node in ast.walk(_parsed(path)) if (pattern := _pattern(node))}
         found = {file for folder in around for pattern in patterns for file in _matching(folder, pattern)}
