@@ -3,6 +3,7 @@
 A suite's table is cut into as many tables below each other as the width needs, so that no number is cut.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from functools import partial
@@ -230,8 +231,9 @@ def power_sentences(request: Request, store: Store, wanted: Mapping[str, float])
     found = [each for each in power_of(request, store, wanted) if each.smallest is not None or each.wanted is not None]
     if not found:
         return [
-            "The smallest differences that it could show are not known: no run of this suite with several scenes or"
-            f" seeds is stored in {store.folder}."
+            "The smallest differences that it could show are not known: no summary of this suite with several scenes"
+            f" or seeds is in {store.folder}. A run writes it; of a run by another version:  radiogs-bench report"
+            f" {store.folder}"
         ]
     smallest = [f"{each.column['label']} {amount(each, each.smallest)}" for each in found if each.smallest is not None]
     sentences = [
@@ -275,8 +277,8 @@ def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> lis
         return []
     if summary["suite"] != request.suite.name:
         return []
-    kinds = len(set(request.kinds().values())) or 1
-    return planned(summary, Plan(kinds, max(1, len(request.scenes) // kinds), request.seeds), wanted)
+    scenes = Counter(request.kinds().get(name, "") for name in request.scenes)
+    return planned(summary, Plan(len(scenes), min(scenes.values()), request.seeds), wanted)
 
 
 def emit_plan(request: Request, store: Store, wanted: Mapping[str, float]) -> None:

@@ -111,23 +111,21 @@ def spread(sample: Sample) -> dict[Level, float]:
     scenes = _grouped(sample, lambda origin: origin.scene)
     kinds = _grouped(sample, lambda origin: origin.kind)
     found: dict[Level, float] = {}
-    below = within = _pooled_variance([[*part.values()] for part in scenes.values()])
+    within = _pooled_variance([[*part.values()] for part in scenes.values()])
+    from_seeds = (within or 0.0) / _harmonic_mean([len(part) for part in scenes.values()])
     if within is not None:
         found["seeds"] = math.sqrt(within)
     groups = [
         [_mean([*seeds.values()]) for seeds in _grouped(part, lambda origin: origin.scene).values()]
         for part in kinds.values()
     ]
-    seeds_each = _harmonic_mean([len(part) for part in scenes.values()])
     between = _pooled_variance(groups)
+    from_scenes = from_seeds if between is None else between / _harmonic_mean([len(group) for group in groups])
     if between is not None:
-        found["scenes"] = math.sqrt(max(0.0, between - (within or 0.0) / seeds_each))
-        below = between
+        found["scenes"] = math.sqrt(max(0.0, between - from_seeds))
     among = _pooled_variance([[_mean(group) for group in groups]])
     if among is not None:
-        scenes_each = _harmonic_mean([len(group) for group in groups])
-        explained = below / scenes_each if between is not None and below is not None else (within or 0.0) / seeds_each
-        found["kinds"] = math.sqrt(max(0.0, among - explained))
+        found["kinds"] = math.sqrt(max(0.0, among - from_scenes))
     return found
 
 

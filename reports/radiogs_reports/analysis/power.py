@@ -58,7 +58,7 @@ def shift(units: int, comparisons: int) -> float:
 
 
 class Plan(NamedTuple):
-    """How many kinds of scenes, scenes of each kind, and seeds of each scene are run."""
+    """How many kinds of scenes, scenes of each kind (the least, where they differ), and seeds of each scene are run."""
 
     kinds: int
     scenes: int
