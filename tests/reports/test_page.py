@@ -84,6 +84,13 @@ def test_where_zero_is_the_best_values_sort_by_magnitude(tmp_path: Path) -> None
     assert 'aria-label="closer to zero is better"' in text
 
 
+def test_what_is_resolved_has_a_colour_and_a_rank_in_words(text: str) -> None:
+    assert re.search(r'<td class="number worse" title="1 row resolved to be better"[^>]*>30.00<', text)
+    assert re.search(r'<td class="number better" title="no rows resolved to be better"[^>]*>7.00<', text)
+    assert re.search(r'<td class="number" title="no rows resolved to be better"[^>]*>31.23<', text)
+    assert '<span class="swatch worse">worse</span>' in text
+
+
 def test_nothing_in_the_page_points_outside_its_folder(text: str) -> None:
     """Links to files beside it, which are offered to be saved; everything else is in the page."""
     for tag, attributes in Elements(text).elements:

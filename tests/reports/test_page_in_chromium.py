@@ -318,6 +318,7 @@ def test_rows_that_are_not_ticked_leave_tables_plots_and_images(of_two_seeds: Wa
     page.locator("#selection summary").click()
     tick(of_two_seeds, "row", "no-rad")
     assert page.locator('table[data-name="means"] tbody tr:visible').count() == 2
+    assert of_two_seeds.column("means", 1)[0] == "30.50", "the mean over scenes of 31 and 33, and of 29"
     assert "lambda_rad = 0" not in page.locator("#compare-right").inner_text()
     assert "lambda_rad = 0" not in page.locator("#views-legend").inner_text()
     assert "lambda_rad = 0" not in page.locator("#scatter-legend").inner_text()
