@@ -19,6 +19,7 @@ from radiogs_reports.analysis.legend import shown_verdict, suite_legend
 from radiogs_reports.analysis.power import Plan, Planned, planned
 from radiogs_reports.doubts import footnotes, marks, remarks
 from radiogs_reports.run_folder import write_reports
+from radiogs_reports.statistics import Level
 from radiogs_reports.summary import CellSummary, ColumnSummary, RowSummary, Summary, Verdict, beside, read_summary
 from radiogs_reports.wording import ARROWS, count_of
 from radiogs_reports.write.caption import published_note
@@ -247,18 +248,18 @@ def amount(of: Planned, size: float | None) -> str:
     return f"{size:.{of.column['decimals']}f} {of.column['unit']}".rstrip() if size is not None else UNKNOWN
 
 
+MORE: Mapping[Level, tuple[str, str]] = {
+    "kinds": ("kind", "of scenes, each with as many scenes and seeds as now"),
+    "scenes": ("scene", "of each kind, with as many seeds as now"),
+    "seeds": ("seed", "on as many scenes as now"),
+}
+
+
 def needs(of: Planned) -> str:
-    """How many scenes or seeds a wanted difference needs, as a sentence."""
-    scenes = f"{count_of(of.scenes, 'scene')} with as many seeds as now" if of.scenes is not None else ""
-    seeds = f"{count_of(of.seeds, 'seed')} on as many scenes as now" if of.seeds is not None else ""
-    rest = {
-        (True, True): "",
-        (True, False): "; no number of seeds does on as many scenes",
-        (False, True): "; how many scenes is not known from seeds of one",
-        (False, False): "nothing that the stored spread tells of",
-    }[bool(scenes), bool(seeds)]
-    found = " or ".join(each for each in (scenes, seeds) if each)
-    return f"To resolve {amount(of, of.wanted)} of {of.column['label']} in four of five runs: {found}{rest}."
+    """How many kinds of scenes, scenes or seeds a wanted difference needs, as a sentence."""
+    ways = [f"{count_of(count, MORE[level][0])} {MORE[level][1]}" for level, count in of.needed.items()]
+    found = ", or ".join(ways) or "neither scenes nor seeds that the stored spread tells of"
+    return f"To resolve {amount(of, of.wanted)} of {of.column['label']} in four of five runs: {found}."
 
 
 def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> list[Planned]:

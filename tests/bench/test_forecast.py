@@ -15,6 +15,7 @@ from radiogs_bench.store.folder import Store, product_name
 from radiogs_bench.store.seal import sealed, strict_json
 from radiogs_core.kernels.runtime import workers
 from radiogs_reports.analysis.power import Planned
+from radiogs_reports.statistics import Level
 
 CELLS = [cell for _, cell in asked(2).cells()]
 SECONDS = {"initialise": 100.0, "invert": 10.0, "evaluate": 1.0}
@@ -108,15 +109,17 @@ def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) ->
 
 
 @pytest.mark.parametrize(
-    ("scenes", "seeds", "said"),
+    ("needed", "said"),
     [
-        (9, 4, "9 scenes with as many seeds as now or 4 seeds on as many scenes as now."),
-        (9, None, "9 scenes with as many seeds as now; no number of seeds does on as many scenes."),
-        (None, 4, "4 seeds on as many scenes as now; how many scenes is not known from seeds of one."),
-        (None, None, "nothing that the stored spread tells of."),
+        (
+            {"scenes": 9, "seeds": 4},
+            "9 scenes of each kind, with as many seeds as now, or 4 seeds on as many scenes as now.",
+        ),
+        ({"kinds": 7}, "7 kinds of scenes, each with as many scenes and seeds as now."),
+        ({}, "neither scenes nor seeds that the stored spread tells of."),
     ],
 )
-def test_what_a_difference_needs_is_said(scenes: int | None, seeds: int | None, said: str) -> None:
+def test_what_a_difference_needs_is_said(needed: dict[Level, int], said: str) -> None:
     column = {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2}
-    found = needs(Planned(column, 0.4, 0.25, scenes, seeds))  # type: ignore[arg-type]
+    found = needs(Planned(column, 0.4, 0.25, needed))  # type: ignore[arg-type]
     assert found == f"To resolve 0.25 dB of NVS PSNR in four of five runs: {said}"

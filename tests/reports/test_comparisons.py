@@ -130,6 +130,15 @@ def test_more_scenes_resolve_what_more_seeds_cannot() -> None:
     assert needed(now / 2, plan, PARTS, 5, "seeds") is None
 
 
+def test_more_kinds_resolve_what_scenes_of_unknown_spread_cannot() -> None:
+    parts: dict[Level, float] = {"kinds": 1.0}
+    plan = Plan(2, 1, 1)
+    kinds = needed(0.5, plan, parts, 1, "kinds")
+    assert kinds is not None
+    assert kinds > 10
+    assert needed(0.5, plan, parts, 1, "scenes") is None
+
+
 def test_a_plan_is_silent_where_the_stored_spread_is() -> None:
     assert expected_difference(Plan(1, 1, 1), PARTS, 2) is None
     assert expected_difference(Plan(1, 4, 1), {"seeds": 1.0}, 2) is None
@@ -159,6 +168,6 @@ def test_a_plan_reads_the_spread_of_a_stored_summary() -> None:
     interval["spread"] = spread({Origin("a", 0): 0.0, Origin("a", 1): 1.0, Origin("b", 0): 2.0, Origin("b", 1): 5.0})
     found = next(each for each in planned(made, Plan(1, 3, 2), {key: 2.0}) if each.column["key"] == key)
     assert found.smallest == expected_difference(Plan(1, 3, 2), interval["spread"], 1)
-    assert found.scenes == needed(2.0, Plan(1, 3, 2), interval["spread"], 1, "scenes")
+    assert found.needed["scenes"] == needed(2.0, Plan(1, 3, 2), interval["spread"], 1, "scenes")
     others = [each for each in planned(made, Plan(1, 3, 2), {}) if each.column["key"] != key]
     assert all(each.wanted is None for each in others)

@@ -18,7 +18,7 @@ POWER = 0.8
 LEVELS: tuple[Level, ...] = ("kinds", "scenes", "seeds")
 
 MOST = 1_000
-"""Scenes or seeds beyond which nobody would run them."""
+"""Kinds, scenes or seeds beyond which nobody would run them."""
 
 
 def smallest_of(difference: Estimate, comparisons: int) -> float | None:
@@ -87,7 +87,7 @@ def expected_difference(plan: Plan, parts: Mapping[Level, float], comparisons: i
 
 
 def needed(wanted: float, plan: Plan, parts: Mapping[Level, float], comparisons: int, more: Level) -> int | None:
-    """How many scenes (of each kind) or seeds resolve a wanted difference, all else as in the plan.
+    """How many kinds of scenes, scenes of each kind, or seeds resolve a wanted difference, all else as in the plan.
 
     None where ``MOST`` would not do, or the parts that it takes are not known.
     """
@@ -101,15 +101,14 @@ def needed(wanted: float, plan: Plan, parts: Mapping[Level, float], comparisons:
 class Planned(NamedTuple):
     """A column of a planned run: the smallest difference that it would resolve, and how many units a wanted one needs.
 
-    ``scenes``: scenes of each kind, at the plan's seeds. ``seeds``: of each scene, at the plan's scenes. None where the
-    stored spread does not tell, or ``MOST`` would not do.
+    ``needed``: how many kinds of scenes, scenes of each kind, or seeds of each scene, all else as in the plan. A level
+    is absent where the stored spread does not tell, or ``MOST`` would not do.
     """
 
     column: ColumnSummary
     smallest: float | None
     wanted: float | None
-    scenes: int | None
-    seeds: int | None
+    needed: dict[Level, int]
 
 
 def planned(summary: Summary, plan: Plan, wanted: Mapping[str, float]) -> list[Planned]:
@@ -123,10 +122,8 @@ def planned(summary: Summary, plan: Plan, wanted: Mapping[str, float]) -> list[P
         spreads = [each["difference"]["spread"] for each in cells if each["difference"] is not None]
         parts = {level: median(known) for level in LEVELS if (known := [s[level] for s in spreads if level in s])}
         size = wanted.get(column["key"])
-        scenes, seeds = (
-            None if size is None or not spreads else needed(size, plan, parts, len(spreads), level)
-            for level in ("scenes", "seeds")
-        )
+        enough = {} if size is None else {each: needed(size, plan, parts, len(spreads), each) for each in parts}
         smallest = expected_difference(plan, parts, len(spreads)) if spreads else None
-        found.append(Planned(column, smallest, size, scenes, seeds))
+        counts = {level: count for level, count in enough.items() if count is not None}
+        found.append(Planned(column, smallest, size, counts))
     return found
