@@ -6,10 +6,11 @@ from typing import Any
 
 import torch
 
-from radiogs.budget import PRESETS, Budget
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
+from radiogs.method import RADIOGS
+from radiogs.settings import PRESETS, Budget, Variant
+from radiogs_core.contract import Run, replaced
 from radiogs_core.kernels.surfel.footprint import frames
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
@@ -51,10 +52,18 @@ def ball() -> Surfels:
 
 SCENE = ball_scene()
 BALL = ball()
-BUDGET = replace(
-    PRESETS["smoke"], initialise_iterations=1000, inverse_iterations=1000, initial_surfels=len(BALL), light_height=8,
-    consistency_surfels=len(BALL), densify_interval=1000, refresh_interval=1000,
-)  # fmt: skip
+BUDGET = replaced(
+    PRESETS["smoke"],
+    {
+        "geometry.steps": 1000,
+        "inverse_iterations": 1000,
+        "geometry.initial_surfels": len(BALL),
+        "light_height": 8,
+        "consistency_surfels": len(BALL),
+        "geometry.densify_interval": 1000,
+        "refresh_interval": 1000,
+    },
+)
 
 
 def changed(**parameters: torch.Tensor) -> Surfels:
@@ -86,7 +95,7 @@ def _begun(variant: Variant, budget: Budget) -> Initialisation:
     """Most of a test's time would go into starting points that are replaced at once; of the hull, so that they may move
     from the first step on."""
     start = replace(variant.geometry.start, points="hull")
-    return Initialisation(SCENE, replace(variant, geometry=replace(variant.geometry, start=start)), budget, 0, CPU)
+    return Initialisation(Run(SCENE, replace(variant, geometry=replace(variant.geometry, start=start)), budget, 0, CPU))
 
 
 def _placed(stage: Any, tensors: dict[str, torch.Tensor], share: float) -> Any:
@@ -121,5 +130,6 @@ def inverse_rendering(
     """Stage 2 in the same way; it began with these surfels."""
     variant = variant or Variant()
     product = initialisation(surfels, 1.0, variant, light).product()
-    stage = InverseRendering(SCENE, variant, BUDGET, 0, CPU, product)
+    stage = RADIOGS.stages(variant, BUDGET)[1].begin(Run(SCENE, variant, BUDGET, 0, CPU), product)
+    assert isinstance(stage, InverseRendering)
     return _placed(stage, _tensors(surfels, light), share)

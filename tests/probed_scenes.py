@@ -10,7 +10,7 @@ from radiogs.effects.image_share import image_share
 from radiogs.effects.probe import Findings, Occasion, probe
 from radiogs.effects.probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
 from radiogs.effects.step_cost import Step
-from radiogs.tracing import Rays
+from radiogs.rays import RaySettings
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
@@ -20,7 +20,7 @@ from radiogs_datasets.generate.solids import Box
 from scenes import look_at, surfels_over
 
 SAMPLES = 32
-PAPER = Rays()
+PAPER = RaySettings()
 CLAY = Material((0.6, 0.5, 0.4), 0.7)
 FLOOR = Box((-0.8, -0.8, -0.1), (0.8, 0.8, 0.0), CLAY)
 
@@ -52,7 +52,7 @@ def seen(
     noise: float = 0.02,
     seed: int = 0,
     straight: bool = True,
-    variant: Rays = PAPER,
+    variant: RaySettings = PAPER,
 ) -> ProbeScene:
     """Seen under that light with everything on, as by a method whose images are off by ``noise``.
 

@@ -1,16 +1,18 @@
 """A scene, a budget and a way through a file, for tests that train for a moment."""
 
-import dataclasses
 import io
 from typing import Any
 
 import torch
 
-from radiogs.budget import PRESETS
+from radiogs.settings import PRESETS
+from radiogs_core.contract import replaced
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
+BUDGET = replaced(
+    PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
+)
 SCENE = sphere_scene(views=4, size=16)
 
 

@@ -15,7 +15,7 @@ import torch
 
 from radiogs.method import RADIOGS
 from radiogs.model import Model
-from radiogs.variant import Variant
+from radiogs.settings import Variant
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
 from radiogs_bench.scoring.metrics.protocols import protocol
 from radiogs_core.contract import Run

@@ -5,10 +5,9 @@ Defaults are the paper's where nothing else is said. Shares are of the stage's i
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
 
-from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.losses import ABSOLUTE_WEIGHT, SIMILARITY_WEIGHT
+from radiogs_core.on_surfels.start_values import StartValues
 
 
 @dataclass(frozen=True)
@@ -84,23 +83,17 @@ class MaterialRates:
 
 
 @dataclass(frozen=True)
-class MaterialStart:
-    """What materials and light start as in stage 2."""
+class MaterialStart(StartValues):
+    """What materials and light start as in stage 2.
 
-    light: Literal["least-variation", "constant"] = "least-variation"
-    """The light under which albedo varies least, with the albedo that follows from it; or a constant light, under
-    which all surfels start with ``albedo``."""
-    search: LightStart = field(default_factory=LightStart)
-    """How the light of least variation is found."""
+    A constant light starts by the images' exposure, so that neither the released constant radiance of 1.5 nor the
+    recovered albedo depends on it; above ``brightest`` highlights begin.
+    """
+
     albedo: float = 0.3
-    """Linear diffuse albedo of all channels."""
+    """Linear diffuse albedo of all channels under a constant light."""
     roughness: float = 0.6
     """Perceptual roughness r."""
-    white: float = 0.8
-    """Albedo of white paint. The light starts so that the brightest surfaces seen would be that under it: neither the
-    released constant radiance of 1.5 nor the recovered albedo should depend on the images' exposure."""
-    brightest: float = 0.98
-    """Quantile of the covered pixels that counts as the brightest: above it highlights begin."""
 
 
 @dataclass(frozen=True)

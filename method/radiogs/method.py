@@ -8,15 +8,14 @@ from radiogs_core.capabilities import PARTS, MemoryPhase, Probe, ShortRun, Train
 from radiogs_core.contract import Run, Stage, StageSpec, Trained, values_but
 from radiogs_core.scene.light import EnvironmentMap
 
-from .budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
+from .effects.probing import probed
+from .effects.training import PlannedInverseRendering
+from .initialise import Initialisation
+from .invert import InverseRendering
 from .model import Model
-from .probing import probed
-from .profile import PROFILES
 from .rehearsing import memory_of, short_run, sizes
-from .stages.initialise import Initialisation
-from .stages.invert import InverseRendering
-from .trained import TrainedRadioGS
-from .variant import Variant
+from .settings import INVERSE_ONLY, PRESETS, PROFILES, Budget, Variant
+from .showing import TrainedRadioGS
 
 
 class RadioGS:
@@ -32,22 +31,22 @@ class RadioGS:
     presets: Mapping[str, Budget] = PRESETS
     given_parts = PARTS
     size_name = "surfels"
-    sources = ("radiogs.trained",)
+    sources = ("radiogs.showing",)
     profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
 
-    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec]:
+    def stages(self, variant: Variant, budget: Budget) -> Sequence[StageSpec[Variant, Budget]]:
         """Initialisation and inverse rendering."""
         return (
             StageSpec(
                 name="initialise",
                 title="stage 1, initialisation",
-                steps=budget.initialise_iterations,
+                steps=budget.geometry.steps,
                 owner=self.name,
                 reads={
                     "variant": variant.of_initialisation(),
                     "budget": values_but(budget, "name", *INVERSE_ONLY),
                 },
-                sources=("radiogs.stages.initialise",),
+                sources=("radiogs.initialise",),
                 begin=_initialise,
                 compiles=True,
             ),
@@ -56,9 +55,9 @@ class RadioGS:
                 title="stage 2, inverse rendering",
                 steps=budget.inverse_iterations,
                 owner=self.name,
-                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *RELIGHT_ONLY)},
-                sources=("radiogs.stages.invert",),
-                begin=_invert,
+                reads={"variant": variant.of_training(), "budget": values_but(budget, "name", *budget.shown_only)},
+                sources=("radiogs.effects.training" if variant.effects != "all" else "radiogs.invert",),
+                begin=inverse_rendering,
                 compiles=True,
                 uses_surfaces=any(part != "light" for part in variant.given),
             ),
@@ -68,7 +67,7 @@ class RadioGS:
         """The variant whose stage 2 begins with these parts of the truth; stage 1 is the same for all."""
         return replace(variant, given=parts)
 
-    def probe(self, run: Run, trained: Trained | None, light: EnvironmentMap | None) -> Probe:
+    def probe(self, run: Run[Variant, Budget], trained: Trained | None, light: EnvironmentMap | None) -> Probe:
         """Which effects training, or relighting by ``light``, needs; see ``radiogs_core.capabilities.Probing``."""
         return probed(run, trained.model if isinstance(trained, TrainedRadioGS) else None, light)
 
@@ -84,18 +83,20 @@ class RadioGS:
         """Bytes by phase with so many surfels; see ``radiogs_core.capabilities.PlansMemory``."""
         return memory_of(variant, budget, size, images)
 
-    def restore(self, run: Run, tensors: Mapping[str, Any]) -> TrainedRadioGS:
+    def restore(self, run: Run[Variant, Budget], tensors: Mapping[str, Any]) -> TrainedRadioGS:
         """The model from the product of inverse rendering."""
         return TrainedRadioGS(Model.of(tensors), run)
 
 
-def _initialise(run: Run, before: Mapping[str, Any]) -> Stage:
+def _initialise(run: Run[Variant, Budget], before: Mapping[str, Any]) -> Stage:
     require_truth(run.scene, run.variant.given)  # not only when stage 1 is done
-    return Initialisation(run.scene, run.variant, run.budget, run.seed, run.device)
+    return Initialisation(run)
 
 
-def _invert(run: Run, before: Mapping[str, Any]) -> Stage:
-    return InverseRendering(run.scene, run.variant, run.budget, run.seed, run.device, before)
+def inverse_rendering(run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> InverseRendering:
+    """Stage 2 of a run, from the product of stage 1: the paper's, or around it the one that a plan of effects thins."""
+    stage = InverseRendering if run.variant.effects == "all" else PlannedInverseRendering
+    return stage(run, initialised)
 
 
 RADIOGS = RadioGS()

@@ -8,37 +8,28 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.on_surfels.model import LitSurfels
 from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.restoring import restored_map, restored_surfels
-from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import EffectPlan
 
 
 @dataclass(frozen=True)
-class Model:
-    """Surfels and the logarithm of the environment's radiance [height, 2 height, 3] (see ``light``).
+class Model(LitSurfels):
+    """Surfels, a light, and what was simulated and given when they were trained."""
 
-    ``plan`` is what was simulated when training ended, ``evidence`` the records of the decisions that led to it.
-    ``indirect`` is where L_ind under the training light comes from if it was given (``given``).
-    """
-
-    surfels: Surfels
-    log_environment: Float[Tensor, "height width 3"]
     plan: EffectPlan = field(default_factory=EffectPlan)
+    """The effects that were simulated when training ended."""
     evidence: tuple[Mapping[str, Any], ...] = ()
+    """Records of the decisions that led to the plan."""
     indirect: KnownRadiance | None = None
-
-    @property
-    def environment(self) -> Float[Tensor, "height width 3"]:
-        """Linear radiance of the recovered light; its logarithm is what is learnt, so it is always positive."""
-        return self.log_environment.exp()
+    """Source of L_ind under the training light, if it was given (``oracle``)."""
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors and values, without gradient history."""
         effects = {"plan": self.plan.state(), "evidence": [dict(each) for each in self.evidence]}
-        light = {"log_environment": self.log_environment.detach()}
         given = {} if self.indirect is None else {"indirect": _plain(self.indirect)}
-        return {"surfels": self.surfels.plain(), **light, "effects": effects, **given}
+        return {**super().tensors(), "effects": effects, **given}
 
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":

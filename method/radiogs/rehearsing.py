@@ -15,9 +15,8 @@ from radiogs_core.transport.light_filters import filters_bytes
 from radiogs_core.transport.splitsum import LARGEST_HEIGHT
 from radiogs_core.transport.tracer import RAYS_AT_ONCE
 
-from .budget import Budget
-from .variant import Relighting as Mode
-from .variant import Variant
+from .settings import Budget, Variant
+from .settings import Relighting as Mode
 
 INITIALISE_STEPS = 12
 """Steps of stage 1: schedules go by the share of steps that are done, so that every harmonic and loss has its turn."""
@@ -46,7 +45,8 @@ TITLES = {
 
 def sizes(budget: Budget) -> tuple[int, int]:
     """Surfels at the start, and at most."""
-    return min(budget.initial_surfels, budget.maximum_surfels), budget.maximum_surfels
+    geometry = budget.geometry
+    return min(geometry.initial_surfels, geometry.maximum_surfels), geometry.maximum_surfels
 
 
 def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
@@ -57,16 +57,19 @@ def short_run(variant: Variant, budget: Budget, size: int) -> ShortRun:
     """
     short = replace(
         budget,
-        initial_surfels=size,
-        maximum_surfels=size,
-        initialise_iterations=INITIALISE_STEPS,
-        densify_interval=DENSIFY_EVERY,
+        geometry=replace(
+            budget.geometry,
+            steps=INITIALISE_STEPS,
+            initial_surfels=size,
+            maximum_surfels=size,
+            densify_interval=DENSIFY_EVERY,
+        ),
         inverse_iterations=INVERT_STEPS,
         refresh_interval=REFRESH_EVERY,
         finetune_iterations=min(FINETUNE_STEPS, budget.finetune_iterations),
     )
     kinds = {
-        "initialise": _kinds(_density_kinds(variant, budget), budget.initialise_iterations, INITIALISE_STEPS),
+        "initialise": _kinds(_density_kinds(variant, budget), budget.geometry.steps, INITIALISE_STEPS),
         "invert": _kinds((), budget.inverse_iterations, INVERT_STEPS),
     }
     if variant.shading == "monte-carlo" and variant.incident != "precomputed":
@@ -106,8 +109,8 @@ def _density_kinds(variant: Variant, budget: Budget) -> tuple[StepKind, ...]:
         for done in range(DENSIFY_EVERY, INITIALISE_STEPS, DENSIFY_EVERY)
         if rules.start <= done / INITIALISE_STEPS < rules.end
     )
-    whole_rounds = int((rules.end - rules.start) * budget.initialise_iterations / budget.densify_interval)
-    looks = len({round(share * budget.initialise_iterations) for share in rules.hidden_at})
+    whole_rounds = int((rules.end - rules.start) * budget.geometry.steps / budget.geometry.densify_interval)
+    looks = len({round(share * budget.geometry.steps) for share in rules.hidden_at})
     return (
         StepKind("round of density control", rounds, whole_rounds),
         StepKind("step that looks for hidden surfels", frozenset({PRUNED_AFTER - 1} if looks else ()), looks),
@@ -178,9 +181,10 @@ def memory_of(
     learnt = views + filters_bytes(min(budget.light_height, LARGEST_HEIGHT))
     alone = surfels * SURFEL
     model = alone + surfels * 3 * FLOAT
-    # Stage 2 also keeps what stage 1 left, from which probes of effects begin, and the tree that rays go through.
+    # Stage 2 also keeps the tree that rays go through and, for probes of effects, the outcome of stage 1.
+    probed_from = 0 if variant.effects == "all" else LEARNT
     initialised = learnt + surfels * (LEARNT + 3 * FLOAT)
-    inverted = learnt + surfels * (2 * LEARNT + 600 + SAMPLE * samples)
+    inverted = learnt + surfels * (LEARNT + probed_from + 600 + SAMPLE * samples)
     shown = filters_bytes(LARGEST_HEIGHT) + model
     relit = shown + surfels * SAMPLE * directions
     solved = model + SAMPLE * budget.finetune_surfels * budget.finetune_samples

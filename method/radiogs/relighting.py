@@ -1,91 +1,52 @@
 """Relighting (paper, section on relighting): by rays with split-sum or learnt indirect light, or by surfels alone."""
 
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import Run
+from radiogs_core.contract import Maps, Run
 from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquation, SolverBudget
-from radiogs_core.learning.views import load
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
-from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
 from radiogs_core.transport.met_surface import met_features, met_radiance, traced_openness
-from radiogs_core.transport.plan import EffectPlan, plan_of
+from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import EVERYTHING, RAYS_AT_ONCE, SurfelTracer, incident_along
 
-from .effects.evidence import Evidence
-from .effects.image_share import image_share
-from .effects.new_light import model_error, plan_for_light, scene_under
-from .effects.planner import PROBE_VIEWS
-from .effects.probe import Findings
-from .effects.probe_scene import ProbeScene, ProbeView, Viewpoints
 from .model import Model
-from .tracing import Rays
-
-
-@runtime_checkable
-class Relit(Protocol):
-    """A model under another light, ready to be seen from any camera."""
-
-    evidence: tuple[Evidence, ...]
-    """Evidence of the probe that decided what is simulated; empty without a probe."""
-
-    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
-        """Maps of one view, [height, width, channels], on black; at least ``image`` (display sRGB) and ``alpha``."""
-
-
-def relit_under(
-    model: Model,
-    light: EnvironmentMap,
-    albedo_scale: Float[Tensor, "3"],
-    run: Run,
-    after_step: Callable[[], None] = lambda: None,
-    share: Float[Tensor, " surfels"] | None = None,
-) -> Relit:
-    """The model under ``light``, simulating what the run's variant says: with effects "auto", what a probe finds.
-
-    ``share``: ``training_share`` of the surfels where it is known already; a probe needs it. See ``relight``.
-    """
-    if run.variant.effects != "auto":
-        return relight(model, light, albedo_scale, run, plan_of(run.variant.effects), after_step)
-    _, found = probe_relighting(model, light, albedo_scale, run, share)
-    relit = relight(model, light, albedo_scale, run, found.plan, after_step)
-    relit.evidence = found.evidence
-    return relit
+from .rays import RaySettings
+from .settings import Budget, Variant
 
 
 def relight(
     model: Model,
     light: EnvironmentMap,
     albedo_scale: Float[Tensor, "3"],
-    run: Run,
-    plan: EffectPlan = EVERYTHING,
+    run: Run[Variant, Budget],
     after_step: Callable[[], None] = lambda: None,
-) -> Relit:
-    """The model under ``light``, in the mode of the run's variant (``variant.Relighting``).
+    plan: EffectPlan = EVERYTHING,
+) -> "RelitByRays | RelitBySurfels":
+    """The model under ``light``, in the mode of the run's variant (``settings.Relighting``).
 
-    ``plan`` is what the rays simulate; fine-tuning always has everything. ``albedo_scale`` multiplies the recovered
-    albedo (the ambiguity between light and albedo). Fine-tuning looks from the run's training views. ``after_step`` is
-    called after each of its steps, and may raise to end it. Raises DataError for a light that is not finite.
+    ``albedo_scale`` multiplies the recovered albedo (the ambiguity between light and albedo). Fine-tuning looks from
+    the run's training views; ``after_step`` is called after each of its steps, and may raise to end it. ``plan``: the
+    effects that rays simulate; fine-tuning simulates all. Raises DataError for a light that is not finite.
     """
-    surfels, mode = model.surfels, run.variant.relighting
+    surfels, variant = model.surfels, run.variant
     device = surfels.centre.device
     light = EnvironmentMap(light.radiance.to(device))
     albedo = surfels.albedo.detach() * albedo_scale.to(device)
-    if mode != "pbr":
+    if variant.relighting != "pbr":
         surfels = fine_tuned(surfels, RenderingEquation(light, albedo), run, after_step)
-    if mode == "surfels":
-        return RelitBySurfels(surfels, run.variant.straight)
-    generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, Rays.of(run.variant)
+    if variant.relighting == "surfels":
+        return RelitBySurfels(surfels, variant.straight)
+    generator, budget, rays = torch.Generator(device).manual_seed(run.seed), run.budget, RaySettings.of(variant)
     with torch.no_grad():
         direction, weight = relighting_directions(
             surfels.frame[..., 2], LightSampler(light),
@@ -93,22 +54,24 @@ def relight(
             rays.floor,
         )  # fmt: skip
         tracer = rays.tracer(surfels)
-        if mode == "pbr":
+        if variant.relighting == "finetuned":
+            incident = incident_along(tracer, direction, weight, plan)
+        else:
             is_open = None
-            if run.variant.met_light == "occluded":
+            if variant.met_light == "occluded":
                 is_open = traced_openness(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
             features = met_features(surfels, albedo, is_open)
             incident = split_sum_incident(tracer, features, light, direction, weight, plan)
-        else:
-            incident = incident_along(tracer, direction, weight, plan)
-    return RelitByRays(surfels, albedo, light, incident, plan, run.variant.straight)
+    return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
 
 
-def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_step: Callable[[], None]) -> Surfels:
+def fine_tuned(
+    surfels: Surfels, equation: RenderingEquation, run: Run[Variant, Budget], after_step: Callable[[], None]
+) -> Surfels:
     """The surfels with the radiance that solves ``equation``, as far as the run's budget goes."""
     budget, cameras = run.budget, [view.camera for view in run.scene.train]
     effort = SolverBudget(budget.finetune_iterations, budget.finetune_surfels, budget.finetune_samples)
-    rays = Rays.of(run.variant)
+    rays = RaySettings.of(run.variant)
     solver = RadianceSolver(surfels, equation, cameras, effort, run.seed, rays.tracer, rays.floor)
     while solver.iteration < solver.iterations:
         solver.step()
@@ -116,47 +79,8 @@ def fine_tuned(surfels: Surfels, equation: RenderingEquation, run: Run, after_st
     return solver.surfels
 
 
-def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's share of the training images."""
-    return image_share((view.camera for view in scene.train), surfels)
-
-
-def training_viewpoints(run: Run, surfels: Surfels, share: Float[Tensor, " surfels"] | None = None) -> Viewpoints:
-    """Training views that a probe looks from, evenly spread over their list, with their images on black.
-
-    ``share``: ``training_share`` of the surfels where it is known already.
-    """
-    scene = run.scene
-    chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
-    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
-    share = training_share(scene, surfels) if share is None else share
-    return Viewpoints(views, share, run.variant.straight)
-
-
-def probe_relighting(
-    model: Model,
-    light: EnvironmentMap,
-    albedo_scale: Float[Tensor, "3"],
-    run: Run,
-    share: Float[Tensor, " surfels"] | None = None,
-    offset: float | None = None,
-) -> tuple[ProbeScene, Findings]:
-    """What relighting a model by ``light`` may leave out, and the scene that was probed.
-
-    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations; None: where those of
-    the variant do.
-    """
-    surfels, device = model.surfels, model.surfels.centre.device
-    viewpoints = training_viewpoints(run, surfels, share)
-    albedo = surfels.albedo.detach() * albedo_scale.to(device)
-    light, rays = EnvironmentMap(light.radiance.to(device)), Rays.of(run.variant)
-    scene = scene_under(surfels, albedo, light, viewpoints, run.seed, rays, offset)
-    directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
-    return scene, plan_for_light(scene, model_error(surfels, viewpoints), *directions, run.seed)
-
-
 class RelitByRays:
-    """Shaded at every surfel from what its rays met: V once, L_ind once, the BRDF anew for every camera."""
+    """Shades every surfel from V and L_ind, which are traced once; the BRDF is evaluated anew for every camera."""
 
     def __init__(
         self,
@@ -170,9 +94,8 @@ class RelitByRays:
         self.surfels, self.albedo, self.light, self.incident = surfels.framed(), albedo, light, incident
         self.straight = straight
         self.specular = plan.specular_among(albedo)
-        self.evidence: tuple[Evidence, ...] = ()
 
-    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
+    def render(self, camera: Camera, *further: str) -> Maps:
         """The maps of ``Renderer.render``, under the new light."""
         return shaded_maps(
             camera, self.surfels, self.albedo, self.incident, self.light.radiance, self.specular, self.straight
@@ -180,15 +103,14 @@ class RelitByRays:
 
 
 class RelitBySurfels:
-    """The radiance that fine-tuning has left in the surfels, rendered_views: no ray, no shading."""
+    """Splats the surfels' fine-tuned radiance; no rays, no shading."""
 
     def __init__(self, surfels: Surfels, straight: bool = True) -> None:
         self.surfels, self.straight = surfels.framed(), straight
-        self.evidence: tuple[Evidence, ...] = ()
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> dict[str, Float[Tensor, "height width _"]]:
-        """``image`` and ``alpha``: what light is direct and what indirect, surfels do not know."""
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """``image`` and ``alpha``; the radiance is not divided into direct and indirect light."""
         return radiance_maps(camera, self.surfels, self.straight)
 
 

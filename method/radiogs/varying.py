@@ -12,12 +12,14 @@ from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import texel_solid_angles
 from radiogs_core.surfels.surfels import ROUGHNESS_FLOOR
+from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.shading import lambert_albedo, shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, splat, towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
 from .effects.image_share import image_share
-from .rendering import Renderer
+from .model import Model
+from .settings import Variant
 
 FREE_UNLESS_GIVEN: Mapping[str, tuple[str, ...]] = {
     "roughness": ("roughness",),
@@ -41,18 +43,19 @@ class VaryingRadioGS:
     indirect light tells nothing: under any light there is an albedo that sends out the same, unless it exceeds 1.
     """
 
-    def __init__(self, renderer: Renderer, cameras: Sequence[Camera], given: tuple[str, ...]) -> None:
-        self.renderer, self.surfels = renderer, renderer.model.surfels
+    def __init__(self, model: Model, incident: Incident | None, cameras: Sequence[Camera], variant: Variant) -> None:
+        """``incident``: the light on each surfel as the model is shown by it; None for split-sum shading."""
+        self.model, self.incident, self.surfels, self.straight = model, incident, model.surfels, variant.straight
         like = self.surfels.centre
         self.cameras = [camera.to(like.device, like.dtype) for camera in cameras]
         with torch.no_grad():
             self.albedo, self.roughness = self.surfels.albedo.detach(), self.surfels.roughness.detach()
-            self.light = renderer.model.environment.detach()
+            self.light = model.environment.detach()
         self.weight = torch.stack([image_share([camera], self.surfels) for camera in self.cameras])
         self.share = self.weight.sum(0) / self.weight.sum().clamp(min=torch.finfo(like.dtype).tiny)
         self.mean_roughness = (self.share * self.roughness).sum()
         self.unit, self.rest = self._shaded(self.roughness, self.light)
-        self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & set(given)]
+        self.free = [each for each, parts in FREE_UNLESS_GIVEN.items() if not set(parts) & set(variant.given)]
 
     @property
     def values(self) -> Mapping[str, float]:
@@ -101,10 +104,10 @@ class VaryingRadioGS:
         self, camera: Camera, roughness: Float[Tensor, " surfels"], light: Float[Tensor, "rows columns 3"]
     ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
         normal, outgoing = self.surfels.frame[..., 2], towards(camera, self.surfels)
-        white, incident = torch.ones_like(self.albedo), self.renderer.incident
+        white, incident = torch.ones_like(self.albedo), self.incident
         if incident is None:
             return split_sum_radiance(normal, white, roughness, outgoing, PrefilteredLight(light))
-        specular_at = self.renderer.model.plan.specular_among(self.albedo)
+        specular_at = self.model.plan.specular_among(self.albedo)
         parts = shade_materials(normal, white, roughness, outgoing[:, None], incident, light, specular_at)[:, 0]
         diffuse = parts[:, DIFFUSE_DIRECT] + parts[:, DIFFUSE_INDIRECT]
         unit = diffuse / lambert_albedo(white, roughness, specular_at)
@@ -124,4 +127,4 @@ class VaryingRadioGS:
 
     def _seen(self, camera: Camera, radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "height width 3"]:
         seen = splat(camera, self.surfels, {"radiance": radiance}, depth_unit=1.0)
-        return displayed(seen.images["radiance"], seen.alpha, self.renderer.straight).clamp(0, 1)
+        return displayed(seen.images["radiance"], seen.alpha, self.straight).clamp(0, 1)

@@ -10,22 +10,31 @@ Nothing here knows of surfels: a radiance field, or a program that is run as a c
 """
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from .errors import ExplainedError, UsageError
+from .plain_values import flat
 from .scene.camera import Camera
 from .scene.light import EnvironmentMap
 from .scene.scene import Scene
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
 """Images of one camera by name, [height, width, channels]; ``MapKind`` says how each is to be read."""
+
+
+VariantT = TypeVar("VariantT")
+"""A method's own dataclass of what an ablation changes."""
+
+BudgetT = TypeVar("BudgetT")
+"""A method's own dataclass of how much work a run does (see ``Budget``)."""
 
 
 class NotOffered(ExplainedError):
@@ -44,19 +53,21 @@ class Budget(Protocol):
 
 
 @dataclass(frozen=True)
-class Run:
-    """What a method is run on: a scene, a variant of the method, a budget, a seed and a device.
-
-    ``variant`` is an instance of ``Method.variant``, ``budget`` one of ``Method.presets`` or a multiple of it.
-    ``workspace`` is a folder that the run may keep files in, for methods that have any; it outlives an interruption.
-    """
+class Run(Generic[VariantT, BudgetT]):
+    """What a method is run on."""
 
     scene: Scene
-    variant: Any
-    budget: Any
+    """The scene; ``Scene.train`` are the views to learn from."""
+    variant: VariantT
+    """An instance of ``Method.variant``."""
+    budget: BudgetT
+    """One of ``Method.presets``, or a multiple of it (``scaled``)."""
     seed: int
+    """Seeds every random generator of the run."""
     device: torch.device
+    """The device that tensors live on."""
     workspace: Path | None = None
+    """A folder for methods that keep files while they train; it outlives an interruption."""
 
 
 @runtime_checkable
@@ -89,41 +100,39 @@ class Stage(Protocol):
 
 
 @dataclass(frozen=True)
-class StageSpec:
-    """One stage of a method: what it is called, what it depends on, and how it begins.
-
-    name: short, such as ``initialise``; results list seconds and work under it. title: for progress bars. steps: how
-    many it takes. owner: whose stage it is; methods that share a stage name the same owner and train it once.
-    reads: the fields of variant and budget that decide its outcome, with their values. sources: names of modules;
-    their files, and those of all modules that they import, decide its outcome too.
-    begin: makes the stage from a run and the product of the stage before it (empty for the first). compiles: whether
-    its first step compiles kernels, so that one is taken beforehand and no cell is charged. keeps_files: whether what
-    it makes lies in ``Run.workspace``, so that the stages after it must run on the same machine. uses_surfaces: whether
-    it reads the scene's true surfaces; the modules that compute those then decide its outcome as well.
-    """
+class StageSpec(Generic[VariantT, BudgetT]):
+    """One stage of a method: its name, its dependencies, and how it begins."""
 
     name: str
+    """A short name, such as ``initialise``; results list seconds and work under it."""
     title: str
+    """The name in progress bars."""
     steps: int
+    """Number of steps."""
     owner: str
+    """The method that the stage belongs to; methods that share a stage name the same owner and train it once."""
     reads: Mapping[str, Any]
+    """The fields of variant and budget that decide the stage's outcome, with their values."""
     sources: tuple[str, ...]
-    begin: Callable[[Run, Mapping[str, Any]], Stage]
+    """Names of modules whose files, with those of all modules that they import, decide the stage's outcome."""
+    begin: Callable[[Run[VariantT, BudgetT], Mapping[str, Any]], Stage]
+    """Makes the stage from a run and the product of the stage before it (empty for the first one)."""
     compiles: bool = False
+    """Whether the first step compiles kernels; one step is then taken beforehand and charged to no cell."""
     keeps_files: bool = False
+    """Whether the outcome lies in ``Run.workspace``; later stages then run on the same machine."""
     uses_surfaces: bool = False
+    """Whether the stage reads the scene's true surfaces; the modules that compute those then decide its outcome too."""
 
 
 @dataclass(frozen=True)
 class MapKind:
-    """How a map is to be read.
-
-    colour: "display" (sRGB in [0, 1]), "linear" (radiance or albedo) or "data" (normals, depth, roughness, coverage).
-    alpha: "multiplied" by coverage, that is, composited on black, or "straight".
-    """
+    """How the values of a map are to be read."""
 
     colour: Literal["display", "linear", "data"]
+    """Display sRGB in [0, 1]; linear radiance or albedo; or data (normals, depth, roughness, coverage)."""
     alpha: Literal["multiplied", "straight"] = "multiplied"
+    """Multiplied by coverage, that is, composited on black; or straight."""
 
 
 @runtime_checkable
@@ -182,8 +191,12 @@ class Trained(Protocol):
 
 
 @runtime_checkable
-class Method(Protocol):
-    """A method of inverse rendering."""
+class Method(Protocol[VariantT, BudgetT]):
+    """A method of inverse rendering, generic in its dataclasses of variants and budgets.
+
+    A method that says ``class Mine(Method[MyVariant, MyBudget])`` has its fields checked by the type checker; the
+    harness takes any object with these members.
+    """
 
     @property
     def name(self) -> str:
@@ -194,37 +207,42 @@ class Method(Protocol):
         """As tables print it, such as ``RadioGS``."""
 
     @property
-    def variant(self) -> type:
+    def variant(self) -> type[VariantT]:
         """A frozen dataclass: every field that an ablation may turn, with the full method as default."""
 
     @property
-    def presets(self) -> Mapping[str, Any]:
+    def presets(self) -> Mapping[str, BudgetT]:
         """Budgets by name: smoke, tiny, small, paper."""
 
     @property
     def sources(self) -> tuple[str, ...]:
         """Modules that turn a trained model into maps; they and what they import decide its metrics."""
 
-    def stages(self, variant: Any, budget: Any) -> Sequence[StageSpec]:
+    def stages(self, variant: VariantT, budget: BudgetT) -> Sequence[StageSpec[VariantT, BudgetT]]:
         """The stages of training, in order; at least one."""
 
-    def restore(self, run: Run, tensors: Mapping[str, Any]) -> Trained:
+    def restore(self, run: Run[VariantT, BudgetT], tensors: Mapping[str, Any]) -> Trained:
         """The model from the product of the last stage."""
 
 
 def values_of(of: object, *names: str) -> dict[str, Any]:
     """Some fields of a variant or budget by name, for ``StageSpec.reads``."""
-    return {name: getattr(of, name) for name in names}
+    return {name: _plain(getattr(of, name)) for name in names}
 
 
 def values_but(of: object, *names: str) -> dict[str, Any]:
     """All fields of a variant or budget but these, for ``StageSpec.reads``."""
-    return {field.name: getattr(of, field.name) for field in fields(of) if field.name not in names}  # type: ignore[arg-type]
+    chosen = (field.name for field in fields(of) if field.name not in names)  # type: ignore[arg-type]
+    return values_of(of, *chosen)
+
+
+def _plain(value: Any) -> Any:
+    return asdict(value) if is_dataclass(value) and not isinstance(value, type) else value
 
 
 def whole_numbers(budget: Any) -> tuple[str, ...]:
-    """The fields of a budget that rows of a suite may multiply."""
-    return tuple(field.name for field in fields(budget) if type(getattr(budget, field.name)) is int)
+    """The fields of a budget that rows of a suite may multiply; those of a nested half by dotted names."""
+    return tuple(name for name, value in flat(asdict(budget)).items() if type(value) is int)
 
 
 LARGEST_COUNT = 2**31 - 1
@@ -233,10 +251,14 @@ LARGEST_COUNT = 2**31 - 1
 def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     """The budget with some of its whole numbers multiplied; its name says which.
 
-    Raises UsageError for a field that is none of its whole numbers, and where less than one is left.
+    Names of nested fields are dotted, such as ``geometry.steps``. A budget that has renamed fields lists them as
+    ``renamed``, from the old name to the new one; the old one works with a warning. Raises UsageError for a field that
+    is none of its whole numbers, and where less than one is left.
     """
     if not factors:
         return budget
+    factors = {current_name(budget, name): factor for name, factor in factors.items()}
+    counts = flat(asdict(budget))
     whole = whole_numbers(budget)
     for name in factors:
         if name not in whole:
@@ -245,7 +267,7 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
             )
     if not all(math.isfinite(factor) for factor in factors.values()):
         raise UsageError(f"preset '{budget.name}' is multiplied by what is not finite", f"{dict(factors)}")
-    changes = {name: round(getattr(budget, name) * factor) for name, factor in factors.items()}
+    changes = {name: round(counts[name] * factor) for name, factor in factors.items()}
     for name, value in changes.items():
         if value < 1:
             raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
@@ -254,4 +276,26 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
                 f"preset '{budget.name}' is too large: {name} would be {value:g}", "Kernels count to 2^31."
             )
     marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
-    return replace(budget, name=f"{budget.name}, {marks}" if marks else budget.name, **changes)
+    return replaced(budget, {"name": f"{budget.name}, {marks}" if marks else budget.name, **changes})
+
+
+def current_name(budget: Any, name: str) -> str:
+    """The name that a field of a budget has now; a former one gives a warning."""
+    renamed: Mapping[str, str] = getattr(budget, "renamed", {})
+    if name not in renamed:
+        return name
+    warnings.warn(f"'{name}' of a budget is called '{renamed[name]}' now", FutureWarning, stacklevel=3)
+    return renamed[name]
+
+
+def replaced(value: Any, changes: Mapping[str, Any]) -> Any:
+    """A copy of a dataclass with some fields changed; names of fields of nested dataclasses are dotted."""
+    own: dict[str, Any] = {}
+    nested: dict[str, dict[str, Any]] = {}
+    for name, change in changes.items():
+        field, _, rest = name.partition(".")
+        if rest:
+            nested.setdefault(field, {})[rest] = change
+        else:
+            own[field] = change
+    return replace(value, **own, **{name: replaced(getattr(value, name), inner) for name, inner in nested.items()})

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from radiogs_baselines.published import published_tables
-from radiogs_core.contract import whole_numbers
+from radiogs_core.contract import current_name, whole_numbers
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import PlainReader, to_plain
 from radiogs_datasets import known_names
@@ -139,11 +139,12 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
     except UsageError as absent:
         reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
     reader.build(used.variant, row.variant, f"{where}.variant")
-    scaled = whole_numbers(next(iter(used.presets.values())))
+    preset = next(iter(used.presets.values()))
+    scaled = whole_numbers(preset)
     for label in (row.text, row.latex):
-        with_numbers(label, to_plain(next(iter(used.presets.values()))))
+        with_numbers(label, to_plain(preset))
     for name, factor in row.budget.items():
-        reader.known(f"{where}.budget", "field", name, scaled)
+        reader.known(f"{where}.budget", "field", current_name(preset, name), scaled)
         reader.expect(
             0 < factor <= LARGEST_FACTOR, f"{where}.budget.{name}", factor, f"above zero and up to {LARGEST_FACTOR:g}"
         )

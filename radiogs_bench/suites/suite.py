@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from radiogs_core.capabilities import Part
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import flat
 
 from ..methods import DEFAULT, method, variant_of
 from .experiment import TRAINING
@@ -236,7 +237,7 @@ def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[
     )  # fmt: skip
 
 
-NUMBER = re.compile(r"<([a-z_]\w*(?:\+[a-z_]\w*)*)>")
+NUMBER = re.compile(r"<([a-z_][\w.]*(?:\+[a-z_][\w.]*)*)>")
 """A number of the budget in a label, or a sum of some: ``<incident_samples>``."""
 
 
@@ -249,15 +250,17 @@ def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
     'N = 3 of 2'
     """
 
+    numbers = flat(budget)
+
     def number(found: re.Match[str]) -> str:
         names = found[1].split("+")
         for name in names:
-            if name not in budget:
+            if name not in numbers:
                 raise UsageError(
                     f"the label '{label}' names '{name}', which the budget does not have",
-                    f"It has: {', '.join(budget)}.",
+                    f"It has: {', '.join(numbers)}.",
                     "Labels name numbers of the budget as <name>.",
                 )
-        return f"{sum(budget[name] for name in names)}"
+        return f"{sum(numbers[name] for name in names)}"
 
     return NUMBER.sub(number, label)

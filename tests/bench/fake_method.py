@@ -14,10 +14,9 @@ from unittest.mock import patch
 import numpy as np
 import torch
 
-from radiogs.budget import PRESETS, Budget
 from radiogs.method import RADIOGS
 from radiogs.model import Model
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Budget, Variant
 from radiogs_bench.methods import substitutes
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.fake_method import CPU, FakeSweep, fake_cell
-from radiogs.variant import Variant
+from radiogs.settings import Variant
 from radiogs_bench.store.folder import Store
 from radiogs_bench.store.provenance import session
 

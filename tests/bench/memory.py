@@ -15,15 +15,14 @@ from typing import Any
 import torch
 
 from allocations import Allocated, allocations
-from radiogs.budget import PRESETS, Budget
+from radiogs.initialise import Initialisation
+from radiogs.method import inverse_rendering
 from radiogs.model import Model
 from radiogs.rehearsing import memory_of, short_run
 from radiogs.relighting import RelitBySurfels, fine_tuned, relight
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Budget, Variant
 from radiogs_core.capabilities import TrainingImages
-from radiogs_core.contract import Run
+from radiogs_core.contract import Run, replaced
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.radiance_solver import RenderingEquation
@@ -90,11 +89,11 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
     scene = enlarged(load_scene("corner"), VIEWS, 1, side, side)
     light = next(iter(scene.lights.values()))
     short = short_run(Variant(), budget, len(surfels))
-    variant, whole = short.variant, replace(short.budget, densify_interval=NEVER)
+    variant, whole = short.variant, replaced(short.budget, {"geometry.densify_interval": NEVER})
     warm_up(budget.light_height, light.radiance.shape[0])
     found: dict[str, Allocated] = {}
     with allocations() as ledger:
-        stage = Initialisation(scene, variant, whole, 0, CPU)
+        stage = Initialisation(Run(scene, variant, whole, 0, CPU))
         stage.optimiser.replace(surfels, torch.full((len(surfels),), -1))
         for _ in range(FIRST_STEPS):
             stage.step()
@@ -103,7 +102,7 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
     state = copied(stage.state())
     del stage
     with allocations() as ledger:
-        inverse = InverseRendering(scene, variant, whole, 0, CPU, copied(state))
+        inverse = inverse_rendering(Run(scene, variant, whole, 0, CPU), copied(state))
         for _ in range(FIRST_STEPS):
             inverse.step()
         ledger.phase("stage 2, a step", inverse.step)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.stages.invert import InverseRendering
+from radiogs.invert import InverseRendering
 from radiogs_bench.cli.main import main
 from radiogs_bench.store.folder import Store
 

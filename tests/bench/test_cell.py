@@ -11,14 +11,13 @@ import pytest
 
 from bench.chain_method import Chain, Steps, Turned
 from bench.fake_method import FAKE, SCENE, fake_cell
-from radiogs.budget import INVERSE_ONLY, PRESETS, RELIGHT_ONLY, Budget
 from radiogs.method import RADIOGS
-from radiogs.profile import PROFILES
-from radiogs.variant import Variant
+from radiogs.settings import INVERSE_ONLY, PRESETS, PROFILES, Budget, Variant
 from radiogs_bench.runs.cell import Cell, Work, cell_of, evaluation_code
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
-from radiogs_core.contract import StageSpec, values_of
+from radiogs_core.contract import StageSpec, replaced, values_of
+from radiogs_core.plain_values import flat
 
 OTHER_VALUES: Mapping[str, Any] = {
     "radiometric_weight": 0.1,
@@ -60,13 +59,13 @@ def test_a_field_of_the_variant_changes_the_first_stage_that_reads_it_and_all_af
     assert found == [place >= first for place in range(3)]
 
 
-@pytest.mark.parametrize("name", [field.name for field in dataclasses.fields(Budget)])
+@pytest.mark.parametrize("name", flat(dataclasses.asdict(PRESETS["smoke"])))
 def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_after(name: str) -> None:
     """Its name alone is that of no stage's work: a preset under another name trains the same."""
-    first = 2 if name in ("name", *RELIGHT_ONLY) else 1 if name in INVERSE_ONLY else 0
+    first = 2 if name in ("name", *Budget.shown_only) else 1 if name in INVERSE_ONLY else 0
     smoke = PRESETS["smoke"]
-    value = "other" if name == "name" else 2 * getattr(smoke, name)
-    found = changed(radiogs_cell(budget=replace(smoke, **{name: value})), radiogs_cell())
+    value = "other" if name == "name" else 2 * flat(dataclasses.asdict(smoke))[name]
+    found = changed(radiogs_cell(budget=replaced(smoke, {name: value})), radiogs_cell())
     assert found == [place >= first for place in range(3)]
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from radiogs.method import RADIOGS
-from radiogs.variant import Variant
+from radiogs.settings import Variant
 from radiogs_bench.cli.main import main
 from radiogs_bench.cli.options import effects as effects_option
 from radiogs_bench.methods import variant_of

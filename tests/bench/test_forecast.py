@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from bench.fake_method import CPU, SCENE, FakeSweep, asked, fake_cell
-from radiogs.budget import PRESETS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli.showing import needs, show_plan, whole_memory, whole_time
 from radiogs_bench.runs.forecast import Expected, forecast, total
 from radiogs_bench.store.folder import Store, product_name

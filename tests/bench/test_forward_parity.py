@@ -7,9 +7,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_bench.methods import method
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_bench.runs.forward_parity import MARGIN, clear_of_silhouettes, compared, run_forward_parity

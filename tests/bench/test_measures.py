@@ -7,9 +7,8 @@ import torch
 
 from bench.fake_method import CPU, model_at
 from bench.test_evaluate import EVERYTHING, scene_of, view_with
-from radiogs.budget import PRESETS
-from radiogs.trained import TrainedRadioGS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
+from radiogs.showing import TrainedRadioGS
 from radiogs_bench.results.summary import column_summary
 from radiogs_bench.scoring.evaluate import evaluate
 from radiogs_bench.scoring.metrics.protocols import PROTOCOLS, protocol

@@ -8,7 +8,7 @@ import pytest
 import torch
 from plyfile import PlyData
 
-from radiogs.trained import TrainedRadioGS
+from radiogs.showing import TrainedRadioGS
 from radiogs_bench.cli.main import main
 from radiogs_bench.runs.trained_folder import read_about, read_trained
 from radiogs_bench.store.seal import seal_of

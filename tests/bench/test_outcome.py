@@ -3,24 +3,29 @@
 Bounds are what was measured, and a margin for other machines; the values of a run as short as this are no benchmark.
 """
 
-from dataclasses import replace
-
 import pytest
 import torch
 
 from radiogs.method import RADIOGS
-from radiogs.variant import Variant
+from radiogs.settings import Variant
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
 from radiogs_bench.scoring.metrics.protocols import protocol
-from radiogs_core.contract import Run
+from radiogs_core.contract import Run, replaced
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_datasets import load_scene
 
 CPU = torch.device("cpu")
-BUDGET = replace(
-    RADIOGS.presets["tiny"], initialise_iterations=600, initial_surfels=3000, maximum_surfels=3000,
-    inverse_iterations=120, relight_hemisphere_samples=32, relight_light_samples=32,
-)  # fmt: skip
+BUDGET = replaced(
+    RADIOGS.presets["tiny"],
+    {
+        "geometry.steps": 600,
+        "geometry.initial_surfels": 3000,
+        "geometry.maximum_surfels": 3000,
+        "inverse_iterations": 120,
+        "relight_hemisphere_samples": 32,
+        "relight_light_samples": 32,
+    },
+)
 
 
 @pytest.fixture(scope="module")

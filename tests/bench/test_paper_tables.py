@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from bench.fake_method import FakeRequest, FakeSweep, asked, scene_of
-from radiogs.budget import PRESETS
+from radiogs.settings import PRESETS
 from radiogs_baselines.published import published
 from radiogs_bench.results.paper_tables import paper_tables, value_of, why_not
 from radiogs_bench.runs.sweep import Request, Sweep

@@ -8,8 +8,7 @@ from typing import Any, Literal
 import pytest
 
 from radiogs.method import RADIOGS
-from radiogs.profile import PROFILES
-from radiogs.variant import Variant
+from radiogs.settings import PROFILES, Variant
 from radiogs_core.errors import UsageError
 from radiogs_core.plain_values import from_plain, to_plain
 

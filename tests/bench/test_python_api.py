@@ -7,7 +7,7 @@ import pytest
 import torch
 
 import radiogs_bench as rb
-from radiogs.trained import TrainedRadioGS
+from radiogs.showing import TrainedRadioGS
 from radiogs_bench import api
 from radiogs_bench.cli import main
 from radiogs_core.errors import DataError, UsageError

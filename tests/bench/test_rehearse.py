@@ -16,9 +16,8 @@ import pytest
 import torch
 
 from bench.fake_method import FAKE, FakeStage
-from radiogs.budget import PRESETS
 from radiogs.rehearsing import INITIALISE_STEPS, memory_of, short_run
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_bench.cli import main
 from radiogs_bench.lab.rehearsal import climb as climbing
 from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
@@ -33,7 +32,7 @@ from radiogs_bench.store.seal import seal_of
 from radiogs_core.capabilities import MemoryPhase, TrainingImages
 from radiogs_core.errors import DataError
 from radiogs_core.instruments import recording
-from radiogs_core.learning import fit_geometry
+from radiogs_core.on_surfels import fit_geometry
 from radiogs_core.surfels import density
 from radiogs_datasets.registry import scene_folder
 
@@ -174,7 +173,7 @@ def test_wrong_wishes_are_refused(arguments: list[str], code: int, tmp_path: Pat
 def test_a_short_run_of_the_papers_budget_keeps_its_sizes_and_counts_its_steps() -> None:
     short = short_run(Variant(), PRESETS["paper"], 2_000_000)
     assert short.variant.geometry.start.points == "hull"
-    assert short.budget.initial_surfels == short.budget.maximum_surfels == 2_000_000
+    assert short.budget.geometry.initial_surfels == short.budget.geometry.maximum_surfels == 2_000_000
     assert (short.budget.consistency_surfels, short.budget.incident_samples) == (4096, 64)
     kinds = {name: {kind.title: kind for kind in kinds} for name, kinds in short.kinds.items()}
     assert sum(kind.whole for kind in kinds["initialise"].values()) == 40_000

@@ -74,11 +74,11 @@ MODULES: Mapping[str, set[str]] = {
     "radiogs_core.kernels.rasterize.rasterize_source": FIRST | SECOND | RESULTS,
     "radiogs_core.transport.tracer": SECOND | {*TRAINED, "parity"},
     # RadioGS: stages, showing
-    "radiogs.stages.initialise": FIRST | SECOND | TRAINED,
-    "radiogs.stages.invert": SECOND | TRAINED,
+    "radiogs.initialise": FIRST | SECOND | TRAINED,
+    "radiogs.invert": SECOND | TRAINED,
     "radiogs.effects.bounds": SECOND | TRAINED,
     # The model is shown by what metrics are computed with; a stage that is scored along the way is shown too.
-    "radiogs.trained": TRAINED | {"cost: invert"},
+    "radiogs.showing": TRAINED | {"cost: invert"},
     # loaders
     "radiogs_datasets.layouts.blender": (FIRST | SECOND | RESULTS) - {
         "elsewhere", "elsewhere: initialise", "elsewhere: invert",

@@ -35,7 +35,7 @@ from radiogs_bench.methods import method, substitutes
 from radiogs_core.contract import Run
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.instruments import recording
-from radiogs_core.learning.fit_geometry import FitGeometry
+from radiogs_core.on_surfels.fit_geometry import FitGeometry
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from radiogs_datasets import load_scene
 

@@ -9,8 +9,8 @@ import pytest
 
 from bench.chain_method import Chain, Turned
 from bench.fake_method import asked
-from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
+from radiogs.settings import PRESETS
 from radiogs_bench.cli import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.suites.own import EFFECTS_SUITE
@@ -91,7 +91,7 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ("incident_samples = 0.5", "incident_samples = 0", "incident_samples: 0.0 is not above zero"),
         ("incident_samples = 0.5", "incident_samples = 1e30", "incident_samples: 1e[+]30 is not above zero and up to"),
         ("incident_samples = 0.5", "incident_samples = inf", "incident_samples"),
-        ("incident_samples", "geometry_rate", "there is no field 'geometry_rate'"),
+        ("incident_samples", '"geometry.rate"', "there is no field 'geometry.rate'"),
         ('"nvs/psnr"', '"nvs/snr"', r"suite.columns\[0\]: there is no measure 'snr'\nDid you mean 'psnr'"),
         ('"nvs/psnr"', '"nsv/psnr"', "there is no task 'nsv'\nDid you mean 'nvs'"),
         ('"nvs/psnr"', '"psnr"', "'psnr' is not a metric such as"),
@@ -180,7 +180,7 @@ def test_the_example_of_what_plans_gain_differs_in_effects_alone() -> None:
     assert (everything.variant, auto.variant) == ({}, {"effects": "auto"})
     for row in suite.rows:
         assert scaled(PRESETS["small"], row.budget).inverse_iterations == 900
-        assert scaled(PRESETS["small"], row.budget).initialise_iterations == 1500
+        assert scaled(PRESETS["small"], row.budget).geometry.steps == 1500
 
 
 def test_every_field_is_documented() -> None:

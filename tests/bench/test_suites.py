@@ -7,8 +7,7 @@ import torch
 
 from bench.chain_method import Chain
 from bench.fake_method import SCENE, asked
-from radiogs.budget import PRESETS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_baselines.published import published, published_tables
 from radiogs_bench.methods import DEFAULT, method_names, substitutes
 from radiogs_bench.runs.sweep import Request

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from bench.fake_method import SCENE, FakeSweep, asked, fake_cell, place_of, write_sweep
-from radiogs.budget import PRESETS
+from radiogs.settings import PRESETS
 from radiogs_bench.results.summary import summarise
 from radiogs_bench.runs.sweep import Request, read_sweep, state_of, steps_to_take
 from radiogs_bench.store.folder import Store, product_name
@@ -88,11 +88,11 @@ def test_steps_to_take_count_shared_stages_once_and_stored_ones_not_at_all(tmp_p
     of_radiogs = Request(ABLATIONS, {"fake": SCENE}, 2, "smoke", "default", "cpu")
     store, cells = Store(tmp_path), [cell for _, cell in of_radiogs.cells()]
     cost = PRESETS["smoke"]
-    whole = 4 * cost.initialise_iterations + 10 * cost.inverse_iterations
+    whole = 4 * cost.geometry.steps + 10 * cost.inverse_iterations
     assert steps_to_take(store, cells) == whole
     for stage in cells[0].stages:
         store.put_tensors(product_name(stage.key), {})
-    assert steps_to_take(store, cells) == whole - cost.initialise_iterations - cost.inverse_iterations
+    assert steps_to_take(store, cells) == whole - cost.geometry.steps - cost.inverse_iterations
     assert steps_to_take(store, []) == 0
 
 

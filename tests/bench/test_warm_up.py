@@ -1,21 +1,18 @@
 """Kernels are compiled before anything is timed: those of probes, too, where a cell is probed."""
 
-import dataclasses
-
 import pytest
 import torch
 
 from bench.chain_method import Chain, Turned
-from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_bench.runs.warm_up import compile_kernels
-from radiogs_core.contract import Run
+from radiogs_core.contract import Run, replaced
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-LITTLE = dataclasses.replace(PRESETS["smoke"], initialise_iterations=12, inverse_iterations=9, initial_surfels=100)
+LITTLE = replaced(PRESETS["smoke"], {"geometry.steps": 12, "inverse_iterations": 9, "geometry.initial_surfels": 100})
 
 
 @pytest.mark.parametrize("effects", ["all", "auto"])

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from radiogs.stages.initialise import Initialisation
-from radiogs.variant import Variant
+from radiogs.initialise import Initialisation
+from radiogs.settings import Variant
 from radiogs_bench.cli.main import main
+from radiogs_core.contract import Run
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import load_scene
@@ -82,8 +83,8 @@ def test_training_does_not_depend_on_the_unit_of_length(scale: float) -> None:
 
 def losses_of(scene: Scene) -> dict[str, float]:
     """Of the last of 24 steps of stage 1, some of which add and remove surfels."""
-    stage = Initialisation(scene, Variant(), BUDGET, 0, CPU)
-    for _ in range(BUDGET.initialise_iterations):
+    stage = Initialisation(Run(scene, Variant(), BUDGET, 0, CPU))
+    for _ in range(BUDGET.geometry.steps):
         losses = stage.step()
     return {name: float(value) for name, value in losses.items()}
 

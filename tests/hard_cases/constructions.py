@@ -7,8 +7,8 @@ from torch import Tensor
 from torch.nn.functional import normalize
 
 from radiogs.model import Model
-from radiogs.rendering import Renderer
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import Renderer
 from radiogs_core.kernels.rasterize.rasterize import rasterize
 from radiogs_core.kernels.surfel.geometry import SplatGeometry
 from radiogs_core.kernels.trace.bvh import SurfelBVH

@@ -14,8 +14,8 @@ from torch import Tensor
 
 from hard_cases.constructions import looking_along_z, raw_surfels, seen
 from radiogs.model import Model
-from radiogs.rendering import Renderer
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import Renderer
 from radiogs_core.errors import ExplainedError
 from radiogs_core.kernels.surfel.footprint_source import PIXEL_FILTER_VARIANCE
 from radiogs_core.kernels.surfel.geometry import (

@@ -7,8 +7,8 @@ import torch
 
 from hard_cases.constructions import FIELDS, facing, looking_along_z, raw_surfels, seen
 from radiogs.model import Model
-from radiogs.rendering import Renderer
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import Renderer
 from radiogs_core.errors import UsageError
 from radiogs_core.kernels.rasterize.rasterize import tile_lists
 from radiogs_core.kernels.surfel.geometry import SplatGeometry

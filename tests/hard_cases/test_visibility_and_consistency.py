@@ -7,7 +7,7 @@ import torch
 from torch.nn.functional import normalize
 
 from hard_cases.constructions import cast, facing, looking_along_z, raw_surfels, seeded, two_balls, unit, with_radiance
-from radiogs.stages.consistency import RadiometricConsistency
+from radiogs.consistency import RadiometricConsistency
 from radiogs_core.kernels.shade.shade import shade
 from radiogs_core.kernels.trace.trace import Hits
 from radiogs_core.surfels.surfels import Surfels

@@ -11,20 +11,27 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.contract import Run
 from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_solid_angles
+from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import own_radiance, shade_surfels
 
-from ..tracing import Rays
+from ..model import Model
+from ..rays import RaySettings
+from ..settings import Budget, Variant
 from .bounds import bootstrap_t, sidak
 from .covered_pixels import CoveredPixels, rendered_views
 from .decision import decide
 from .evidence import Evidence, Measured
+from .image_share import image_share
+from .planner import PROBE_VIEWS
 from .probe import LEVEL, PROBES, Findings, Occasion, probe
 from .probe_scene import ProbeRays, ProbeScene, ProbeView, Viewpoints, trace_scene
 from .step_cost import Step
@@ -165,7 +172,7 @@ def scene_under(
     light: EnvironmentMap,
     viewpoints: Viewpoints,
     seed: int,
-    variant: Rays,
+    variant: RaySettings,
     offset: float | None = None,
 ) -> ProbeScene:
     """A model as it is relit. Targets of the views are dropped: they show another light.
@@ -198,3 +205,44 @@ def plan_for_light(
     sampling = decide_light_sampling(scene.surfels, light, found.tolerance, spread, drawn, seed)
     plan: EffectPlan = replace(found.plan, light_sampling=sampling.verdict == "on")
     return Findings(plan, (*found.evidence, sampling), found.tolerance)
+
+
+def training_share(scene: Scene, surfels: Surfels) -> Float[Tensor, " surfels"]:
+    """Each surfel's share of the training images."""
+    return image_share((view.camera for view in scene.train), surfels)
+
+
+def training_viewpoints(
+    run: Run[Variant, Budget], surfels: Surfels, share: Float[Tensor, " surfels"] | None = None
+) -> Viewpoints:
+    """Training views that a probe looks from, evenly spread over their list, with their images on black.
+
+    ``share``: ``training_share`` of the surfels where it is known already.
+    """
+    scene = run.scene
+    chosen = scene.train[:: max(1, len(scene.train) // PROBE_VIEWS)][:PROBE_VIEWS]
+    views = tuple(ProbeView(view.camera, view.over(0.0)) for view in load(chosen, surfels.centre.device))
+    share = training_share(scene, surfels) if share is None else share
+    return Viewpoints(views, share, run.variant.straight)
+
+
+def probe_relighting(
+    model: Model,
+    light: EnvironmentMap,
+    albedo_scale: Float[Tensor, "3"],
+    run: Run[Variant, Budget],
+    share: Float[Tensor, " surfels"] | None = None,
+    offset: float | None = None,
+) -> tuple[ProbeScene, Findings]:
+    """What relighting a model by ``light`` may leave out, and the scene that was probed.
+
+    ``share``: as for ``relit_under``. ``offset``: where rays start, in standard deviations; None: where those of
+    the variant do.
+    """
+    surfels, device = model.surfels, model.surfels.centre.device
+    viewpoints = training_viewpoints(run, surfels, share)
+    albedo = surfels.albedo.detach() * albedo_scale.to(device)
+    light, rays = EnvironmentMap(light.radiance.to(device)), RaySettings.of(run.variant)
+    scene = scene_under(surfels, albedo, light, viewpoints, run.seed, rays, offset)
+    directions = run.budget.relight_hemisphere_samples, run.budget.relight_light_samples
+    return scene, plan_for_light(scene, model_error(surfels, viewpoints), *directions, run.seed)

@@ -13,7 +13,7 @@ from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.plan import MOST_REFRESH_FACTOR, EffectPlan, Effects, plan_of
 
-from ..tracing import Rays
+from ..rays import RaySettings
 from .evidence import Evidence
 from .image_share import image_share
 from .probe import IN_TRAINING, PROBES, Findings, Occasion, level_of, probe
@@ -56,7 +56,9 @@ class Planner:
     decides as it would have.
     """
 
-    def __init__(self, effects: Effects, seed: int, iterations: int, samples: int, rays: Rays, straight: bool) -> None:
+    def __init__(
+        self, effects: Effects, seed: int, iterations: int, samples: int, rays: RaySettings, straight: bool
+    ) -> None:
         self.auto = effects == "auto"
         self.rays, self.straight = rays, straight
         self.seed, self.samples = seed, max(2, min(DIRECTIONS, samples // 2))

@@ -14,7 +14,7 @@ from radiogs_core.transport.sampling import LightSampler, hemisphere_directions,
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
-from ..tracing import Rays
+from ..rays import RaySettings
 
 PROBE_OFFSET = 6.66
 """Where a probe's rays start, in standard deviations of their surfel: twice sqrt(2 ln 255), where the opacity of the
@@ -61,7 +61,7 @@ class ProbeRays:
 
     samples: int
     generator: torch.Generator
-    variant: Rays
+    variant: RaySettings
     offset: float | None = PROBE_OFFSET
     drawn: int = 0
 

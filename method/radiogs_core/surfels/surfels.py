@@ -18,6 +18,9 @@ from .harmonics import COEFFICIENTS, CONSTANT_BASIS
 ROUGHNESS_FLOOR = 0.05
 """Smallest roughness r: a GGX lobe (alpha = r^2) much narrower than a texel of the light cannot be learnt."""
 
+GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
+"""Raw parameters of where surfels are and how opaque they are."""
+
 
 @dataclass
 class Surfels:

@@ -63,7 +63,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.surfels.swept_points",
         "radiogs_core.surfels.surroundings",
     ),
-    "light's start": ("radiogs_core.learning.light_start", "radiogs_core.learning.radiance_solver"),
+    "light's start": ("radiogs_core.on_surfels.light_start", "radiogs_core.learning.radiance_solver"),
     "images": ("radiogs_datasets", "radiogs_core.learning.views"),
 }
 """Packages and modules of each part, of which the most specific counts. The innermost one on the stack counts."""

@@ -1,9 +1,10 @@
 """The sizes that steps are measured at, by name."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from radiogs_core.errors import UsageError
+from radiogs_core.plain_values import flat
 
 
 @dataclass(frozen=True)
@@ -49,4 +50,4 @@ def size_of(name: str) -> Size:
 
 def surfels_at(size: Size, budget: Any) -> int | None:
     """How many surfels a model has at this size; None for a method whose budget does not say."""
-    return size.surfels if size.surfels is not None else getattr(budget, "maximum_surfels", None)
+    return size.surfels if size.surfels is not None else flat(asdict(budget)).get("geometry.maximum_surfels")

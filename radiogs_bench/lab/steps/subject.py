@@ -9,7 +9,8 @@ import torch
 from radiogs_core.capabilities import Rehearsing, ShortRun
 from radiogs_core.contract import Method, Stage
 from radiogs_core.errors import UsageError
-from radiogs_core.learning.fit_geometry import FitGeometry, GeometryBudget
+from radiogs_core.on_surfels.fit_geometry import FitGeometry
+from radiogs_core.on_surfels.settings import GeometryBudget
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import OVERLAP as OVERLAP_OF_KNOWN
 from radiogs_core.surfels.known_surfaces import surfels_on
@@ -67,9 +68,10 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
 
 def _sized(budget: Any, surfels: int | None) -> tuple[Any, int | None]:
     """The budget with so many surfels, where it counts them."""
-    if surfels is None or not isinstance(budget, GeometryBudget):
+    geometry = getattr(budget, "geometry", None)
+    if surfels is None or not isinstance(geometry, GeometryBudget):
         return budget, None
-    return replace(budget, initial_surfels=surfels, maximum_surfels=surfels), surfels  # type: ignore[type-var]
+    return replace(budget, geometry=replace(geometry, initial_surfels=surfels, maximum_surfels=surfels)), surfels
 
 
 def lay_on_surfaces(stage: Stage, subject: Subject) -> str:

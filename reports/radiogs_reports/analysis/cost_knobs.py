@@ -20,6 +20,7 @@ TEXTS: Mapping[str, Mapping[str, str]] = {
         "incident_samples": "rays a surfel, N_s",
         "consistency_surfels": "surfels a step, N_g",
         "refresh_interval": "steps between refreshes of the cache",
+        "geometry.steps": "iterations of stage 1",
         "initialise_iterations": "iterations of stage 1",
     },
 }
@@ -59,13 +60,13 @@ def knobs(summary: Summary) -> list[Knob]:
         content = made_from(summary, row["key"])
         field = None if content is None else only_difference(content, base)
         if content is not None and field is not None:
-            found.setdefault(field, []).append(Setting(content["budget"][field], row["key"]))
+            found.setdefault(field, []).append(Setting(flat(content["budget"])[field], row["key"]))
     texts = TEXTS.get(base.get("method", RADIOGS), {})  # results from before methods were named are RadioGS's
     return [
         Knob(
             field,
             texts.get(field, field.replace("_", " ")),
-            tuple(sorted([*settings, Setting(base["budget"][field], reference_of(summary))])),
+            tuple(sorted([*settings, Setting(flat(base["budget"])[field], reference_of(summary))])),
         )
         for field, settings in found.items()
     ]
@@ -75,7 +76,7 @@ def only_difference(content: Mapping[str, Any], base: Mapping[str, Any]) -> str 
     """The field of the budget in which a cell differs from another, if it is the only one and a positive integer."""
     if any(content.get(part) != base.get(part) for part in COMPARED):
         return None
-    budget, other = content.get("budget", {}), base["budget"]
+    budget, other = flat(content.get("budget", {})), flat(base["budget"])
     changed = [name for name in budget.keys() | other.keys() if name != "name" and budget.get(name) != other.get(name)]
     if len(changed) != 1:
         return None
@@ -158,3 +159,13 @@ def _slope(knob: Knob, samples: Mapping[str, Mapping[Origin, float]]) -> Estimat
             for origin in complete
         }
     )
+
+
+def flat(budget: Mapping[str, Any]) -> dict[str, Any]:
+    """A stored budget with the numbers of its nested half by dotted names, such as ``geometry.steps``."""
+    numbers: dict[str, Any] = {}
+    for name, value in budget.items():
+        numbers |= (
+            {f"{name}.{part}": each for part, each in value.items()} if isinstance(value, Mapping) else {name: value}
+        )
+    return numbers

@@ -18,7 +18,7 @@ from radiogs_bench.suites.baselines import PUBLISHED_METHODS
 from radiogs_bench.suites.registry import suite
 from radiogs_core.contract import Method, Prepared, Trained
 from radiogs_core.errors import DataError
-from radiogs_core.learning.fit_geometry import GeometryBudget
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget
 
 MODELS: dict[str, Callable[[], Trained]] = {
     "gs-ir": trained_models.gs_ir,
@@ -48,7 +48,10 @@ def test_it_is_a_method_and_registered(name: str) -> None:
     assert method(name) is ours
     assert set(ours.presets) == {"smoke", "tiny", "small", "paper"}
     if name != "tensoir":
-        assert all(isinstance(budget, GeometryBudget) for budget in ours.presets.values()), "it has the shared stage 1"
+        assert all(
+            isinstance(budget, SurfelBudget) and budget.geometry is GEOMETRY_PRESETS[preset]
+            for preset, budget in ours.presets.items()
+        ), "it has the shared stage 1"
     assert isinstance(MODELS[name](), Trained)
 
 
@@ -56,7 +59,12 @@ def test_it_is_a_method_and_registered(name: str) -> None:
 def test_no_stage_depends_on_how_a_model_is_shown(name: str) -> None:
     """A reworded label or one more map trains nothing anew: stages' sources and their imports hold no such module."""
     ours, sources = method(name), installed()
-    core = ("radiogs_core.transport.maps", "radiogs_core.surfels.ply", "radiogs_core.surfels.display_harmonics")
+    core = (
+        "radiogs_core.transport.maps",
+        "radiogs_core.surfels.ply",
+        "radiogs_core.surfels.display_harmonics",
+        "radiogs_core.on_surfels.trained",
+    )
     shows = {module for module in sources.closure(*ours.sources) if module.endswith("showing") or module in core}
     assert set(ours.sources) <= shows
     for stage in ours.stages(ours.variant(), ours.presets["smoke"]):

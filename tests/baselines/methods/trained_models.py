@@ -26,7 +26,6 @@ from radiogs_baselines.methods.gs_ir.settings import Variant as GSIRVariant
 from radiogs_baselines.methods.gs_ir.showing import TrainedGSIR
 from radiogs_baselines.methods.gs_ir.training import Reach, bake
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
-from radiogs_baselines.methods.irgs.model import Model as IRGSModel
 from radiogs_baselines.methods.irgs.settings import Variant as IRGSVariant
 from radiogs_baselines.methods.irgs.showing import TrainedIRGS
 from radiogs_baselines.methods.r3dg.method import R3DG_METHOD
@@ -39,6 +38,7 @@ from radiogs_baselines.methods.svg_ir.showing import TrainedSVGIR
 from radiogs_baselines.methods.tensoir.method import TENSOIR_METHOD
 from radiogs_baselines.methods.tensoir.settings import Variant as TensoIRVariant
 from radiogs_baselines.methods.tensoir.showing import TrainedTensoIR
+from radiogs_core.on_surfels.model import LitSurfels as IRGSModel
 
 WHITE = torch.zeros(8, 16, 3)
 """Logarithm of a radiance of 1 from everywhere."""

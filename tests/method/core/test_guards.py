@@ -17,9 +17,9 @@ from radiogs_core.guards import GUARDS
 from radiogs_core.instruments import recording, require_finite
 from radiogs_core.kernels.arguments import MOST_ENTRIES, require_countable
 from radiogs_core.kernels.trace import topology
-from radiogs_core.learning.light_start import light_and_albedo
-from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.views import Whole, load
+from radiogs_core.on_surfels.light_start import light_and_albedo
+from radiogs_core.on_surfels.start_values import LightStart
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.sampling import LightSampler
 from scenes import look_at

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from radiogs.stages.consistency import RadiometricConsistency, split_sum_consistency_loss
+from radiogs.consistency import RadiometricConsistency, split_sum_consistency_loss
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, radiance_to_sh

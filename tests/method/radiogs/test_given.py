@@ -7,15 +7,15 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.known_indirect import KnownIndirectTracer, Nearest
-from radiogs.method import RADIOGS
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering, rates_of
+from radiogs.method import RADIOGS, inverse_rendering
 from radiogs.model import Model
-from radiogs.relighting import RelitByRays
-from radiogs.stages.given import DARKEST, HELD, SPACING, Start, given_geometry, known_radiance, log_radiance, replaced
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering, rates_of
-from radiogs.trained import TrainedRadioGS, _Own, _Relit
-from radiogs.variant import Variant
+from radiogs.oracle import DARKEST, FROZEN, SPACING, Start, given_geometry, known_radiance, log_radiance, replaced
+from radiogs.rays import KnownIndirectTracer, Nearest
+from radiogs.relighting import RelitByRays, relight
+from radiogs.settings import Variant
+from radiogs.showing import TrainedRadioGS
 from radiogs_bench.runs.cell import Work, cell_of
 from radiogs_core.capabilities import PARTS, Part, TakesGiven, require_truth
 from radiogs_core.contract import Run
@@ -41,14 +41,14 @@ KNOWN = replace(SCENE, surfaces=partial(surfaces_of, SOLIDS), training_light=SUN
 
 @pytest.fixture(scope="module")
 def initialised() -> dict[str, Any]:
-    stage = Initialisation(KNOWN, Variant(), BUDGET, 0, CPU)
+    stage = Initialisation(Run(KNOWN, Variant(), BUDGET, 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     return through_a_file(stage.product())
 
 
 def inverse(initialised: dict[str, Any], *given: Part) -> InverseRendering:
-    return InverseRendering(KNOWN, Variant(given=given), BUDGET, 0, CPU, initialised)
+    return inverse_rendering(Run(KNOWN, Variant(given=given), BUDGET, 0, CPU), initialised)
 
 
 def learnt(*places: tuple[float, float, float], albedo: float = 0.3) -> Surfels:
@@ -68,7 +68,7 @@ def test_what_is_given_is_held_and_the_rest_is_learnt(initialised: dict[str, Any
     before = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
     for _ in range(4):
         stage.step()
-    held = set(HELD.get(part or "", ()))
+    held = set(FROZEN.get(part or "", ()))
     for name, value in stage.optimiser.tensors.items():
         assert torch.equal(value, before[name]) == (name in held), name
 
@@ -79,7 +79,7 @@ def test_surfels_on_given_surfaces_learn_their_reach_at_the_rates_of_stage_1() -
     assert changed == {"log_scale", "opacity_logit"}
     before = Variant().geometry.rates
     assert (given_rates["log_scale"], given_rates["opacity_logit"]) == (before.scale, before.opacity)
-    assert not changed & set(HELD["geometry"])
+    assert not changed & set(FROZEN["geometry"])
     assert learnt_rates["centre"] == pytest.approx(2 * rates_of(Variant(), 1.0)["centre"])
 
 
@@ -176,11 +176,7 @@ def test_given_indirect_light_means_the_same_in_training_and_when_shown(initiali
     assert torch.allclose(kept.radiance, cache.radiance, atol=1e-6)
     assert float(cache.radiance.sum()) > 0
     run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
-    shown = TrainedRadioGS(model, run).prepare()
-    without = TrainedRadioGS(replace(model, indirect=None), run).prepare()
-    assert isinstance(shown, _Own)
-    assert isinstance(without, _Own)
-    mine, theirs = shown.renderer.incident, without.renderer.incident
+    mine, theirs = (TrainedRadioGS(each, run).renderer().incident for each in (model, replace(model, indirect=None)))
     assert mine is not None
     assert theirs is not None
     assert not torch.allclose(mine.radiance, theirs.radiance, atol=1e-3)
@@ -192,10 +188,9 @@ def test_under_another_light_the_given_indirect_light_is_not_used(initialised: d
     run = Run(KNOWN, Variant(given=("indirect",)), BUDGET, 0, CPU)
     lit = []
     for model in (stage.model, replace(stage.model, indirect=None)):
-        relit = TrainedRadioGS(model, run).prepare(SUNNY)
-        assert isinstance(relit, _Relit)
-        assert isinstance(relit.relit, RelitByRays)
-        lit.append(relit.relit.incident.radiance)
+        relit = relight(model, SUNNY, torch.ones(3), run)
+        assert isinstance(relit, RelitByRays)
+        lit.append(relit.incident.radiance)
     assert torch.equal(*lit)
 
 

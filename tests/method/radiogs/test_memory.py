@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 
 from bench.memory import VIEWS, Measured, measured, surfels_over, tables
-from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.rehearsing import SAMPLE, SURFEL, memory_of
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_core.capabilities import MemoryPhase, PlansMemory, TrainingImages
 
 GIB = 2**30
@@ -69,7 +68,7 @@ def test_preset_paper_with_half_a_million_surfels_fits_a_card_of_24_gb() -> None
     most = max(half_a_million, key=lambda phase: phase.peak)
     assert most.title == "relighting, preparing by rays"
     assert 500_000 * 384 * SAMPLE < most.peak < CARD / 3
-    largest = RADIOGS.memory(Variant(), PRESETS["paper"], PRESETS["paper"].maximum_surfels, TENSOIR)
+    largest = RADIOGS.memory(Variant(), PRESETS["paper"], PRESETS["paper"].geometry.maximum_surfels, TENSOIR)
     assert max(phase.peak for phase in largest) > CARD
 
 

@@ -10,18 +10,19 @@ from cards import ON_CARD
 from elsewhere import Account, There, elsewhere, registered
 from known_ball import BALL
 from known_ball import SCENE as BALL_SCENE
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialStart
+from radiogs.method import inverse_rendering
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Relighting, Variant
-from radiogs_core.contract import Run
+from radiogs.settings import Relighting, Variant
+from radiogs_core.contract import Run, replaced
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.kernels.arrangement import cpu_as_cuda
-from radiogs_core.learning.light_start import light_and_albedo
-from radiogs_core.learning.light_start_settings import LightStart
 from radiogs_core.learning.views import load
+from radiogs_core.on_surfels.light_start import light_and_albedo
+from radiogs_core.on_surfels.start_values import LightStart
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.generate.materials import Material
@@ -29,7 +30,9 @@ from radiogs_datasets.generate.solids import Sphere
 from scenes import surfels_over
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
-SHORT = replace(BUDGET, initialise_iterations=10, densify_interval=4, inverse_iterations=6, refresh_interval=4)
+SHORT = replaced(
+    BUDGET, {"geometry.steps": 10, "geometry.densify_interval": 4, "inverse_iterations": 6, "refresh_interval": 4}
+)
 MOST_WAITS = {"initialise": 3, "invert": 7}
 """Of a step without a density round or a look for hidden surfels; docs/gpu.md says what for."""
 
@@ -44,11 +47,11 @@ def test_on_a_card_losses_fall_as_on_the_host(stage: str, place: str) -> None:
 
 def last_loss(device: torch.device, stage: str) -> float:
     """Mean of all losses over the last steps of a stage."""
-    first = Initialisation(SCENE, Variant(), replace(SHORT, initialise_iterations=60), 0, device)
+    first = Initialisation(Run(SCENE, Variant(), replaced(SHORT, {"geometry.steps": 60}), 0, device))
     told = [sum(first.step().values()) for _ in range(first.iterations)]
     if stage == "invert":
         budget = replace(SHORT, inverse_iterations=40)
-        second = InverseRendering(SCENE, Variant(), budget, 0, device, through_a_file(first.state()))
+        second = inverse_rendering(Run(SCENE, Variant(), budget, 0, device), through_a_file(first.state()))
         told = [sum(second.step().values()) for _ in range(second.iterations)]
     return sum(told[-10:]) / 10
 
@@ -56,10 +59,10 @@ def last_loss(device: torch.device, stage: str) -> float:
 def trained(device: torch.device) -> dict[str, torch.Tensor]:
     """What both stages learn. The light is not sought: its search amplifies rounding, and has a test of its own."""
     variant = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
-    first = Initialisation(SCENE, variant, SHORT, 0, device)
+    first = Initialisation(Run(SCENE, variant, SHORT, 0, device))
     while first.iteration < first.iterations:
         first.step()
-    second = InverseRendering(SCENE, variant, SHORT, 0, device, through_a_file(first.state()))
+    second = inverse_rendering(Run(SCENE, variant, SHORT, 0, device), through_a_file(first.state()))
     while second.iteration < second.iterations:
         second.step()
     learnt = second.optimiser.tensors
@@ -84,11 +87,11 @@ def test_a_step_rarely_waits_for_the_device() -> None:
             found.append(account.waits - before)
         return min(found)
 
-    long = replace(SHORT, initialise_iterations=1000, densify_interval=500)
+    long = replaced(SHORT, {"geometry.steps": 1000, "geometry.densify_interval": 500})
     with elsewhere() as account:
-        first = Initialisation(SCENE, Variant(), long, 0, registered())
+        first = Initialisation(Run(SCENE, Variant(), long, 0, registered()))
         assert fewest(first, account) == MOST_WAITS["initialise"], account.awaited
-        second = InverseRendering(SCENE, Variant(), SHORT, 0, registered(), through_a_file(first.state()))
+        second = inverse_rendering(Run(SCENE, Variant(), SHORT, 0, registered()), through_a_file(first.state()))
         assert fewest(second, account) == MOST_WAITS["invert"], account.awaited
 
 
@@ -136,7 +139,7 @@ def test_a_tensor_of_the_host_is_refused() -> None:
 
 def test_what_is_not_finite_is_named_on_a_device_too() -> None:
     with elsewhere():
-        stage = Initialisation(SCENE, Variant(), SHORT, 0, registered())
+        stage = Initialisation(Run(SCENE, Variant(), SHORT, 0, registered()))
         with torch.no_grad():
             stage.optimiser.tensors["opacity_logit"][3] = torch.nan
             stage.optimiser.tensors["centre"][5] = torch.nan

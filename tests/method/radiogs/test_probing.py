@@ -9,12 +9,11 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs.budget import PRESETS
 from radiogs.effects.evidence import Evidence
 from radiogs.effects.new_light import reference_colour
 from radiogs.effects.probe import Findings
 from radiogs.effects.probe_scene import ProbeScene
-from radiogs.probing import (
+from radiogs.effects.probing import (
     EFFECTS,
     Decay,
     bounces_needed,
@@ -26,7 +25,7 @@ from radiogs.probing import (
     scattered,
     true_model,
 )
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.learning.views import load
 from radiogs_core.scene.colour import srgb_encode

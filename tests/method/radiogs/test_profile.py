@@ -6,12 +6,13 @@ from typing import Any
 import pytest
 import torch
 
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
+from radiogs.method import inverse_rendering
 from radiogs.model import Model
-from radiogs.profile import PROFILES, RELEASED
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.tracing import Rays
-from radiogs.variant import Variant
+from radiogs.rays import RaySettings
+from radiogs.settings import PROFILES, RELEASED, Variant
+from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.losses import reconstruction
 from radiogs_core.learning.views import load
@@ -21,14 +22,14 @@ from short_training import BUDGET, CPU, SCENE, through_a_file
 
 @pytest.fixture(scope="module")
 def initialised() -> dict[str, Any]:
-    stage = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     return through_a_file(stage.state())
 
 
 def stage_with(initialised: dict[str, Any], *deviations: str) -> InverseRendering:
-    return InverseRendering(SCENE, Variant(deviations=deviations), BUDGET, 0, CPU, initialised)
+    return inverse_rendering(Run(SCENE, Variant(deviations=deviations), BUDGET, 0, CPU), initialised)
 
 
 def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() -> None:
@@ -44,14 +45,14 @@ def test_the_floor_brightens_a_white_furnace_as_measured_on_the_released_code() 
 
 def test_rays_start_at_a_fixed_distance_only_where_that_is_asked_for(initialised: dict[str, Any]) -> None:
     surfels = stage_with(initialised).model.surfels
-    assert Rays.of(Variant()).tracer(surfels).world_offset is None
-    assert Rays.of(Variant(deviations=("fixed-offset",))).tracer(surfels).world_offset == 0.05
+    assert RaySettings.of(Variant()).tracer(surfels).world_offset is None
+    assert RaySettings.of(Variant(deviations=("fixed-offset",))).tracer(surfels).world_offset == 0.05
 
 
 def test_the_light_learns_from_consistency_unless_it_is_detached(initialised: dict[str, Any]) -> None:
     for deviations, learns in (((), True), (("light-detached",), False)):
         stage = stage_with(initialised, *deviations)
-        stage._consistency(stage.model, stage.views[0]).backward()
+        stage.consistency_loss(stage.model, stage.views[0]).backward()
         gradient = stage.optimiser.tensors["log_environment"].grad
         assert (gradient is not None and bool((gradient != 0).any())) == learns
 
@@ -70,8 +71,8 @@ def test_stage_two_begins_under_the_stated_light(initialised: dict[str, Any]) ->
 
 def test_display_radiance_makes_stage_one_learn_what_is_seen(initialised: dict[str, Any]) -> None:
     """Its surfels end nearer to the display colours than to the linear ones."""
-    first = Initialisation(SCENE, Variant(deviations=("display-radiance",)), BUDGET, 0, CPU)
-    linear = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    first = Initialisation(Run(SCENE, Variant(deviations=("display-radiance",)), BUDGET, 0, CPU))
+    linear = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     shown = torch.cat([view.image[view.mask > 0.5] for view in load(SCENE.train, CPU)]).mean()
 
     def mean_radiance(model: Model) -> torch.Tensor:

@@ -11,10 +11,9 @@ from torch.nn.functional import normalize
 
 from hard_cases.constructions import joined
 from known_ball import CPU, SCENE
-from radiogs.budget import PRESETS
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.variant import Relighting, Variant
+from radiogs.settings import PRESETS, Relighting, Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap, texel_directions

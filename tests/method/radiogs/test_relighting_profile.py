@@ -9,10 +9,9 @@ from torch import Tensor
 
 from known_ball import CPU, SCENE
 from probed_scenes import FLOOR, cameras, grey, sheet, sky
-from radiogs.budget import PRESETS
 from radiogs.model import Model
 from radiogs.relighting import RelitByRays, RelitBySurfels, relight
-from radiogs.variant import Relighting, Variant
+from radiogs.settings import PRESETS, Relighting, Variant
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.scene.light import EnvironmentMap
@@ -64,7 +63,7 @@ def test_rays_meet_the_back_of_a_sheet_unless_they_are_one_sided(mode: Relightin
 
 @pytest.mark.parametrize("mode", BY_RAYS)
 def test_rays_start_beyond_the_sheet_only_by_a_fixed_offset(mode: Relighting, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("radiogs.tracing.FIXED_OFFSET", 100.0)
+    monkeypatch.setattr("radiogs.rays.FIXED_OFFSET", 100.0)
     assert float(by_rays(mode).incident.visibility.min()) < 0.1
     assert float(by_rays(mode, "fixed-offset").incident.visibility.min()) == 1.0
 

@@ -4,8 +4,8 @@ import pytest
 import torch
 
 from radiogs.model import Model
-from radiogs.rendering import DENSER, Renderer
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import DENSER, Renderer
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.scene.light import EnvironmentMap, texel_directions, texel_solid_angles
 from radiogs_core.transport.incident import Incident

@@ -3,14 +3,13 @@
 import pytest
 
 from radiogs.method import RADIOGS
-from radiogs.variant import Variant
+from radiogs.settings import Variant
 from radiogs_bench.sources import installed
 from radiogs_core.contract import StageSpec
 
 SHOWING = {
-    "radiogs.rendering",
+    "radiogs.showing",
     "radiogs.relighting",
-    "radiogs.trained",
     "radiogs.varying",
     "radiogs_core.surfels.display_harmonics",
     "radiogs_core.surfels.ply",

@@ -1,17 +1,16 @@
 """Both stages on a scene of a few pixels: they learn, resume bit for bit, and stop at the first NaN."""
 
-import dataclasses
 from typing import Any
 
 import pytest
 import torch
 
-from radiogs.budget import INVERSE_ONLY, Budget
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
+from radiogs.method import inverse_rendering
 from radiogs.model import Model
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
-from radiogs_core.contract import Stage
+from radiogs.settings import INVERSE_ONLY, Budget, Variant
+from radiogs_core.contract import Run, Stage, replaced
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
 from short_training import BUDGET, CPU, SCENE, through_a_file
@@ -19,14 +18,14 @@ from short_training import BUDGET, CPU, SCENE, through_a_file
 
 @pytest.fixture(scope="module")
 def initialised() -> dict[str, Any]:
-    stage = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     return through_a_file(stage.state())
 
 
 def inverse(initialised: dict[str, Any], variant: Variant | None = None) -> InverseRendering:
-    return InverseRendering(SCENE, variant or Variant(), BUDGET, 0, CPU, initialised)
+    return inverse_rendering(Run(SCENE, variant or Variant(), BUDGET, 0, CPU), initialised)
 
 
 def same(first: Initialisation | InverseRendering, second: Initialisation | InverseRendering) -> bool:
@@ -42,7 +41,7 @@ class WithoutStageTwo(Budget):
 
 def test_stage_one_reads_nothing_that_belongs_to_stage_two(initialised: dict[str, Any]) -> None:
     """Runs that differ in stage 2 alone share stage 1: it must not depend on what its key leaves out."""
-    stage = Initialisation(SCENE, Variant(), WithoutStageTwo(**dataclasses.asdict(BUDGET)), 0, CPU)
+    stage = Initialisation(Run(SCENE, Variant(), WithoutStageTwo(**vars(BUDGET)), 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     found = through_a_file(stage.state())
@@ -53,12 +52,12 @@ def test_stage_one_reads_nothing_that_belongs_to_stage_two(initialised: dict[str
 @pytest.mark.parametrize("kind", ["radiometric", "nvs"])
 def test_initialisation_resumes_bit_for_bit_across_density_control(kind: str) -> None:
     variant = Variant(initialise=kind)  # type: ignore[arg-type]
-    whole = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    whole = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
     for step in range(20):
         if step == 7:
             saved = through_a_file(whole.state())
         whole.step()
-    resumed = Initialisation(SCENE, variant, BUDGET, 0, CPU)
+    resumed = Initialisation(Run(SCENE, variant, BUDGET, 0, CPU))
     resumed.restore(saved)
     while resumed.iteration < 20:
         resumed.step()
@@ -92,9 +91,9 @@ def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any])
     while resumed.iteration < 18:
         resumed.step()
     assert same(whole, resumed)
-    assert whole.shader.planner.evidence == resumed.shader.planner.evidence
-    assert {record.iteration for record in whole.shader.planner.evidence} == {0, 10}
-    assert whole.shader.plan == resumed.shader.plan
+    assert whole.planner.evidence == resumed.planner.evidence
+    assert {record.iteration for record in whole.planner.evidence} == {0, 10}
+    assert whole.planner.plan == resumed.planner.plan
 
 
 def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
@@ -102,7 +101,7 @@ def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
     stage = inverse(initialised, Variant(effects="auto"))
     with recording() as instruments:
         stage.step()
-        once = len(stage.optimiser.surfels) * stage.shader.planner.samples
+        once = len(stage.optimiser.surfels) * stage.planner.samples
         taken = dict(instruments.parts)
         assert instruments.work["probe_rays"] == once <= instruments.work["rays"]
         assert taken["probe"] > 0
@@ -112,8 +111,8 @@ def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
 
 
 def test_initialisation_learns_the_images() -> None:
-    longer = dataclasses.replace(BUDGET, initialise_iterations=120, densify_interval=20)
-    stage = Initialisation(SCENE, Variant(), longer, 0, CPU)
+    longer = replaced(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
+    stage = Initialisation(Run(SCENE, Variant(), longer, 0, CPU))
     history = [stage.step()["radiance"] for _ in range(120)]
     # Eight steps are every view on both backgrounds.
     assert sum(history[-8:]) < 0.7 * sum(history[:8])
@@ -134,7 +133,7 @@ def test_detaching_one_side_of_the_residual_cuts_its_gradient(
     initialised: dict[str, Any], variant: Variant, learns: set[str]
 ) -> None:
     stage = inverse(initialised, variant)
-    loss = stage._consistency(stage.model, stage.views[0])
+    loss = stage.consistency_loss(stage.model, stage.views[0])
     loss.backward()
     moved = {
         name
@@ -149,14 +148,14 @@ def test_without_radiometric_weight_no_gradient_is_traced_but_the_cache_stays_fr
 ) -> None:
     stage = inverse(initialised, Variant(radiometric_weight=0.0))
     before = stage.shader.cache.incident.direction.clone()
-    loss = stage._consistency(stage.model, stage.views[0])
+    loss = stage.consistency_loss(stage.model, stage.views[0])
     assert not loss.requires_grad
     assert float(loss) == 0
     assert not torch.equal(before, stage.shader.cache.incident.direction)
 
 
 def test_novel_view_initialisation_knows_no_shading() -> None:
-    losses = Initialisation(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU).step()
+    losses = Initialisation(Run(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU)).step()
     assert "shaded" not in losses
     assert "consistency" not in losses
 
@@ -197,7 +196,7 @@ def test_the_product_of_stage_two_is_the_model(initialised: dict[str, Any], vari
 
 
 def test_both_stages_are_what_the_harness_calls_a_stage(initialised: dict[str, Any]) -> None:
-    first = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    first = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     second = inverse(first.product())
     assert isinstance(first, Stage)
     assert isinstance(second, Stage)

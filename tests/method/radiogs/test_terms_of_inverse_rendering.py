@@ -7,10 +7,10 @@ import pytest
 import torch
 
 from known_ball import BALL, COLOUR, SCENE, WHITE, changed, inverse_rendering, noise, tilted
+from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialRates, MaterialWeights
-from radiogs.rendering import Renderer
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import Renderer
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_core.transport.incident import Incident

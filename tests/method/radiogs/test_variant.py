@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 import torch
 
+from radiogs.initialise import Initialisation
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
+from radiogs.method import inverse_rendering
+from radiogs.settings import Variant
+from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.plain_values import from_plain
@@ -118,7 +119,7 @@ OF_STAGE_TWO = [path for path in LEAVES if path.startswith("materials.")]
 
 
 def initialised(variant: Variant, scene: Scene = SCENE) -> dict[str, Any]:
-    stage = Initialisation(scene, variant, BUDGET, 0, CPU)
+    stage = Initialisation(Run(scene, variant, BUDGET, 0, CPU))
     while stage.iteration < 18:
         stage.step()
     return stage.product()
@@ -130,7 +131,7 @@ def first() -> dict[str, Any]:
 
 
 def inverted(first: dict[str, Any], variant: Variant) -> dict[str, torch.Tensor]:
-    stage = InverseRendering(SCENE, variant, BUDGET, 0, CPU, first)
+    stage = inverse_rendering(Run(SCENE, variant, BUDGET, 0, CPU), first)
     while stage.iteration < 9:
         stage.step()
     return stage.optimiser.tensors

@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from known_ball import CPU
-from radiogs.budget import PRESETS
 from radiogs.model import Model
-from radiogs.trained import TrainedRadioGS
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
+from radiogs.showing import TrainedRadioGS
 from radiogs_bench.scoring.determined import HALF_A_LEVEL, determined
 from radiogs_bench.store.schema import Determined
 from radiogs_core.capabilities import QUANTITIES, Part, Variable, Varying

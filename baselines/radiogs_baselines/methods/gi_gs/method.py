@@ -1,8 +1,9 @@
 """GI-GS as the harness knows it: its stages, what each depends on, and its trained model."""
 
-from ..surfel_method import SurfelMethod
+from radiogs_core.on_surfels.method import SurfelMethod
+
 from .model import Model
-from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from .settings import PRESETS, Variant
 from .showing import TrainedGIGS
 from .training import InverseRendering
 
@@ -14,5 +15,4 @@ GI_GS_METHOD = SurfelMethod(
     presets=PRESETS,
     begin=InverseRendering,
     trained=lambda tensors, run: TrainedGIGS(Model.of(tensors), run),
-    shown_only=BUDGET_SHOWN_ONLY,
 )

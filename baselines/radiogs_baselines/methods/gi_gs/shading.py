@@ -12,8 +12,8 @@ from torch import Tensor
 from torch.nn.functional import pad
 
 from radiogs_core.kernels.image.display import displayed
+from radiogs_core.on_surfels.split_sum import Reflected, SplitSumLight, normal_reflectance
 
-from ..split_sum import Reflected, SplitSumLight, normal_reflectance
 from .gbuffer import GBuffer
 from .grid import GATHERED, Grid
 from .marching import LOOKUPS_AT_ONCE, NOTHING, March

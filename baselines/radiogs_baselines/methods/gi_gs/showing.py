@@ -4,17 +4,26 @@ Each frame is shaded with what it shows of itself. Labels say where a run differ
 with its results.
 """
 
+from collections.abc import Callable
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Prepared, Run
+from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.trained import (
+    SHOWN_WITH_INCIDENT,
+    Shown,
+    TrainedOnSurfels,
+    blended_maps,
+    light_start,
+    reduced,
+)
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from ..split_sum import SplitSumLight
-from ..surfel_showing import Shown, TrainedOnSurfels
 from .gbuffer import gbuffer, seen_materials
 from .grid import Grid
 from .marching import March
@@ -25,19 +34,21 @@ from .shading import Shader
 Maps = dict[str, Float[Tensor, "height width _"]]
 
 
-class TrainedGIGS(TrainedOnSurfels[Model]):
+class TrainedGIGS(TrainedOnSurfels[Model, Variant, Budget]):
     """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run) -> None:
+    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def as_trained(self) -> Prepared:
         """Shaded as in training."""
         own = self._shader(self.run.variant.occlusion, self.run.variant.indirect)
         light = SplitSumLight(PrefilteredLight(self.model.environment.detach())).ready()
-        return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), incident=True)
+        return Shown(Renderer(self.model, self.model.surfels.albedo.detach(), light, own), SHOWN_WITH_INCIDENT)
 
-    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
         """Without occlusion, and with the bounce of the frame under the new light."""
         new = SplitSumLight(PrefilteredLight(light.radiance), self.run.variant.frame).ready()
         shader = self._shader(occlusion=False, indirect=self.run.variant.relight_indirect)
@@ -60,7 +71,7 @@ class Renderer:
         self.model, self.albedo, self.light, self.shader = model, albedo, light, shader
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> Maps:
+    def render(self, camera: Camera, *further: str) -> Maps:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect, incident: see ``Shader.shade``. albedo: linear.
@@ -68,15 +79,10 @@ class Renderer:
         """
         seen = seen_materials(camera, self.model.surfels, self.albedo, self.model.metallic)
         shaded = self.shader.shade(gbuffer(camera, seen), seen.alpha, self.light)
-        length = seen.normal.square().sum(-1, keepdim=True)
         return {
             **shaded,
             "image": shaded["image"].clamp(0, 1),
-            "albedo": seen.images["albedo"],
-            "roughness": seen.images["roughness"],
-            "alpha": seen.alpha[..., None],
-            "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
-            "depth": seen.depth[..., None],
+            **blended_maps(seen),
         }
 
 
@@ -95,31 +101,22 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": f"surfels of this project in place of 3D Gaussians with a normal of their own; {_moves(variant)}",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
-        "light_start": _light_start(variant),
+        "light_start": light_start(variant.materials.start.light, "random between 0.25 and 0.75"),
         "lengths": f"shares of the extent, here {', '.join(lengths)}",
         "start": _start(variant),
         "relight_frame": "light maps with Y up, as the published code reads them" if variant.frame == "as_shipped"
         else "light maps as their files say (published: with Y up)",
     }  # fmt: skip
-    reduced = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
-                     "render_heights")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }  # fmt: skip
-    return labels | ({"reduced": ", ".join(sorted(reduced))} if reduced else {})
+    return labels | reduced(
+        budget, PAPER, "inverse_iterations", "azimuths", "heights", "march_steps", "light_height", "render_azimuths",
+        "render_heights",
+    )  # fmt: skip
 
 
 def _moves(variant: Variant) -> str:
     if variant.lr_scale == 0:
         return "frozen in stage 2 (published: moved by the blending of the maps)"
     return f"moved in stage 2 at {variant.lr_scale:g} times the rates that stage 1 ends with"
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: random between 0.25 and 0.75)"
-    return "constant, by the images' exposure (published: random between 0.25 and 0.75)"
 
 
 def _start(variant: Variant) -> str:

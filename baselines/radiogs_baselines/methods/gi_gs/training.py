@@ -4,7 +4,6 @@ It starts from the surfels of stage 1 with new materials and a new light. All lo
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import torch
@@ -12,39 +11,39 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from radiogs_core.contract import Run
-from radiogs_core.learning.backward import backward
-from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import environment_smoothness
-from radiogs_core.learning.views import TrainingView, chosen_views, load, view_at
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
+from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from ..material_start import GEOMETRY, first_light_and_albedo
-from ..split_sum import SplitSumLight
 from .gbuffer import GBuffer, gbuffer, seen_materials
 from .grid import Grid
 from .marching import March
 from .model import Model
-from .settings import Variant
+from .settings import Budget, Variant
 from .shading import Shader
 
 
-class InverseRendering:
+class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
 
-    name = "invert"
-
-    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
-        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
-        self.variant, self.seed = variant, run.seed
-        self.iteration, self.iterations = 0, budget.inverse_iterations
-        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
-        generator = torch.Generator(device).manual_seed(run.seed)
-        start = start_of(surfels_of(before, device), variant, budget.light_height, self.views, generator)
-        self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, scene.extent))
+    def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
+        variant, budget, extent = run.variant, run.budget, run.scene.extent
+        super().__init__(run, budget.inverse_iterations, variant.view_share)
+        learnt = surfels_of(before, run.device)
+        start = starting_model(learnt, self.views, budget.light_height, variant.materials.start, self.generator)
+        further = {"log_environment": start.log_environment}
+        if variant.metallic:
+            logit = inverse_sigmoid(variant.materials.start.metallic)
+            further["metallic_logit"] = torch.full_like(start.surfels.roughness_logit, logit)
+        self.optimiser = SurfelOptimiser(start.surfels, further, rates_of(variant, extent))
         grid = Grid.of(budget.azimuths, budget.heights)
-        march = March.of(grid, variant, budget.march_steps, scene.extent, variant.training_start)
+        march = March.of(grid, variant, budget.march_steps, extent, variant.training_start)
         self.shader = Shader(march, variant.occlusion, variant.indirect, variant.sum, variant.straight)
 
     @property
@@ -54,18 +53,10 @@ class InverseRendering:
         surfels = frozen(self.optimiser.surfels, self.variant.lr_scale > 0)
         return Model(surfels, tensors["log_environment"], tensors.get("metallic_logit"))
 
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
-        self.optimiser.set_rate("albedo_logit", self._albedo_rate())
-        losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
-        self.optimiser.step()
-        self.iteration += 1
-        return values
-
-    def _albedo_rate(self) -> float:
+    def begin_step(self) -> None:
+        """Set the rate of albedo, which falls geometrically over the stage."""
         rates, progress = self.variant.materials.rates, self.iteration / self.iterations
-        return rates.albedo ** (1 - progress) * rates.albedo_end**progress
+        self.optimiser.set_rate("albedo_logit", rates.albedo ** (1 - progress) * rates.albedo_end**progress)
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``."""
@@ -85,15 +76,6 @@ class InverseRendering:
         """Albedo, roughness and, where it is learnt, metallic, as one image."""
         metal = (buffer.metallic[:, None],) if self.variant.metallic else ()
         return buffer.image(torch.cat([buffer.albedo, buffer.roughness[:, None], *metal], -1))
-
-    def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit; nothing is drawn at random after the start."""
-        return {"iteration": self.iteration, "optimiser": self.optimiser.state()}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
 
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
@@ -134,17 +116,6 @@ def plainness(buffer: GBuffer, metallic: bool) -> Float[Tensor, ""]:
         return buffer.roughness.new_zeros(())
     rough = (1 - buffer.roughness).mean()
     return rough + buffer.metallic.mean() if metallic else rough
-
-
-def start_of(
-    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> Model:
-    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
-    start = variant.materials.start
-    surfels = learnt.made_of(start.albedo, start.roughness)
-    metal = torch.full_like(surfels.roughness_logit, inverse_sigmoid(start.metallic)) if variant.metallic else None
-    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
-    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metal)
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:

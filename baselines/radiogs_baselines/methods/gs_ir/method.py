@@ -1,6 +1,7 @@
 """GS-IR as the harness knows it: its stages, what each depends on, and its trained model."""
 
-from ..surfel_method import SurfelMethod
+from radiogs_core.on_surfels.method import SurfelMethod
+
 from .model import Model
 from .settings import PRESETS, Variant
 from .showing import TrainedGSIR

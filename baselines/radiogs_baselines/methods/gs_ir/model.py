@@ -8,29 +8,23 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.on_surfels.model import LitSurfels, restored_logit
+from radiogs_core.surfels.restoring import restored_map, restored_surfels
 
 from .irradiance import IrradianceVolume
 from .occlusion import OcclusionVolume
 
 
 @dataclass(frozen=True)
-class Model:
-    """log_environment: logarithm of the environment's radiance (see ``scene.light``). metallic_logit, occlusion and
-    irradiance: None where the variant has none.
-    """
+class Model(LitSurfels):
+    """Surfels, a light, and what the variant learns beside them."""
 
-    surfels: Surfels
-    log_environment: Float[Tensor, "height width 3"]
     metallic_logit: Float[Tensor, " surfels"] | None = None
+    """Logit of the metalness; None where none is learnt."""
     occlusion: OcclusionVolume | None = None
+    """Baked occlusion; None for a variant without it."""
     irradiance: IrradianceVolume | None = None
-
-    @property
-    def environment(self) -> Float[Tensor, "height width 3"]:
-        """Linear radiance of the recovered light."""
-        return self.log_environment.exp()
+    """Learnt indirect irradiance; None for a variant without it."""
 
     @property
     def metallic(self) -> Float[Tensor, " surfels"] | None:
@@ -39,7 +33,7 @@ class Model:
 
     def tensors(self) -> dict[str, Any]:
         """The model as plain tensors, without gradient history."""
-        found: dict[str, Any] = {"surfels": self.surfels.plain(), "log_environment": self.log_environment.detach()}
+        found = super().tensors()
         if self.metallic_logit is not None:
             found["metallic_logit"] = self.metallic_logit.detach()
         volumes = {"occlusion": self.occlusion, "irradiance": self.irradiance}
@@ -48,10 +42,8 @@ class Model:
     @classmethod
     def of(cls, tensors: Mapping[str, Any]) -> "Model":
         """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
-        surfels, metallic = restored_surfels(tensors["surfels"]), None
-        if "metallic_logit" in tensors:
-            metallic = finite_tensor(tensors, "metallic_logit")
-            require_for_each(surfels, "metallic_logit", metallic, ())
+        surfels = restored_surfels(tensors["surfels"])
+        metallic = restored_logit(tensors, "metallic_logit", surfels)
         return cls(
             surfels,
             restored_map(tensors, "log_environment"),

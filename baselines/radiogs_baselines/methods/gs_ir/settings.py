@@ -3,67 +3,70 @@
 Defaults are those of its scripts for TensoIR's scenes where nothing else is said.
 """
 
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
-from radiogs_core.errors import UsageError
-from radiogs_core.learning.geometry import GeometryLearning
-
-from ..material_start import LightAndPaint
-from ..split_sum import Frame
+from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
+from radiogs_core.on_surfels.split_sum import Frame
+from radiogs_core.on_surfels.start_values import StartValues
 
 
-@dataclass(frozen=True)
-class Budget:
-    """How much work a run may do.
+@dataclass(frozen=True, kw_only=True)
+class Budget(SurfelBudget):
+    """How much work a run may do. A step of stage 2 shades all pixels of one view."""
 
-    Stage 1, shared with other methods: see ``radiogs_core.learning.fit_geometry.GeometryBudget``. Between the stages
-    occlusion is baked on a lattice of ``occlusion_corners`` corners an edge by ``occlusion_directions`` rays from each
-    corner near a surface. Stage 2: ``inverse_iterations`` steps, of all pixels of one view; the occlusion of each is a
-    mean over ``occlusion_samples`` directions. ``irradiance_corners``: corners an edge of the volume of indirect
-    irradiance. ``light_height``: height of the learnt environment map.
-    """
-
-    name: str
-    initialise_iterations: int
-    initial_surfels: int
-    maximum_surfels: int
-    densify_interval: int
-    geometry_rate: float
-    inverse_iterations: int
     occlusion_corners: int
+    """Corners an edge of the lattice on which occlusion is baked between the stages."""
     occlusion_directions: int
+    """Rays from each corner near a surface."""
     occlusion_samples: int
+    """Directions over which the occlusion of a pixel is a mean."""
     irradiance_corners: int
-    light_height: int
+    """Corners an edge of the volume of indirect irradiance."""
 
 
-PRESETS = {
-    preset.name: preset
-    for preset in (
-        Budget(
-            name="smoke", initialise_iterations=60, initial_surfels=400, maximum_surfels=600, densify_interval=20,
-            geometry_rate=12.0, inverse_iterations=20, occlusion_corners=8, occlusion_directions=64,
-            occlusion_samples=16, irradiance_corners=6, light_height=8,
-        ),
-        Budget(
-            name="tiny", initialise_iterations=2000, initial_surfels=6000, maximum_surfels=6000, densify_interval=100,
-            geometry_rate=12.0, inverse_iterations=600, occlusion_corners=32, occlusion_directions=256,
-            occlusion_samples=32, irradiance_corners=32, light_height=16,
-        ),
-        Budget(
-            name="small", initialise_iterations=5000, initial_surfels=20_000, maximum_surfels=50_000,
-            densify_interval=200, geometry_rate=5.0, inverse_iterations=2500, occlusion_corners=64,
-            occlusion_directions=1024, occlusion_samples=128, irradiance_corners=32, light_height=32,
-        ),
-        Budget(
-            name="paper", initialise_iterations=40_000, initial_surfels=100_000, maximum_surfels=2_000_000,
-            densify_interval=500, geometry_rate=1.0, inverse_iterations=5000, occlusion_corners=128,
-            occlusion_directions=4096, occlusion_samples=256, irradiance_corners=64, light_height=32,
-        ),
-    )
-}  # fmt: skip
-"""Stage 1 is RadioGS's, so that both methods' rows have the same."""
+PRESETS = by_name(
+    Budget(
+        name="smoke",
+        geometry=GEOMETRY_PRESETS["smoke"],
+        inverse_iterations=20,
+        occlusion_corners=8,
+        occlusion_directions=64,
+        occlusion_samples=16,
+        irradiance_corners=6,
+        light_height=8,
+    ),
+    Budget(
+        name="tiny",
+        geometry=GEOMETRY_PRESETS["tiny"],
+        inverse_iterations=600,
+        occlusion_corners=32,
+        occlusion_directions=256,
+        occlusion_samples=32,
+        irradiance_corners=32,
+        light_height=16,
+    ),
+    Budget(
+        name="small",
+        geometry=GEOMETRY_PRESETS["small"],
+        inverse_iterations=2500,
+        occlusion_corners=64,
+        occlusion_directions=1024,
+        occlusion_samples=128,
+        irradiance_corners=32,
+        light_height=32,
+    ),
+    Budget(
+        name="paper",
+        geometry=GEOMETRY_PRESETS["paper"],
+        inverse_iterations=5000,
+        occlusion_corners=128,
+        occlusion_directions=4096,
+        occlusion_samples=256,
+        irradiance_corners=64,
+        light_height=32,
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ class MaterialRates:
 
 
 @dataclass(frozen=True)
-class MaterialStart(LightAndPaint):
+class MaterialStart(StartValues):
     """What materials and light start as; irradiance starts at zero."""
 
     albedo: float = 0.731
@@ -123,52 +126,34 @@ class MaterialLearning:
 TexelAreas = Literal["exact", "approximate"]
 """Solid angles of texels in the diffuse pre-filter: as they are, or those of GS-IR's code, 8 % too large."""
 
-SHOWN_ONLY = ("frame",)
-"""Fields of ``Variant`` that training does not read."""
-
 
 @dataclass(frozen=True)
-class Variant:
-    """A variant of GS-IR; the defaults are the full method. Lengths are in the scene's extents.
+class Variant(SurfelVariant):
+    """A variant of GS-IR; the defaults are the full method. Lengths are in the scene's extents."""
 
-    occlusion: whether the diffuse part is occluded, O L_env + (1 - O) L_ind; otherwise O = 1.
-    indirect: whether a volume of irradiance is learnt; otherwise L_ind = 0. Without occlusion there is none, either.
-    tau: distance from which on geometry does not occlude (the script's 0.25 is 0.055 of TensoIR's); None: no end.
-    nearest: distance up to which geometry does not occlude; the published rasterizer leaves out what is nearer than
-    0.2, which is 0.044 of TensoIR's.
-    metallic: whether a metalness is learnt that mixes F0 from 0.04 and the albedo.
-    texel_areas: see ``TexelAreas``. frame: see ``Frame``.
-    lr_scale: share of the rates that stage 1 ends with at which geometry moves in stage 2; at 0 it is frozen.
-    view_share: share of the training views that both stages may see, in (0, 1].
-    geometry: weights, rates and schedule of stage 1. materials: those of stage 2.
-    """
+    shown_only = ("frame",)
 
     occlusion: bool = True
+    """Whether the diffuse part is occluded, O L_env + (1 - O) L_ind; otherwise O = 1."""
     indirect: bool = True
+    """Whether a volume of irradiance is learnt; otherwise L_ind = 0. Without occlusion there is none, either."""
     tau: float | None = 0.055
+    """Distance from which on geometry does not occlude (the script's 0.25 is 0.055 of TensoIR's); None: no limit."""
     nearest: float = 0.0
+    """Distance up to which geometry does not occlude; the published rasterizer leaves out what is nearer than 0.2,
+    which is 0.044 of TensoIR's."""
     metallic: bool = False
+    """Whether a metalness is learnt that mixes F0 from 0.04 and the albedo."""
     texel_areas: TexelAreas = "exact"
+    """Solid angles of texels in the diffuse pre-filter (see ``TexelAreas``)."""
     frame: Frame = "oriented"
+    """Frame in which a new light is looked up (see ``split_sum.Frame``)."""
     lr_scale: float = 1.0
-    view_share: float = 1.0
-    geometry: GeometryLearning = field(default_factory=GeometryLearning)
+    """Share of the rates that stage 1 ends with at which geometry moves in stage 2; at 0 it is frozen."""
     materials: MaterialLearning = field(default_factory=MaterialLearning)
+    """Weights, rates and starting values of stage 2."""
 
     def __post_init__(self) -> None:
-        if self.tau is not None and self.tau <= 0:
-            raise UsageError(f"tau: {self.tau} is not above zero")
-        for name in ("nearest", "lr_scale"):
-            if getattr(self, name) < 0:
-                raise UsageError(f"{name}: {getattr(self, name)} is not zero or above")
-        if not 0 < self.view_share <= 1:
-            raise UsageError(f"view_share: {self.view_share} is not above 0 and at most 1")
-
-    @property
-    def straight(self) -> bool:
-        """Whether images are encoded for display by straight radiance (see ``splatting.displayed``)."""
-        return self.geometry.encoding == "straight"
-
-    def of_training(self) -> dict[str, Any]:
-        """The fields that decide the trained model, as plain values."""
-        return {name: value for name, value in asdict(self).items() if name not in SHOWN_ONLY}
+        super().__post_init__()
+        self.require("above zero", "tau")
+        self.require("zero or above", "nearest", "lr_scale")

@@ -10,11 +10,11 @@ from jaxtyping import Float, Int
 from torch import Tensor
 
 from radiogs_core.kernels.image.display import displayed
+from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.transport.splatting import Splat
 
-from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
-from ..split_sum import SplitSumLight
 from .model import Model
 
 
@@ -80,7 +80,7 @@ class View:
 
     def shaded(self, model: Model, light: SplitSumLight, samples: int) -> Shaded:
         """The points under the model's own light, with its volumes; O from ``samples`` directions."""
-        place, normal = self.points.place.detach(), self.points.normal.detach()
+        place, normal = self.points.position.detach(), self.points.normal.detach()
         openness = None if model.occlusion is None else model.occlusion.openness(place, normal, samples)
         irradiance = None if model.irradiance is None else model.irradiance.at(place, normal)
         return shade_points(self.points, light, openness, irradiance, self.metallic)

@@ -3,6 +3,7 @@
 Labels say where a run differs from the published method; they go with its results.
 """
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,21 +13,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Maps, Prepared, Run
+from radiogs_core.on_surfels.split_sum import Frame, SplitSumLight
+from radiogs_core.on_surfels.trained import Shown, TrainedOnSurfels, blended_maps, light_start, reduced
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 
-from ..split_sum import Frame, SplitSumLight
-from ..surfel_showing import Shown, TrainedOnSurfels
 from .model import Model
 from .prefilter import filtered_light
 from .settings import PRESETS, Budget, Variant
 from .shading import Shaded, View
 
 
-class TrainedGSIR(TrainedOnSurfels[Model]):
+class TrainedGSIR(TrainedOnSurfels[Model, Variant, Budget]):
     """Surfels with materials, a light and two volumes, and what they were trained on; see ``contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run) -> None:
+    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def facts(self) -> dict[str, Any]:
@@ -64,7 +65,9 @@ class TrainedGSIR(TrainedOnSurfels[Model]):
         light = self._filtered(self.model.environment.detach(), "oriented")
         return Shown(_AsTrained(self.model, light, self.run))
 
-    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
         """Without occlusion or indirect light."""
         albedo = self.model.surfels.albedo.detach() * albedo_scale
         new = self._filtered(light.radiance, self.run.variant.frame)
@@ -79,7 +82,7 @@ class _AsTrained:
         self.model, self.light, self.run = model, light, run
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> Maps:
+    def render(self, camera: Camera, *further: str) -> Maps:
         view = View.of(camera, self.model, self.model.surfels.albedo)
         shaded = view.shaded(self.model, self.light, self.run.budget.occlusion_samples)
         return maps_of(view, shaded, self.run.variant.straight)
@@ -92,7 +95,7 @@ class _Relit:
         self.model, self.albedo, self.light, self.straight = model, albedo, light, straight
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> Maps:
+    def render(self, camera: Camera, *further: str) -> Maps:
         view = View.of(camera, self.model, self.albedo)
         return maps_of(view, view.relit(self.light), self.straight)
 
@@ -103,17 +106,11 @@ def maps_of(view: View, shaded: Shaded, straight: bool) -> Maps:
     image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. albedo: linear. roughness,
     alpha, depth (world z-depth): one channel. normal: unit in the world, zero where empty.
     """
-    seen = view.seen
-    length = seen.normal.square().sum(-1, keepdim=True)
     return {
         "image": view.image(shaded, straight).clamp(0, 1),
         "direct": view.map_of(shaded.direct),
         "indirect": view.map_of(shaded.indirect),
-        "albedo": seen.images["albedo"],
-        "roughness": seen.images["roughness"],
-        "alpha": seen.alpha[..., None],
-        "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
-        "depth": seen.depth[..., None],
+        **blended_maps(view.seen),
     }
 
 
@@ -125,7 +122,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": "surfels of this project and their normals in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
-        "light_start": _light_start(variant),
+        "light_start": light_start(variant.materials.start.light, "random between 0.25 and 0.75"),
         "light": "a lat-long map of log-radiance (published: a cube map of radiance, not below zero)",
         "texel_areas": f"{variant.texel_areas} in the diffuse pre-filter (published: approximate, 8 % brighter)",
         "relight_frame": _frame(variant),
@@ -140,28 +137,14 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
             "box": "the cube around the surfels (published: [-1.5, 1.5]^3)",
             "occlusion_rays": f"{budget.occlusion_directions} traced directions (published: six faces of 256 x 256)",
         }
-    return labels | _reduced(budget) | _geometry_rate(variant)
-
-
-def _reduced(budget: Budget) -> dict[str, str]:
-    reduced = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "occlusion_corners", "occlusion_samples", "irradiance_corners")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }
-    return {"reduced": ", ".join(sorted(reduced))} if reduced else {}
+    lower = reduced(budget, PAPER, "inverse_iterations", "occlusion_corners", "occlusion_samples", "irradiance_corners")
+    return labels | lower | _geometry_rate(variant)
 
 
 def _geometry_rate(variant: Variant) -> dict[str, str]:
     if variant.lr_scale == 1:
         return {}
     return {"lr_scale": f"{variant.lr_scale:g} of the rates that stage 1 ends with (published: 1)"}
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: random between 0.25 and 0.75)"
-    return "constant, by the images' exposure (published: random between 0.25 and 0.75)"
 
 
 def _frame(variant: Variant) -> str:

@@ -14,17 +14,17 @@ from torch import Tensor
 
 from radiogs_core.contract import Run
 from radiogs_core.kernels.trace.trace import trace
-from radiogs_core.learning.backward import backward
-from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.geometry import turning
 from radiogs_core.learning.losses import environment_smoothness
-from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.split_sum import SplitSumLight
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid
+from radiogs_core.surfels.surfels import GEOMETRY, Surfels, inverse_sigmoid
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from ..material_start import GEOMETRY, first_light_and_albedo
-from ..split_sum import SplitSumLight
 from .irradiance import IrradianceVolume
 from .lattice import Lattice
 from .model import Model
@@ -37,37 +37,27 @@ MATERIALS = ("albedo", "roughness", "metallic")
 """Blended maps that are kept smooth; the last where there is one."""
 
 
-class InverseRendering:
+class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. Bakes occlusion by the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
 
-    name = "invert"
-
-    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
-        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
-        self.variant: Variant = variant
-        self.budget, self.seed = budget, run.seed
-        self.iteration, self.iterations = 0, budget.inverse_iterations
-        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
-        self.depth_unit = mean_distance(self.views, scene.centre)
-        learnt = surfels_of(before, device)
+    def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
+        variant, budget, extent = run.variant, run.budget, run.scene.extent
+        super().__init__(run, budget.inverse_iterations, variant.view_share)
+        learnt = surfels_of(before, run.device)
         self.occlusion, self.dark = None, None
         if variant.occlusion:
             lattice = Lattice.over(learnt, budget.occlusion_corners)
-            self.occlusion = bake(learnt, lattice, Reach.of(variant, scene.extent), budget.occlusion_directions)
+            self.occlusion = bake(learnt, lattice, Reach.of(variant, extent), budget.occlusion_directions)
             if variant.indirect:
                 self.dark = IrradianceVolume.dark(lattice.of(budget.irradiance_corners))
-        self.optimiser = self._optimiser(learnt, scene.extent)
-
-    def _optimiser(self, learnt: Surfels, extent: float) -> SurfelOptimiser:
-        # The search for the light draws points; nothing after it is drawn.
-        generator = torch.Generator(learnt.centre.device).manual_seed(self.seed)
-        start = start_of(learnt, self.variant, self.budget.light_height, self.views, generator)
+        start = starting_model(learnt, self.views, budget.light_height, variant.materials.start, self.generator)
         further = {"log_environment": start.log_environment}
-        if start.metallic_logit is not None:
-            further["metallic_logit"] = start.metallic_logit
+        if variant.metallic:
+            logit = inverse_sigmoid(variant.materials.start.metallic)
+            further["metallic_logit"] = torch.full_like(learnt.roughness_logit, logit)
         if self.dark is not None:
             further["irradiance"] = self.dark.coefficients
-        return SurfelOptimiser(start.surfels, further, rates_of(self.variant, self.budget, extent))
+        self.optimiser = SurfelOptimiser(start.surfels, further, rates_of(variant, budget, extent))
 
     @property
     def model(self) -> Model:
@@ -80,14 +70,6 @@ class InverseRendering:
             self.occlusion,
             None if self.dark is None else replace(self.dark, coefficients=tensors["irradiance"]),
         )
-
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
-        losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
-        self.optimiser.step()
-        self.iteration += 1
-        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``."""
@@ -103,15 +85,6 @@ class InverseRendering:
             "prior": weights.prior * material_prior(shown.points.roughness, shown.metallic),
             "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
         }
-
-    def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit; occlusion is baked again from what stage 1 handed on."""
-        return {"iteration": self.iteration, "optimiser": self.optimiser.state()}
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
 
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
@@ -152,35 +125,13 @@ def material_prior(roughness: Float[Tensor, " points"], metallic: Float[Tensor, 
     return smooth.sum() / max(1, len(smooth))
 
 
-@dataclass(frozen=True)
-class Start:
-    """Surfels with starting materials, the logarithm of the light, and the metalness' logits where there are any."""
-
-    surfels: Surfels
-    log_environment: Float[Tensor, "height width 3"]
-    metallic_logit: Float[Tensor, " surfels"] | None
-
-
-def start_of(
-    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> Start:
-    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
-    start = variant.materials.start
-    surfels = learnt.made_of(start.albedo, start.roughness)
-    metallic = None
-    if variant.metallic:
-        metallic = torch.full_like(learnt.roughness_logit, inverse_sigmoid(start.metallic))
-    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
-    return Start(replace(surfels, albedo_logit=torch.logit(albedo)), light.log(), metallic)
-
-
 def rates_of(variant: Variant, budget: Budget, extent: float) -> dict[str, float]:
     """Learning rates by raw parameter; those of geometry are what stage 1 ends with. ``extent``: the scene's."""
     rates, before = variant.materials.rates, variant.geometry.rates
     late = variant.lr_scale * before.end_share
     return {
-        "centre": variant.lr_scale * budget.geometry_rate * before.position_end * extent,
-        "rotation": late * turning(budget.geometry_rate) * before.rotation,
+        "centre": variant.lr_scale * budget.geometry.rate * before.position_end * extent,
+        "rotation": late * turning(budget.geometry.rate) * before.rotation,
         "log_scale": late * before.scale,
         "opacity_logit": late * before.opacity,
         "sh": 0.0,

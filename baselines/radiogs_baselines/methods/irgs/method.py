@@ -1,8 +1,9 @@
 """IRGS as the harness knows it: its stages, what each depends on, and its trained model."""
 
-from ..surfel_method import SurfelMethod
-from .model import Model
-from .settings import BUDGET_SHOWN_ONLY, PRESETS, Variant
+from radiogs_core.on_surfels.method import SurfelMethod
+from radiogs_core.on_surfels.model import LitSurfels
+
+from .settings import PRESETS, Variant
 from .showing import TrainedIRGS
 from .training import InverseRendering
 
@@ -13,6 +14,5 @@ IRGS_METHOD = SurfelMethod(
     variant=Variant,
     presets=PRESETS,
     begin=InverseRendering,
-    trained=lambda tensors, run: TrainedIRGS(Model.of(tensors), run),
-    shown_only=BUDGET_SHOWN_ONLY,
+    trained=lambda tensors, run: TrainedIRGS(LitSurfels.of(tensors), run),
 )

@@ -7,12 +7,12 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.kernels.trace.trace import Hits
+from radiogs_core.on_surfels.seen_points import SeenPoints
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.met_surface import met_radiance
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
-from ..seen_points import SeenPoints
 from .settings import Indirect, Variant
 
 
@@ -43,7 +43,7 @@ class Rays:
         width = points.width.repeat_interleave(samples)
         start = SELF_OFFSET * width if self.start is None else torch.full_like(width, self.start)
         return tracer.trace_from(
-            points.place.repeat_interleave(samples, 0), direction.flatten(0, 1), features,
+            points.position.repeat_interleave(samples, 0), direction.flatten(0, 1), features,
             start, BACK_OFFSET * width if self.two_sided else None,
         )  # fmt: skip
 

@@ -5,12 +5,11 @@ from dataclasses import dataclass
 from jaxtyping import Float
 from torch import Tensor
 
+from radiogs_core.on_surfels.seen_points import SeenPoints
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.shading import shade_materials
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT
-
-from ..seen_points import SeenPoints
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ Every covered pixel is shaded by rays. Labels say where a run differs from the p
 results.
 """
 
+from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import torch
@@ -12,6 +13,16 @@ from torch import Tensor
 
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.kernels.image.display import displayed
+from radiogs_core.on_surfels.model import LitSurfels
+from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from radiogs_core.on_surfels.trained import (
+    SHOWN_WITH_INCIDENT,
+    Shown,
+    TrainedOnSurfels,
+    blended_maps,
+    light_start,
+    reduced,
+)
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
@@ -22,9 +33,6 @@ from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import RAYS_AT_ONCE, SurfelTracer
 
-from ..seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
-from ..surfel_showing import Shown, TrainedOnSurfels
-from .model import Model
 from .rays import Rays
 from .settings import PRESETS, Budget, Indirect, Variant
 from .shading import shade_points
@@ -32,10 +40,10 @@ from .shading import shade_points
 Maps = dict[str, Float[Tensor, "height width _"]]
 
 
-class TrainedIRGS(TrainedOnSurfels[Model]):
+class TrainedIRGS(TrainedOnSurfels[LitSurfels, Variant, Budget]):
     """Surfels with materials and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run) -> None:
+    def __init__(self, model: LitSurfels, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
         self.rays = Rays.of(run.variant, run.scene.extent)
 
@@ -43,9 +51,11 @@ class TrainedIRGS(TrainedOnSurfels[Model]):
         """Rays are traced for each image."""
         variant, surfels = self.run.variant, self.model.surfels
         own = RecoveredLight(self.model, self.rays, self.run.budget.render_samples, variant.indirect)
-        return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), incident=True)
+        return Shown(Renderer(surfels, surfels.albedo, own, self.run.seed, variant.straight), SHOWN_WITH_INCIDENT)
 
-    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
         """Rays are traced for each image; what they meet is shaded by the split sum."""
         variant, budget, surfels = self.run.variant, self.run.budget, self.model.surfels
         recovered = surfels.albedo.detach()
@@ -80,7 +90,7 @@ class RecoveredLight:
     ``indirect``: see ``Variant``.
     """
 
-    def __init__(self, model: Model, rays: Rays, samples: int, indirect: Indirect) -> None:
+    def __init__(self, model: LitSurfels, rays: Rays, samples: int, indirect: Indirect) -> None:
         self.environment, self.samples = model.environment, samples
         self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(model.surfels).built()
 
@@ -131,7 +141,7 @@ class Renderer:
         self.surfels, self.albedo, self.light, self.seed, self.straight = surfels, albedo, light, seed, straight
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> Maps:
+    def render(self, camera: Camera, *further: str) -> Maps:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
@@ -140,15 +150,10 @@ class Renderer:
         """
         seen = seen_surfels(camera, self.surfels, self.albedo, {})
         radiance = self._radiance(camera, seen)
-        length = seen.normal.square().sum(-1, keepdim=True)
         return {
             **radiance,
             "image": displayed(radiance["direct"] + radiance["indirect"], seen.alpha, self.straight).clamp(0, 1),
-            "albedo": seen.images["albedo"],
-            "roughness": seen.images["roughness"],
-            "alpha": seen.alpha[..., None],
-            "normal": seen.normal * torch.where(length > 0, length, torch.inf).rsqrt(),
-            "depth": seen.depth[..., None],
+            **blended_maps(seen),
         }
 
     def _radiance(self, camera: Camera, seen: Splat) -> Maps:
@@ -176,27 +181,17 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": "surfels of this project, traced and rasterised by its kernels",
         "stage1": "shared: novel-view synthesis in place of Ref-Gaussian",
-        "light_start": _light_start(variant),
+        "light_start": light_start(variant.materials.start.light, "a constant 1.5"),
         "ray_start": _ray_start(variant, extent),
         "fresnel": "F0 0.04 at what relit rays meet, too (published: 0.02)",
     }
-    reduced = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "pixels", "incident_samples", "relight_hemisphere_samples",
-                     "relight_light_samples", "render_samples")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }  # fmt: skip
-    if reduced:
-        labels["reduced"] = ", ".join(sorted(reduced))
+    labels |= reduced(
+        budget, PAPER, "inverse_iterations", "pixels", "incident_samples", "relight_hemisphere_samples",
+        "relight_light_samples", "render_samples",
+    )  # fmt: skip
     if variant.lr_scale > 0:
         labels["lr_scale"] = f"{variant.lr_scale:g} (published scripts: 0)"
     return labels
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: a constant 1.5)"
-    return "constant, by the images' exposure (published: a constant 1.5)"
 
 
 def _ray_start(variant: Variant, extent: float) -> str:

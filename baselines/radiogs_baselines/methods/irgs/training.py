@@ -4,7 +4,6 @@ It starts from the surfels and radiance of stage 1 with new materials and a new 
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import torch
@@ -14,8 +13,6 @@ from torch import Tensor
 from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
-from radiogs_core.learning.backward import backward
-from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
     environment_smoothness,
     light_prior,
@@ -23,38 +20,37 @@ from radiogs_core.learning.losses import (
     normal_consistency,
     reconstruction,
 )
-from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.model import LitSurfels
+from radiogs_core.on_surfels.seen_points import covered_pixels, seen_points, seen_surfels
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
-from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.surfels.surfels import GEOMETRY, Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import Splat, own_radiance
 from radiogs_core.transport.tracer import SurfelTracer
 
-from ..material_start import GEOMETRY, first_light_and_albedo
-from ..seen_points import covered_pixels, seen_points, seen_surfels
-from .model import Model
 from .rays import Rays
-from .settings import Variant
+from .settings import Budget, Variant
 from .shading import mean_direct_light, shade_points
 
 
-class InverseRendering:
+class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
 
-    name = "invert"
-
-    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
-        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
-        self.variant, self.budget, self.seed = variant, budget, run.seed
-        self.iteration, self.iterations = 0, budget.inverse_iterations
-        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
-        self.depth_unit = mean_distance(self.views, scene.centre)
-        self.generator = torch.Generator(device).manual_seed(run.seed)
-        start = start_of(surfels_of(before, device), variant, budget.light_height, self.views, self.generator)
+    def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
+        variant, budget, extent = run.variant, run.budget, run.scene.extent
+        super().__init__(run, budget.inverse_iterations, variant.view_share)
+        learnt = surfels_of(before, run.device)
+        start = starting_model(
+            learnt, self.views, budget.light_height, variant.materials.start, self.generator, variant.two_sided
+        )
         light = {"log_environment": start.log_environment}
-        self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, scene.extent))
-        self.rays = Rays.of(variant, scene.extent)
+        self.optimiser = SurfelOptimiser(start.surfels, light, rates_of(variant, extent))
+        self.rays = Rays.of(variant, extent)
         self.tracer = SurfelTracer(frozen(start.surfels))
 
     @property
@@ -63,24 +59,15 @@ class InverseRendering:
         return self.variant.lr_scale > 0
 
     @property
-    def model(self) -> Model:
+    def model(self) -> LitSurfels:
         """What is learnt so far."""
-        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
-
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
-        view = view_at(self.views, self.iteration, self.seed)
-        losses = self.losses(view)
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
-        self.optimiser.step()
-        self.iteration += 1
-        return values
+        return LitSurfels(self.optimiser.surfels, self.optimiser.tensors["log_environment"])
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``; draws pixels and directions."""
         surfels = self.optimiser.surfels if self.moves else frozen(self.optimiser.surfels)
         self._follow(surfels)
-        model = Model(surfels, self.optimiser.tensors["log_environment"])
+        model = LitSurfels(surfels, self.optimiser.tensors["log_environment"])
         own = {"radiance": own_radiance(view.camera, surfels)}
         seen = seen_surfels(view.camera, surfels, surfels.albedo, own, self.depth_unit)
         losses = self._shaded_losses(model, seen, view) | self._image_losses(seen, view)
@@ -95,7 +82,7 @@ class InverseRendering:
         else:
             self.tracer.recolour(surfels)
 
-    def _shaded_losses(self, model: Model, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
+    def _shaded_losses(self, model: LitSurfels, seen: Splat, view: TrainingView) -> dict[str, Tensor]:
         """L1 of random covered pixels, shaded by rays, and the neutrality of the direct light that reaches them."""
         weights = self.variant.materials.weights
         pixels = self._drawn(covered_pixels(seen))
@@ -145,22 +132,8 @@ class InverseRendering:
             losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, target)
         return losses
 
-    def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit."""
-        return {
-            "iteration": self.iteration,
-            "optimiser": self.optimiser.state(),
-            "generator": self.generator.get_state(),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
-        self.generator.set_state(state["generator"])
-
     def product(self) -> dict[str, Any]:
-        """The model as plain tensors (see ``Model.tensors``)."""
+        """The model as plain tensors (see ``LitSurfels.tensors``)."""
         return self.model.tensors()
 
 
@@ -185,16 +158,6 @@ def neutrality(incident: Incident, environment: Float[Tensor, "rows columns 3"])
     if not len(incident.weight):
         return environment.new_zeros(())
     return light_prior(mean_direct_light(incident, environment))
-
-
-def start_of(
-    learnt: Surfels, variant: Variant, rows: int, views: tuple[TrainingView, ...], generator: torch.Generator
-) -> Model:
-    """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
-    start = variant.materials.start
-    surfels = learnt.made_of(start.albedo, start.roughness)
-    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
-    return Model(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
 
 
 def rates_of(variant: Variant, extent: float) -> dict[str, float]:

@@ -3,7 +3,7 @@
 Labels say where a run differs from the published method; they go with its results.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +11,31 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.contract import Maps, Prepared, Run
+from radiogs_core.on_surfels.trained import (
+    INCIDENT,
+    SHOWN_WITH_INCIDENT,
+    Shown,
+    TrainedOnSurfels,
+    light_start,
+    reduced,
+)
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.maps import incident_map, shaded_maps
 
-from ..surfel_showing import INCIDENT, SHOWN, TrainedOnSurfels
 from .local_light import arriving
 from .model import Model
 from .settings import PRESETS, Budget, LocalLight, Variant
 from .visibility import Rays, VisibilityTable
 
 
-class TrainedR3DG(TrainedOnSurfels[Model]):
+class TrainedR3DG(TrainedOnSurfels[Model, Variant, Budget]):
     """Surfels with materials, a light and local light, and what they were trained on; see ``contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run) -> None:
+    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
 
     def export(self, folder: Path) -> list[Path]:
@@ -41,15 +48,18 @@ class TrainedR3DG(TrainedOnSurfels[Model]):
         """V is traced anew, and kept for all images."""
         samples, local_light = self.run.budget.incident_samples, self.run.variant.local_light
         albedo, incident = self.model.surfels.albedo, self._arriving(samples, local_light)
-        return _Shown(self.model.surfels, albedo, incident, self.model.environment, self.run.variant.straight, False)
+        own = Renderer(self.model.surfels, albedo, incident, self.model.environment, self.run.variant.straight)
+        return Shown(own, SHOWN_WITH_INCIDENT)
 
-    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
         """V is traced once, and the local light stays what it was in training."""
         variant, surfels = self.run.variant, self.model.surfels
         local_light: LocalLight = variant.local_light if variant.relight_local_light else "none"
         incident = self._arriving(self.run.budget.relight_samples, local_light)
         albedo = surfels.albedo.detach() * albedo_scale
-        return _Shown(surfels, albedo, incident, light.radiance, variant.straight, True)
+        return Shown(Renderer(surfels, albedo, incident, light.radiance, variant.straight))
 
     @torch.no_grad()
     def _arriving(self, samples: int, local_light: LocalLight) -> Incident:
@@ -57,12 +67,12 @@ class TrainedR3DG(TrainedOnSurfels[Model]):
         return arriving(table, self.model.local, local_light)
 
 
-class _Shown:
-    """Under one light; ``albedo`` is given apart, because relighting scales it. ``indirect`` is what the local light
-    makes surfels send out, and ``incident`` the mean local light that arrives."""
+class Renderer:
+    """Surfels under one light; ``albedo`` is given apart, because relighting scales it.
 
-    timed = True
-    default = frozenset(SHOWN)
+    ``indirect`` is the radiance that surfels send out by the local light, and ``incident`` the mean local light that
+    arrives.
+    """
 
     def __init__(
         self,
@@ -71,16 +81,14 @@ class _Shown:
         incident: Incident,
         environment: Float[Tensor, "rows columns 3"],
         straight: bool,
-        relit: bool,
     ) -> None:
         self.surfels, self.albedo, self.incident = surfels, albedo, incident
         self.environment, self.straight = environment, straight
-        self.offers: Mapping[str, MapKind] = {**SHOWN, **({} if relit else {INCIDENT: MapKind("linear")})}
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of one view."""
+        """The maps of one view; see ``on_surfels.trained.Renderer``."""
         maps = shaded_maps(camera, self.surfels, self.albedo, self.incident, self.environment, straight=self.straight)
-        if INCIDENT in further and INCIDENT in self.offers:
+        if INCIDENT in further:
             maps[INCIDENT] = incident_map(camera, self.surfels, self.incident)
         return maps
 
@@ -93,26 +101,14 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
     labels = {
         "geometry": "surfels of this project in place of 3D Gaussians with a normal of their own",
         "stage1": "shared: novel-view synthesis of surfels in place of 3D Gaussians",
-        "light_start": _light_start(variant),
+        "light_start": light_start(variant.materials.start.light, "random between 0.69 and 0.97"),
         "ray_start": _ray_start(variant, extent),
         "directions": _directions(variant),
     }
-    reduced = {
-        f"{name} {getattr(budget, name)} (published: {getattr(PAPER, name)})"
-        for name in ("inverse_iterations", "incident_samples", "relight_samples", "light_height")
-        if getattr(budget, name) != getattr(PAPER, name)
-    }
-    if reduced:
-        labels["reduced"] = ", ".join(sorted(reduced))
+    labels |= reduced(budget, PAPER, "inverse_iterations", "incident_samples", "relight_samples", "light_height")
     if budget.local_rate != PAPER.local_rate:
         labels["local_rate"] = f"{budget.local_rate:g} times the published rates of the local light"
     return labels
-
-
-def _light_start(variant: Variant) -> str:
-    if variant.materials.start.light == "least-variation":
-        return "shared: the light of least albedo variation (published: random between 0.69 and 0.97)"
-    return "constant, by the images' exposure (published: random between 0.69 and 0.97)"
 
 
 def _ray_start(variant: Variant, extent: float) -> str:

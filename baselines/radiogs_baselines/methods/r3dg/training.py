@@ -16,15 +16,16 @@ from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.shade.shade import shade
-from radiogs_core.learning.backward import backward
-from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.learning.losses import (
     environment_smoothness,
     light_prior,
     reconstruction,
 )
-from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_light_and_albedo
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.optimiser import SurfelOptimiser
@@ -40,34 +41,27 @@ from radiogs_core.transport.splatting import (
     towards,
 )
 
-from ..material_start import first_light_and_albedo
 from .local_light import arriving
 from .model import Model, before_softplus
 from .settings import Budget, MaterialWeights, Variant
 from .visibility import Rays, VisibilityTable
 
 
-class InverseRendering:
+class InverseRendering(SurfelStage[Variant, Budget]):
     """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh. A ``contract.Stage``."""
 
-    name = "invert"
-
-    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
-        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
-        self.variant, self.budget, self.seed = variant, budget, run.seed
-        self.iteration, self.iterations = 0, budget.inverse_iterations
-        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
-        self.depth_unit = mean_distance(self.views, scene.centre)
-        self.generator = torch.Generator(device).manual_seed(run.seed)
-        learnt = surfels_of(before, device)
+    def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
+        variant, budget = run.variant, run.budget
+        super().__init__(run, budget.inverse_iterations, variant.view_share)
+        learnt = surfels_of(before, run.device)
         start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
         self.optimiser = SurfelOptimiser(start.surfels, start.further, rates_of(variant, budget))
-        self.table = VisibilityTable(learnt, Rays.of(variant, scene.extent), budget.incident_samples)
+        self.table = VisibilityTable(learnt, Rays.of(variant, run.scene.extent), budget.incident_samples)
 
     @property
     def retraces(self) -> bool:
         """Whether V is traced anew along the way."""
-        return bool(self.variant.visibility == "retraced")
+        return self.variant.visibility == "retraced"
 
     @property
     def model(self) -> Model:
@@ -76,16 +70,11 @@ class InverseRendering:
         local = torch.cat([tensors["local"], tensors["local_rest"]], 1)
         return Model(bounded(frozen(self.optimiser.surfels)), local, tensors["raw_environment"])
 
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
+    def begin_step(self) -> None:
+        """Trace V anew at some surfels, drawn at random, where the variant retraces."""
         if self.retraces:
             order = torch.randperm(len(self.table.normal), generator=self.generator, device=self.table.normal.device)
             self.table.retrace(order[: self.budget.retraced_surfels], self.generator)
-        losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
-        self.optimiser.step()
-        self.iteration += 1
-        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``."""
@@ -98,18 +87,11 @@ class InverseRendering:
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit. A table that is traced once is traced alike when resumed."""
-        return {
-            "iteration": self.iteration,
-            "optimiser": self.optimiser.state(),
-            "generator": self.generator.get_state(),
-            "table": self.table.state() if self.retraces else {},
-        }
+        return super().state() | {"table": self.table.state() if self.retraces else {}}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
-        self.generator.set_state(state["generator"])
+        super().restore(state)
         if self.retraces:
             self.table.restore(state["table"])
 
@@ -177,7 +159,7 @@ def start_of(
 ) -> Start:
     """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
     start = variant.materials.start
-    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
+    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, variant.two_sided)
     roughness = torch.full_like(learnt.roughness_logit, start.roughness)
     local = learnt.centre.new_zeros(len(learnt), COEFFICIENTS, 3)
     further = {"raw_environment": before_softplus(light), "local": local[:, :1], "local_rest": local[:, 1:]}

@@ -3,6 +3,7 @@
 Vertices are shaded from a table. Labels say where a run differs from the published method; they go with its results.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +14,12 @@ from torch import Tensor
 from radiogs_core.contract import Prepared, Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.rasterize.rasterize import project
+from radiogs_core.on_surfels.trained import SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels, unit_or_zero
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import splat, towards
 
-from ..surfel_showing import Shown, TrainedOnSurfels
 from .model import Model
 from .settings import PRESETS, Budget, Variant
 from .shading import Materials, bounced, limited, materials_of, reduced, shade_vertices
@@ -37,10 +38,10 @@ class Lit:
     factor: Float[Tensor, ""] | float
 
 
-class TrainedSVGIR(TrainedOnSurfels[Model]):
+class TrainedSVGIR(TrainedOnSurfels[Model, Variant, Budget]):
     """Surfels with vertices and a light, and what they were trained on; see ``radiogs_core.contract.Trained``."""
 
-    def __init__(self, model: Model, run: Run) -> None:
+    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
         super().__init__(model, run, labels_of(run.variant, run.budget, run.scene.extent))
         self.walk = Walk.of(run.variant, run.scene.extent)
 
@@ -59,9 +60,11 @@ class TrainedSVGIR(TrainedOnSurfels[Model]):
         table = table_of(model.cached, self.walk, self.run.budget.incident_samples, self.run.seed)
         factor = model.ratio if variant.indirect else 0.0
         own = Lit(limited(model.environment, variant.light_limit), table, factor)
-        return self._shown(model.albedo, own, incident=True)
+        return Shown(self._renderer(model.albedo, own), SHOWN_WITH_INCIDENT)
 
-    def relit(self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"]) -> Prepared:
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
         """With a new table, whose radiance is one bounce at the first hits."""
         variant, model = self.run.variant, self.model
         albedo = model.albedo * albedo_scale
@@ -70,11 +73,11 @@ class TrainedSVGIR(TrainedOnSurfels[Model]):
         if variant.relight_indirect:
             materials = materials_of(model, albedo)
             table = table.with_radiance(bounced(materials, table, environment, variant.vertex_distance))
-        return self._shown(albedo, Lit(environment, table, float(variant.relight_indirect)), incident=False)
+        return Shown(self._renderer(albedo, Lit(environment, table, float(variant.relight_indirect))))
 
-    def _shown(self, albedo: Tensor, lit: Lit, incident: bool) -> Shown:
+    def _renderer(self, albedo: Tensor, lit: Lit) -> "Renderer":
         materials, variant = materials_of(self.model, albedo), self.run.variant
-        return Shown(Renderer(self.model, materials, lit, variant.vertex_distance, variant.straight), incident)
+        return Renderer(self.model, materials, lit, variant.vertex_distance, variant.straight)
 
 
 class Renderer:
@@ -89,7 +92,7 @@ class Renderer:
         self.distance, self.straight = distance, straight
 
     @torch.no_grad()
-    def render(self, camera: Camera) -> Maps:
+    def render(self, camera: Camera, *further: str) -> Maps:
         """Maps of one view, [height, width, channels], all composited on black.
 
         image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over each
@@ -103,7 +106,6 @@ class Renderer:
         shaded = self._shaded(camera, torch.nonzero(projection.lists.touched)[:, 0])
         blended = blend_vertices(projection, surfels, torch.cat([shaded, self.materials], -1), self.distance)
         direct, indirect, incident, albedo, roughness, normal = blended.split([3, 3, 3, 3, 1, 3], -1)
-        length = normal.square().sum(-1, keepdim=True)
         return {
             "image": displayed(direct + indirect, seen.alpha, self.straight).clamp(0, 1),
             "direct": direct,
@@ -112,7 +114,7 @@ class Renderer:
             "albedo": albedo,
             "roughness": roughness,
             "alpha": seen.alpha[..., None],
-            "normal": normal * torch.where(length > 0, length, torch.inf).rsqrt(),
+            "normal": unit_or_zero(normal),
             "depth": seen.depth[..., None],
         }
 
@@ -148,7 +150,7 @@ def labels_of(variant: Variant, budget: Budget, extent: float) -> dict[str, str]
         for name in ("inverse_iterations", "incident_samples", "relight_samples")
         if getattr(budget, name) != getattr(PAPER, name)
     }
-    if budget.consistency_surfels < budget.maximum_surfels:
+    if budget.consistency_surfels < budget.geometry.maximum_surfels:
         lowered.add(f"consistency_surfels {budget.consistency_surfels} (published: all)")
     if lowered:
         labels["reduced"] = ", ".join(sorted(lowered))

@@ -15,42 +15,39 @@ from radiogs_core.contract import Run
 from radiogs_core.kernels.image.display import displayed
 from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
 from radiogs_core.kernels.rasterize.rasterize import project
-from radiogs_core.learning.backward import backward
-from radiogs_core.learning.fit_geometry import surfels_of
 from radiogs_core.learning.losses import (
     environment_smoothness,
     normal_consistency,
     reconstruction,
 )
-from radiogs_core.learning.views import TrainingView, chosen_views, load, mean_distance, view_at
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_light_and_albedo
+from radiogs_core.on_surfels.stage import SurfelStage
 from radiogs_core.surfels.optimiser import SurfelOptimiser
 from radiogs_core.surfels.surfels import Surfels, roughness_to_logit
 from radiogs_core.transport.splatting import Splat, own_radiance, splat, towards
 
-from ..material_start import first_light_and_albedo
 from .model import LEARNT, Model
-from .settings import MaterialRates, Variant
+from .settings import Budget, MaterialRates, Variant
 from .shading import limited, materials_of, mirrored, one_bounce, shade_vertices
 from .table import Table, Walk, table_of
 from .vertices import blend_vertices
 
 
-class InverseRendering:
-    """Stage 2. Keeps the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``."""
+class InverseRendering(SurfelStage[Variant, Budget]):
+    """Stage 2. Keeps the geometry of stage 1, starts materials and light afresh. A ``contract.Stage``.
 
-    name = "invert"
+    The table of a stage that is restored is traced anew from what stage 1 handed on.
+    """
 
-    def __init__(self, run: Run, before: Mapping[str, Any]) -> None:
-        variant, budget, device, scene = run.variant, run.budget, run.device, run.scene
-        self.variant, self.budget, self.seed = variant, budget, run.seed
-        self.iteration, self.iterations = 0, budget.inverse_iterations
-        self.views = load(chosen_views(scene, variant.view_share, run.seed), device)
-        self.depth_unit = mean_distance(self.views, scene.centre)
-        self.generator = torch.Generator(device).manual_seed(run.seed)
-        learnt = surfels_of(before, device)
+    def __init__(self, run: Run[Variant, Budget], before: Mapping[str, Any]) -> None:
+        variant, budget = run.variant, run.budget
+        super().__init__(run, budget.inverse_iterations, variant.view_share)
+        learnt = surfels_of(before, run.device)
         start = start_of(learnt, variant, budget.light_height, self.views, self.generator)
         self.cached = start.cached
-        self.table = table_of(learnt, Walk.of(variant, scene.extent), budget.incident_samples, run.seed)
+        self.table = table_of(learnt, Walk.of(variant, run.scene.extent), budget.incident_samples, run.seed)
         further = {name: getattr(start, name) for name in LEARNT}
         self.optimiser = SurfelOptimiser(learnt, further, rates_of(variant.materials.rates))
 
@@ -60,15 +57,10 @@ class InverseRendering:
         learnt = {name: self.optimiser.tensors[name] for name in LEARNT}
         return Model(frozen(self.optimiser.surfels), self.cached, **learnt)
 
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
+    def begin_step(self) -> None:
+        """Hold the factor on kept radiance from its share of the stage on."""
         if self.iteration >= self.variant.materials.ratio_until * self.iterations:
             self.optimiser.set_rate("ratio", 0.0)
-        losses = self.losses(view_at(self.views, self.iteration, self.seed))
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
-        self.optimiser.step()
-        self.iteration += 1
-        return values
 
     def losses(self, view: TrainingView) -> dict[str, Tensor]:
         """The weighted losses of the next step by name, if it looks at ``view``; draws surfels."""
@@ -128,20 +120,6 @@ class InverseRendering:
             model, self.table, index, view.camera.centre, light, distance
         )}  # fmt: skip
 
-    def state(self) -> dict[str, Any]:
-        """Everything needed to continue bit for bit; the table is traced anew from what stage 1 hands on."""
-        return {
-            "iteration": self.iteration,
-            "optimiser": self.optimiser.state(),
-            "generator": self.generator.get_state(),
-        }
-
-    def restore(self, state: Mapping[str, Any]) -> None:
-        """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
-        self.generator.set_state(state["generator"])
-
     def product(self) -> dict[str, Any]:
         """The model as plain tensors (see ``Model.tensors``)."""
         return self.model.tensors()
@@ -177,7 +155,7 @@ def start_of(
 ) -> Model:
     """The surfels that stage 1 has learnt with starting materials, and a light of ``rows`` rows."""
     start, vertices, like = variant.materials.start, variant.vertices, learnt.centre
-    light, albedo = first_light_and_albedo(learnt, views, rows, start, generator)
+    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator)
     return Model(
         surfels=learnt,
         cached=learnt,

@@ -12,8 +12,8 @@ from baselines.methods.irgs.world import looking_down, sheet, together
 from radiogs_baselines.methods.gi_gs.marching import NOTHING
 from radiogs_baselines.methods.gi_gs.shading import Shader, bounce, gathered, median, openness, reflect, summed
 from radiogs_baselines.methods.gi_gs.training import image_loss, plainness, variation
-from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.learning.losses import environment_smoothness
+from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 from reference.differences import Values, assert_gradients

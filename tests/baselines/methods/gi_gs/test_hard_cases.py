@@ -11,9 +11,9 @@ from baselines.methods.gi_gs.world import block, light_of, march, shader, shown
 from baselines.methods.irgs.world import OPAQUE, grey, looking_down, sheet, together
 from hard_cases.constructions import looking_along_z, moved, raw_surfels, two_balls
 from radiogs_baselines.methods.gi_gs.marching import March
-from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.views import Whole
+from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.scene.camera import Camera
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight

@@ -22,8 +22,8 @@ from radiogs_baselines.methods.gi_gs.gbuffer import gbuffer, seen_materials
 from radiogs_baselines.methods.gi_gs.method import GI_GS_METHOD
 from radiogs_baselines.methods.gi_gs.settings import README_START, Budget, Variant
 from radiogs_baselines.methods.gi_gs.training import InverseRendering
-from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_core.errors import UsageError
+from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 from short_training import through_a_file

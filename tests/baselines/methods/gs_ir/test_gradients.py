@@ -17,9 +17,9 @@ from radiogs_baselines.methods.gs_ir.prefilter import filtered_light
 from radiogs_baselines.methods.gs_ir.settings import TexelAreas
 from radiogs_baselines.methods.gs_ir.shading import View
 from radiogs_baselines.methods.gs_ir.training import Reach, bake, image_loss, material_prior, material_smoothness
-from radiogs_baselines.methods.split_sum import SplitSumLight
 from radiogs_bench.lab.kernels import plain
 from radiogs_core.learning.losses import environment_smoothness
+from radiogs_core.on_surfels.split_sum import SplitSumLight
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splitsum import PrefilteredLight
 from reference.differences import Values, assert_gradients

@@ -89,8 +89,8 @@ def test_geometry_moves_at_its_share_of_the_rates_that_stage_one_ends_with() -> 
     after = tensors_of(stage)
     # Adam's first step is the rate itself; rotations and centres take longer ones in short runs.
     expected = {
-        "centre": BUDGET.geometry_rate * rates.position_end * SCENE.extent,
-        "rotation": math.sqrt(BUDGET.geometry_rate) * rates.rotation * rates.end_share,
+        "centre": BUDGET.geometry.rate * rates.position_end * SCENE.extent,
+        "rotation": math.sqrt(BUDGET.geometry.rate) * rates.rotation * rates.end_share,
         "log_scale": rates.scale * rates.end_share,
         "opacity_logit": rates.opacity * rates.end_share,
     }
@@ -180,7 +180,7 @@ def test_irradiance_is_learnt_where_it_is_dark_and_occluded() -> None:
         for view in stage.views:
             points = View.of(view.camera, model, model.surfels.albedo).points
             top = points.of(torch.nonzero(points.normal[:, 2] > 0.8)[:, 0])
-            found.append(model.irradiance.at(top.place, top.normal).detach())
+            found.append(model.irradiance.at(top.position, top.normal).detach())
         return float(torch.cat(found).mean())
 
     assert arriving() == 0

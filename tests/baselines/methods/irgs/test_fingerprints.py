@@ -5,7 +5,7 @@ import torch
 
 from baselines.methods.irgs.world import DOWN, OPAQUE, grey, looking_down, own, relit, sheet, together
 from radiogs_baselines.methods.irgs.rays import Rays
-from radiogs_baselines.methods.seen_points import covered_pixels, seen_points, seen_surfels
+from radiogs_core.on_surfels.seen_points import covered_pixels, seen_points, seen_surfels
 from radiogs_core.scene.light import EnvironmentMap, texel_directions
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
@@ -80,7 +80,7 @@ def test_the_two_surfels_of_a_pixel_are_met_at_their_expected_depth() -> None:
     seen = seen_surfels(camera, surfels, surfels.albedo, {})
     points = seen_points(camera, seen, covered_pixels(seen))
     expected = -(0.5 * 1 + 0.495 * 3) / 0.995
-    torch.testing.assert_close(points.place[4], torch.tensor([0.0, 0.0, expected]), rtol=1e-4, atol=1e-4)
+    torch.testing.assert_close(points.position[4], torch.tensor([0.0, 0.0, expected]), rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize(("height", "visibility"), [(0.4, 1.0), (0.6, 0.0)])

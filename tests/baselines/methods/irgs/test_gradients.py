@@ -12,7 +12,7 @@ from radiogs_baselines.methods.irgs.rays import Rays
 from radiogs_baselines.methods.irgs.settings import Indirect
 from radiogs_baselines.methods.irgs.shading import shade_points
 from radiogs_baselines.methods.irgs.training import neutrality, pixel_loss
-from radiogs_baselines.methods.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
+from radiogs_core.on_surfels.seen_points import SeenPoints, covered_pixels, seen_points, seen_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer
@@ -139,8 +139,8 @@ def met(values: Values) -> list[bool]:
     surfels = surfels_of(values)
     geometry, (_, points), direction = surfels.geometry(), points_of(surfels), fixed()[1]
     facing = direction @ geometry.normal.T
-    along = ((geometry.centre - points.place[:, None]) * geometry.normal).sum(-1)[:, None] / facing
-    offset = points.place[:, None, None] + along[..., None] * direction[:, :, None] - geometry.centre
+    along = ((geometry.centre - points.position[:, None]) * geometry.normal).sum(-1)[:, None] / facing
+    offset = points.position[:, None, None] + along[..., None] * direction[:, :, None] - geometry.centre
     square = (offset * geometry.axis_u).sum(-1).square() + (offset * geometry.axis_v).sum(-1).square()
     alpha = geometry.opacity * torch.exp(-0.5 * square)
     behind = along >= 4 * points.width[:, None, None]

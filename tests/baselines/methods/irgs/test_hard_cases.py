@@ -10,11 +10,11 @@ from baselines.methods.irgs.training import CONSTANT, stage_of, tensors_of, vari
 from baselines.methods.irgs.world import DOWN, OPAQUE, UP, grey, looking_down, own, relit, sheet, together
 from hard_cases.constructions import ball_of_surfels, looking_along_z, moved, raw_surfels, two_balls
 from known_ball import BALL
-from radiogs_baselines.methods.irgs.model import Model
 from radiogs_baselines.methods.irgs.rays import Rays
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
 from radiogs_core.errors import DataError
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.on_surfels.model import LitSurfels as Model
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels

@@ -11,9 +11,9 @@ from baselines.methods.trained_models import HIGH_ROOF as ROOFED
 from baselines.methods.trained_models import irgs as trained
 from known_ball import BALL, SCENE
 from radiogs_baselines.methods.irgs.method import IRGS_METHOD
-from radiogs_baselines.methods.irgs.model import Model
 from radiogs_baselines.methods.irgs.settings import PRESETS, Variant
 from radiogs_baselines.methods.irgs.showing import labels_of
+from radiogs_core.on_surfels.model import LitSurfels as Model
 
 CAMERA = SCENE.test[0].camera
 

@@ -5,10 +5,10 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from radiogs_baselines.methods.irgs.model import Model
 from radiogs_baselines.methods.irgs.rays import Rays
 from radiogs_baselines.methods.irgs.settings import PRESETS, Indirect
 from radiogs_baselines.methods.irgs.showing import NewLight, RecoveredLight, Renderer
+from radiogs_core.on_surfels.model import LitSurfels as Model
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.harmonics import COEFFICIENTS

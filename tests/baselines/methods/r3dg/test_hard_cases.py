@@ -45,7 +45,7 @@ def test_case_21_empty_and_nearly_empty_scenes_are_shown(kind: str) -> None:
         if kind == "one":
             assert_finite(maps)
             assert float(maps["direct"].max()) > 0
-            assert bool((shown.incident.visibility == 1).all()), "a surfel does not see itself"  # type: ignore[attr-defined]
+            assert bool((shown.renderer.incident.visibility == 1).all()), "a surfel does not see itself"  # type: ignore[attr-defined]
         else:
             assert all(bool((value == 0).all()) for value in maps.values())
 
@@ -92,7 +92,7 @@ def test_case_24_a_plane_never_shadows_itself() -> None:
         | {"centre": centre}
     )
     shown = trained(floor, ray_start=None, two_sided=True).prepare()
-    assert bool((shown.incident.visibility == 1).all())  # type: ignore[attr-defined]
+    assert bool((shown.renderer.incident.visibility == 1).all())  # type: ignore[attr-defined]
     alone = trained(sheet(0.0, UP, opacity=0.9)).prepare()
     seen = [
         maps["direct"][1, 1] / maps["alpha"][1, 1]

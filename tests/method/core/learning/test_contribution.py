@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from radiogs_core.learning.fit_geometry import largest_contribution
 from radiogs_core.learning.views import load
+from radiogs_core.on_surfels.fit_geometry import largest_contribution
 from radiogs_core.surfels.surfels import inverse_sigmoid
 from radiogs_core.transport.blending_weights import blending_weights
 from radiogs_core.transport.splatting import splat

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import torch
 
-from radiogs.stages import given as module
-from radiogs.stages.given import RIDGE, harmonics_from, known_radiance, residual_of
+from radiogs import oracle as module
+from radiogs.oracle import RIDGE, harmonics_from, known_radiance, residual_of
 from radiogs_core.learning.known_scene import KnownScene, known_scene
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.surfaces import SurfaceSamples

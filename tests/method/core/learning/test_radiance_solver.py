@@ -8,10 +8,9 @@ from unittest.mock import patch
 import pytest
 import torch
 
-from radiogs.budget import PRESETS
 from radiogs.model import Model
 from radiogs.relighting import relight
-from radiogs.variant import Variant
+from radiogs.settings import PRESETS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.learning.radiance_solver import RATE, RATE_REST, RadianceSolver, RenderingEquation, SolverBudget
 from radiogs_core.scene.light import EnvironmentMap

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 import torch
 
+from radiogs.consistency import RadiometricConsistency
 from radiogs.effects.image_share import image_share
 from radiogs.effects.plan_radiance import PlanRadiance
 from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
 from radiogs.model import Model
+from radiogs.rays import RaySettings
 from radiogs.relighting import RelitByRays
-from radiogs.rendering import Renderer
-from radiogs.stages.consistency import RadiometricConsistency
-from radiogs.tracing import Rays
-from radiogs.variant import Variant
+from radiogs.settings import Variant
+from radiogs.showing import Renderer
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.shade.brdf import specular
 from radiogs_core.kernels.shade.shade import shade
@@ -156,7 +156,7 @@ def test_what_a_probe_judges_is_what_rendering_does(plan: EffectPlan) -> None:
     if plan.specular_at is not None:
         plan = dataclasses.replace(plan, specular_at=plan.specular_at[: len(surfels)])
     share = image_share([CAMERA], surfels)
-    rays = ProbeRays(16, torch.Generator().manual_seed(0), Rays())
+    rays = ProbeRays(16, torch.Generator().manual_seed(0), RaySettings())
     made = trace_scene(surfels, light, Viewpoints((ProbeView(CAMERA, None),), share, straight=True), rays)
     judged = PlanRadiance(made).shaded(plan).detach()
     incident = (

@@ -7,13 +7,14 @@ from typing import Any
 import pytest
 import torch
 
-from radiogs.budget import PRESETS
 from radiogs.effects.assessment import Assessment
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
 from radiogs.learning import MaterialLearning, MaterialStart
-from radiogs.rendering import Renderer
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.variant import Variant
+from radiogs.method import inverse_rendering
+from radiogs.settings import PRESETS, Variant
+from radiogs.showing import Renderer
+from radiogs_core.contract import Run, replaced
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
 from radiogs_core.transport.incident import Incident
@@ -22,13 +23,15 @@ from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
+BUDGET = replaced(
+    PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
+)
 SCENE = sphere_scene(views=4, size=16)
 
 
 @pytest.fixture(scope="module")
 def initialised() -> dict[str, Any]:
-    stage = Initialisation(SCENE, Variant(), BUDGET, 0, CPU)
+    stage = Initialisation(Run(SCENE, Variant(), BUDGET, 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     return stage.state()
@@ -39,7 +42,7 @@ def but(*off: str) -> tuple[str, ...]:
 
 
 def work_of(initialised: dict[str, Any], *off: str, steps: int = 12) -> tuple[dict[str, int], InverseRendering]:
-    stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
+    stage = inverse_rendering(Run(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU), initialised)
     with recording() as instruments:
         for _ in range(steps):
             stage.step()
@@ -74,14 +77,14 @@ def test_every_effect_that_is_off_saves_its_own_work(initialised: dict[str, Any]
 
 def test_a_list_of_all_effects_is_the_full_method(initialised: dict[str, Any]) -> None:
     named = work_of(initialised)[1].optimiser.tensors
-    full = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    full = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     for _ in range(12):
         full.step()
     assert all(torch.equal(value, named[name]) for name, value in full.optimiser.tensors.items())
 
 
 def test_where_only_some_surfels_are_traced_they_see_what_they_saw(initialised: dict[str, Any]) -> None:
-    stage = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     surfels = stage.model.surfels
     some = torch.arange(len(surfels)) % 3 == 0
     whole = gather_incident(SurfelTracer(surfels), surfels, 8, None)
@@ -109,10 +112,10 @@ def copy_of(incident: Incident) -> Incident:
 
 def decided(initialised: dict[str, Any], plan: EffectPlan, **changes: Any) -> InverseRendering:
     """Stage 2 as it is after a probe that has decided for ``plan``."""
-    stage = InverseRendering(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU, initialised)
-    stage.shader.planner.at = frozenset()
-    stage.shader.planner.plan = plan
-    stage.shader.cache.renew(stage.model.surfels, plan, 0)
+    stage = inverse_rendering(Run(SCENE, Variant(effects="auto", **changes), BUDGET, 0, CPU), initialised)
+    stage.planner.at = frozenset()
+    stage.planner.plan = plan
+    stage.shader.cache.renew(stage.model.surfels, 0)
     return stage
 
 
@@ -127,13 +130,13 @@ def stepped(stage: InverseRendering) -> tuple[dict[str, int], Incident, Incident
 
 def test_a_plan_that_keeps_light_begins_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
     plain = MaterialLearning(start=MaterialStart(light="constant"))  # the search for the light traces rays of its own
-    whole = InverseRendering(SCENE, Variant(materials=plain), BUDGET, 0, CPU, initialised).shader.cache.incident
+    whole = inverse_rendering(Run(SCENE, Variant(materials=plain), BUDGET, 0, CPU), initialised).shader.cache.incident
     for plan in (NO_RAYS, local_rays(initialised)):
         with recording() as instruments:
             stage = decided(initialised, plan, materials=plain)
         assert instruments.work["rays"] == BUDGET.incident_samples * len(whole.weight)
         stage.generator.manual_seed(0)
-        stage.shader.cache.renew(stage.model.surfels, plan, 0)
+        stage.shader.cache.renew(stage.model.surfels, 0)
         for name, value in vars(whole).items():
             assert torch.equal(value, getattr(stage.shader.cache.incident, name))
 
@@ -146,7 +149,7 @@ def test_where_a_probe_took_all_rays_light_is_kept(initialised: dict[str, Any]) 
 
 def test_where_a_probe_left_rays_to_some_the_others_keep_their_light(initialised: dict[str, Any]) -> None:
     plan = local_rays(initialised)
-    whole = stepped(InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised))[0]
+    whole = stepped(inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised))[0]
     counted, before, after = stepped(decided(initialised, plan))
     assert 0 < counted["rays"] < 0.5 * whole["rays"]
     for name, value in vars(before).items():
@@ -159,7 +162,7 @@ def test_light_that_is_kept_and_light_that_is_traced_are_of_their_own_surfels(in
     stage = decided(initialised, plan)
     before = copy_of(stage.shader.cache.incident)
     index = torch.tensor([5, 3, 9, 1])
-    found = stage.shader.cache.light_on(index, stage.model.surfels, stage.shader.plan, 1)
+    found = stage.shader.cache.light_on(index, stage.model.surfels, 1)
     assert found.visibility.requires_grad or found.radiance.requires_grad
     for place, surfel in enumerate(index.tolist()):
         for name in vars(found):
@@ -173,13 +176,13 @@ def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_froze
     initialised: dict[str, Any], monkeypatch: pytest.MonkeyPatch, incident: Any, renewed: bool
 ) -> None:
     """Two probes that change the plan, the second after half of the steps."""
-    stage = InverseRendering(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU, initialised)
+    stage = inverse_rendering(Run(SCENE, Variant(effects="auto", incident=incident), BUDGET, 0, CPU), initialised)
 
     def without_rays(*seen: Any) -> bool:
-        stage.shader.planner.plan = NO_RAYS
+        stage.planner.plan = NO_RAYS
         return True
 
-    monkeypatch.setattr(stage.shader.planner, "observe", without_rays)
+    monkeypatch.setattr(stage.planner, "observe", without_rays)
     stage.step()
     before = copy_of(stage.shader.cache.incident)
     assert before.radiance.any()
@@ -189,7 +192,7 @@ def test_a_plan_with_other_rays_renews_the_light_that_is_kept_unless_it_is_froze
 
 
 def test_a_model_whose_light_was_kept_is_shown_with_rays_of_all_surfels(initialised: dict[str, Any]) -> None:
-    model = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised).model
+    model = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised).model
     camera = SCENE.test[0].camera
 
     def shown(plan: EffectPlan) -> torch.Tensor:
@@ -207,7 +210,7 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
     stage = decided(initialised, plan)
     index = stage.shader.cache.incident.radiance.sum((1, 2)).topk(3).indices
     before = copy_of(stage.shader.cache.incident.of(index))
-    found = stage.shader.cache.light_on(index, stage.model.surfels, plan, 1)
+    found = stage.shader.cache.light_on(index, stage.model.surfels, 1)
     assert found.visibility.requires_grad
     for place in range(3):
         hidden = (1 - before.visibility[place]).sum()
@@ -216,7 +219,7 @@ def test_without_indirect_light_alone_what_hides_the_sky_stays_as_bright_as_it_w
         torch.testing.assert_close(found.radiance[place], expected)
     assert found.radiance.any()
     bare = decided(initialised, dataclasses.replace(plan, kept=False))
-    assert not bare.shader.cache.light_on(index, bare.model.surfels, bare.shader.plan, 1).radiance.any()
+    assert not bare.shader.cache.light_on(index, bare.model.surfels, 1).radiance.any()
 
 
 @pytest.mark.parametrize(("samples", "count"), [(8, 4), (8, 3), (5, 2), (2, 4)])
@@ -233,8 +236,8 @@ def test_fewer_directions_stand_for_as_much_of_the_sphere(samples: int, count: i
 
 @pytest.mark.parametrize("off", [("indirect",), ("visibility",), ("specular",)])
 def test_gradients_flow_only_through_what_is_simulated(initialised: dict[str, Any], off: tuple[str, ...]) -> None:
-    stage = InverseRendering(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU, initialised)
-    loss = stage._consistency(stage._seen_model(), stage.views[0])
+    stage = inverse_rendering(Run(SCENE, Variant(effects=but(*off)), BUDGET, 0, CPU), initialised)
+    loss = stage.consistency_loss(stage.visible_model(), stage.views[0])
     loss.backward()
     gradient = {name: value.grad for name, value in stage.optimiser.tensors.items()}
     moved = {name for name, value in gradient.items() if value is not None and bool((value != 0).any())}
@@ -261,9 +264,9 @@ def test_variants_know_the_effects() -> None:
 
 @pytest.mark.parametrize("iteration", [1, BUDGET.refresh_interval])
 def test_rays_move_what_they_meet_in_steps_that_refresh_too(initialised: dict[str, Any], iteration: int) -> None:
-    stage = InverseRendering(SCENE, Variant(), BUDGET, 0, CPU, initialised)
+    stage = inverse_rendering(Run(SCENE, Variant(), BUDGET, 0, CPU), initialised)
     stage.iteration = iteration
-    stage._consistency(stage._seen_model(), stage.views[0]).backward()
+    stage.consistency_loss(stage.visible_model(), stage.views[0]).backward()
     for name in ("log_scale", "opacity_logit"):  # which nothing but rays feels here
         gradient = stage.optimiser.tensors[name].grad
         assert gradient is not None

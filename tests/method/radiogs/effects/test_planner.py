@@ -8,17 +8,18 @@ import pytest
 import torch
 
 from probed_scenes import CLAY, FLOOR, SAMPLES, hidden, seen, sheet, sky, step
-from radiogs.budget import PRESETS
 from radiogs.effects.planner import Planner
 from radiogs.effects.probe import Occasion
 from radiogs.effects.probe_scene import SHARP_ROUGHNESS, KeptLight, ProbeScene
 from radiogs.effects.staleness import Staleness, decide_refresh
 from radiogs.effects.step_cost import Step
 from radiogs.effects.tolerance import Tolerance
-from radiogs.stages.initialise import Initialisation
-from radiogs.stages.invert import InverseRendering
-from radiogs.tracing import Rays
-from radiogs.variant import Variant
+from radiogs.initialise import Initialisation
+from radiogs.invert import InverseRendering
+from radiogs.method import inverse_rendering
+from radiogs.rays import RaySettings
+from radiogs.settings import PRESETS, Variant
+from radiogs_core.contract import Run, replaced
 from radiogs_core.instruments import recording
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
@@ -30,7 +31,10 @@ from scenes import sphere_scene, surfels_over
 
 def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> None:
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, CLAY)], 0.25)
-    assert Planner("auto", 0, 40, SAMPLES, Rays(), straight=True).scene(ball, sky(), (), 0).sharpest == SHARP_ROUGHNESS
+    assert (
+        Planner("auto", 0, 40, SAMPLES, RaySettings(), straight=True).scene(ball, sky(), (), 0).sharpest
+        == SHARP_ROUGHNESS
+    )
 
 
 def test_the_work_of_a_step_is_what_it_asks_for() -> None:
@@ -49,12 +53,14 @@ def test_the_work_of_a_step_is_what_it_asks_for() -> None:
 
 CPU = torch.device("cpu")
 
-BUDGET = dataclasses.replace(PRESETS["smoke"], initialise_iterations=24, densify_interval=8, initial_surfels=120)
+BUDGET = replaced(
+    PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
+)
 
 
 @pytest.fixture(scope="module")
 def initialised() -> dict[str, Any]:
-    stage = Initialisation(sphere_scene(views=4, size=16), Variant(), BUDGET, 0, CPU)
+    stage = Initialisation(Run(sphere_scene(views=4, size=16), Variant(), BUDGET, 0, CPU))
     for _ in range(stage.iterations):
         stage.step()
     return stage.state()
@@ -62,17 +68,17 @@ def initialised() -> dict[str, Any]:
 
 def planned(initialised: dict[str, Any]) -> InverseRendering:
     scene = sphere_scene(views=4, size=16)
-    return InverseRendering(scene, Variant(effects="auto"), BUDGET, 0, CPU, initialised)
+    return inverse_rendering(Run(scene, Variant(effects="auto"), BUDGET, 0, CPU), initialised)
 
 
 def test_a_probe_that_fails_turns_everything_on(initialised: dict[str, Any]) -> None:
     stage = planned(initialised)
-    stage.shader.planner.plan = EffectPlan().without("indirect").without("visibility")
+    stage.planner.plan = EffectPlan().without("indirect").without("visibility")
     stage.initialised = copy.deepcopy(initialised)
     stage.initialised["optimiser"]["tensors"]["sh"][:] = torch.nan
     stage.step()
-    assert stage.shader.plan == EffectPlan()
-    assert "failed" in stage.shader.planner.evidence[-1].why
+    assert stage.planner.plan == EffectPlan()
+    assert "failed" in stage.planner.evidence[-1].why
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +98,7 @@ def views_of(made: ProbeScene) -> list[View]:
 
 def without_rays() -> Planner:
     """A planner that has left out all rays."""
-    planner = Planner("auto", 0, 30, SAMPLES, Rays(), straight=True)
+    planner = Planner("auto", 0, 30, SAMPLES, RaySettings(), straight=True)
     planner.plan = dataclasses.replace(EffectPlan().without("indirect").without("visibility"), kept=True)
     return planner
 
@@ -134,7 +140,9 @@ def test_rays_of_probes_are_not_traced_from_surfels_whose_light_was_traced_anew(
     lit = unoccluded(direction[mask], weight[mask])
     kept = KeptLight(mask, lit, dataclasses.replace(lit, visibility=0.5 * lit.visibility))
     with recording() as instruments:
-        found = Planner("auto", 0, 30, SAMPLES, Rays(), straight=True).scene(surfels, sky(), views_of(made), 5, kept)
+        found = Planner("auto", 0, 30, SAMPLES, RaySettings(), straight=True).scene(
+            surfels, sky(), views_of(made), 5, kept
+        )
     assert instruments.work["rays"] == int((~mask).sum()) * SAMPLES // 2
     assert torch.equal(found.incident.direction[mask], direction[mask])
     assert (found.incident.visibility[mask] == 0.5).all()
@@ -159,8 +167,8 @@ def test_probes_during_training_encode_images_and_trace_rays_as_the_variant_does
     """The sheet hides the sky from the floor by its back; rays of the released code pass through that."""
     deviations = ("hemisphere-floor", "one-sided-rays", "premultiplied-encoding") if released else ()
     variant = Variant(effects="auto", deviations=deviations)
-    stage = InverseRendering(sphere_scene(views=4, size=16), variant, BUDGET, 0, CPU, initialised)
-    made = stage.shader.planner.scene(sheet(), sky(), stage.views, 0)
+    stage = inverse_rendering(Run(sphere_scene(views=4, size=16), variant, BUDGET, 0, CPU), initialised)
+    made = stage.planner.scene(sheet(), sky(), stage.views, 0)
     assert made.straight != released
     assert bool((hidden(made) < 0.01).all() if released else (hidden(made) > 0.25).all())
     cosine = (made.incident.direction * made.surfels.frame[:, None, :, 2]).sum(-1)

@@ -7,17 +7,15 @@ import pytest
 import torch
 
 from probed_scenes import CLAY, cameras, found, grey, hidden, seen, sheet, shown, sky
-from radiogs.budget import PRESETS
 from radiogs.effects.assessment import image_gradient
 from radiogs.effects.image_share import image_share
-from radiogs.effects.new_light import model_error, scene_under
+from radiogs.effects.new_light import model_error, probe_relighting, scene_under
 from radiogs.effects.plan_radiance import PlanRadiance
 from radiogs.effects.probe_scene import ProbeRays, ProbeView, Viewpoints, trace_scene
+from radiogs.effects.probing import difference_maps, probe_scene, probe_scene_of_model
 from radiogs.model import Model
-from radiogs.probing import difference_maps, probe_scene, probe_scene_of_model
-from radiogs.relighting import probe_relighting
-from radiogs.tracing import Rays
-from radiogs.variant import Variant
+from radiogs.rays import RaySettings
+from radiogs.settings import PRESETS, Variant
 from radiogs_core.contract import Run
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
@@ -67,7 +65,9 @@ def test_the_picture_beside_the_differences_is_the_one_that_evaluation_renders(s
 
 
 def test_under_a_sheet_that_has_no_lower_side_light_is_traced_by_rays_that_meet_backs_alone() -> None:
-    two_sided, one_sided = (seen(sheet(), sky(), variant=rays) for rays in (Rays(), Rays(back_offset=None)))
+    two_sided, one_sided = (
+        seen(sheet(), sky(), variant=rays) for rays in (RaySettings(), RaySettings(back_offset=None))
+    )
     assert bool((hidden(two_sided) > 0.25).all())
     assert bool((hidden(one_sided) < 0.01).all())
     assert found(two_sided).plan.visibility
@@ -78,7 +78,7 @@ def test_under_a_sheet_that_has_no_lower_side_light_is_traced_by_rays_that_meet_
 @pytest.mark.parametrize("floor", [True, False])
 def test_directions_of_a_probe_end_where_those_of_the_variant_do(drawn: int, floor: bool) -> None:
     surfels = ball()
-    rays = ProbeRays(16, torch.Generator().manual_seed(0), Rays(floor=floor), drawn=drawn)
+    rays = ProbeRays(16, torch.Generator().manual_seed(0), RaySettings(floor=floor), drawn=drawn)
     made = trace_scene(surfels, sky(), Viewpoints((), image_share((), surfels), straight=True), rays)
     cosine = (made.incident.direction * surfels.frame[:, None, :, 2]).sum(-1)[:, :16]
     assert (float(cosine.min()) > LOWEST) == floor
@@ -86,9 +86,9 @@ def test_directions_of_a_probe_end_where_those_of_the_variant_do(drawn: int, flo
 
 def test_rays_of_a_probe_of_relighting_start_where_those_of_relighting_do() -> None:
     """From far beyond everything they meet nothing. In training a probe's start beyond their footprint at any rate."""
-    surfels, light, far = sheet(), EnvironmentMap(sky()), Rays(world_offset=100.0)
+    surfels, light, far = sheet(), EnvironmentMap(sky()), RaySettings(world_offset=100.0)
     viewpoints = Viewpoints((), image_share((), surfels), straight=True)
-    near, away = (scene_under(surfels, surfels.albedo, light, viewpoints, 0, rays) for rays in (Rays(), far))
+    near, away = (scene_under(surfels, surfels.albedo, light, viewpoints, 0, rays) for rays in (RaySettings(), far))
     assert bool((hidden(near) > 0.25).all())
     assert bool((away.incident.visibility == 1).all())
     generator = torch.Generator().manual_seed(0)

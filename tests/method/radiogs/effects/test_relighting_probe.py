@@ -15,7 +15,7 @@ from radiogs.effects.new_light import (
     scene_under,
 )
 from radiogs.effects.probe_scene import Viewpoints
-from radiogs.tracing import Rays
+from radiogs.rays import RaySettings
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_datasets.generate.materials import Material
@@ -35,7 +35,7 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
         {
             record.effect: record
             for record in plan_for_light(
-                scene_under(surfels, surfels.albedo, EnvironmentMap(light), viewpoints, 0, Rays()),
+                scene_under(surfels, surfels.albedo, EnvironmentMap(light), viewpoints, 0, RaySettings()),
                 model_error(surfels, viewpoints),
                 32,
                 32,

@@ -6,21 +6,25 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.learning.fit_geometry import FitGeometry, NoShading
+from radiogs_core.contract import Run, replaced
 from radiogs_core.learning.geometry import GeometryLearning
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading, mean_distortion
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import radiance_maps
+from radiogs_core.transport.splatting import own_radiance, splat
 from rooms import room_scene
 from scenes import sphere_scene
 from short_training import BUDGET, CPU
 
 STEPS, SURFELS = 200, 600
-ROOM_BUDGET = replace(BUDGET, initialise_iterations=STEPS, initial_surfels=SURFELS, maximum_surfels=SURFELS)
+ROOM_BUDGET = replaced(
+    BUDGET, {"geometry.steps": STEPS, "geometry.initial_surfels": SURFELS, "geometry.maximum_surfels": SURFELS}
+)
 
 
 def stage_on(scene: Scene) -> FitGeometry:
-    return FitGeometry(scene, GeometryLearning(), ROOM_BUDGET, 1.0, 0, CPU, NoShading())
+    return FitGeometry(Run(scene, None, None, 0, CPU), GeometryLearning(), ROOM_BUDGET.geometry, 1.0, NoShading())
 
 
 def trained(scene: Scene) -> tuple[float, Surfels]:
@@ -52,7 +56,7 @@ def test_what_is_far_moves_as_far_as_it_looks() -> None:
     stage = stage_on(room_scene())
     assert stage.space is not None
     before = stage.surfels.centre.detach().clone()
-    expected = stage._position_rate() * stage.space.stretch(before)
+    expected = stage.position_rate() * stage.space.stretch(before)
     stage.step()  # Adam's first step has the length of the rate in every coordinate with a gradient
     moved = (stage.surfels.centre.detach() - before).abs().amax(-1)
     some = moved > 0
@@ -65,10 +69,13 @@ def test_what_is_far_moves_as_far_as_it_looks() -> None:
 def test_distortion_beyond_the_cameras_is_that_of_disparity(depth: float) -> None:
     stage = stage_on(room_scene())
     view = stage.views[0]
-    _, seen = stage._losses(stage.surfels, view)
+    radiance = own_radiance(view.camera, stage.surfels)
+    seen = splat(view.camera, stage.surfels, {"radiance": radiance}, stage.depth_unit)
     there = replace(seen, depth=torch.full_like(seen.depth, depth * stage.depth_unit))
     expected = float(seen.distortion.detach().mean()) / max(1, depth) ** 4
-    assert float(stage._distortion(there).detach()) == pytest.approx(expected, rel=1e-5)
+    assert float(mean_distortion(there, stage.depth_unit, surrounded=True).detach()) == pytest.approx(
+        expected, rel=1e-5
+    )
 
 
 def test_a_scene_is_surrounded_where_no_training_view_has_alpha() -> None:

@@ -7,33 +7,39 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from radiogs_core.scene.camera import Camera
-from radiogs_core.surfels.surfels import Surfels
-from radiogs_core.transport.splatting import Splat, splat
+from ..scene.camera import Camera
+from ..surfels.surfels import Surfels
+from ..transport.splatting import Splat, splat
 
 
 @dataclass(frozen=True)
 class SeenPoints:
     """One surface point for each of some pixels; linear, not multiplied by coverage.
 
-    place: world. normal: unit, in the world; zero where blended normals cancel, and no light is received there.
+    position: world. normal: unit, in the world; zero where blended normals cancel, and no light is received there.
     outgoing: unit, towards the camera. width: standard deviation of the surfels that are seen, world units.
     """
 
-    place: Float[Tensor, "points 3"]
+    position: Float[Tensor, "points 3"]
+    """World units."""
     normal: Float[Tensor, "points 3"]
+    """Unit, in the world; zero where blended normals cancel, and no light is received there."""
     albedo: Float[Tensor, "points 3"]
+    """Linear diffuse albedo."""
     roughness: Float[Tensor, " points"]
+    """Perceptual roughness."""
     outgoing: Float[Tensor, "points 3"]
+    """Unit, towards the camera."""
     width: Float[Tensor, " points"]
+    """Standard deviation of the surfels that are seen, world units."""
 
     def __len__(self) -> int:
-        return len(self.place)
+        return len(self.position)
 
     def of(self, index: Int[Tensor, " chosen"]) -> "SeenPoints":
         """Some of the points."""
         return SeenPoints(
-            self.place[index], self.normal[index], self.albedo[index],
+            self.position[index], self.normal[index], self.albedo[index],
             self.roughness[index], self.outgoing[index], self.width[index],
         )  # fmt: skip
 
@@ -69,7 +75,7 @@ def seen_points(camera: Camera, seen: Splat, pixels: Int[Tensor, " points"]) -> 
     normal = seen.normal.flatten(0, 1)[pixels]
     length = normal.square().sum(-1, keepdim=True)
     return SeenPoints(
-        place=camera.centre + rays * seen.depth.flatten()[pixels, None],
+        position=camera.centre + rays * seen.depth.flatten()[pixels, None],
         normal=normal * torch.where(length > 0, length, torch.inf).rsqrt(),
         albedo=albedo,
         roughness=roughness[:, 0],

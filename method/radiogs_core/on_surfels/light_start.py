@@ -1,4 +1,4 @@
-"""The light that a search for materials starts with: under it what the images show needs the least variation of albedo.
+"""The materials and the light that stage 2 starts with: the light under which albedo varies least, and that albedo.
 
 Points that training pixels see send out R = albedo (T E + B): E is the light, texel by texel, T the diffuse transport
 from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance of the surfels.
@@ -10,7 +10,7 @@ alone leave a gradient of the light that no two of them see.
 The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import torch
@@ -20,6 +20,7 @@ from torch import Tensor
 from torch.nn.functional import interpolate, max_pool2d, normalize
 
 from ..instruments import fire
+from ..learning.views import TrainingView
 from ..order_statistics import quantile
 from ..scene.colour import LINEAR_KNEE, srgb_decode
 from ..scene.light import bilinear_texels
@@ -28,8 +29,8 @@ from ..surfels.surfels import Surfels
 from ..transport.sampling import hemisphere_directions
 from ..transport.splatting import splat, towards
 from ..transport.tracer import BACK_OFFSET, SurfelTracer, visibility_of
-from .light_start_settings import LightStart
-from .views import TrainingView
+from .model import LitSurfels
+from .start_values import LightStart, StartValues
 
 ROWS = 16
 """Rows of light that are sought at most; a larger map starts as this one, enlarged."""
@@ -89,6 +90,42 @@ class Transport:
     def white(self, light: Float[Tensor, "rows columns 3"]) -> Float[Tensor, "points 3"]:
         """Linear radiance of white surfaces under a light."""
         return self.direct @ light.flatten(0, 1) + self.indirect
+
+
+def starting_model(
+    learnt: Surfels,
+    views: tuple[TrainingView, ...],
+    rows: int,
+    start: StartValues,
+    generator: torch.Generator,
+    two_sided: bool = True,
+) -> LitSurfels:
+    """The surfels that stage 1 has learnt with starting materials, and a light; see ``starting_light_and_albedo``."""
+    light, albedo = starting_light_and_albedo(learnt, views, rows, start, generator, two_sided)
+    surfels = learnt.made_of(start.albedo, start.roughness)
+    return LitSurfels(replace(surfels, albedo_logit=torch.logit(albedo)), light.log())
+
+
+def starting_light_and_albedo(
+    learnt: Surfels,
+    views: tuple[TrainingView, ...],
+    rows: int,
+    start: StartValues,
+    generator: torch.Generator,
+    two_sided: bool = True,
+) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]]:
+    """A light of ``rows`` rows and the albedo of the surfels that stage 1 has learnt, both linear.
+
+    Both are constant where ``start`` says so, and where too few points are seen to look for another light.
+    ``two_sided``: whether rays meet surfels from behind (see ``light_and_albedo``).
+    """
+    found = None
+    if start.light == "least-variation":
+        found = light_and_albedo(learnt, views, rows, start.search, generator, two_sided)
+    if found is not None:
+        return found
+    level = white_light(views, start.white, start.brightest)
+    return learnt.centre.new_full((rows, 2 * rows, 3), level), torch.full_like(learnt.albedo_logit, start.albedo)
 
 
 def light_and_albedo(

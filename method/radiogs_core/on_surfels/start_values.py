@@ -1,8 +1,11 @@
-"""How the light that materials start with is sought: weights and steps, told apart from the search,
-so that a stage which only hands them on does not depend on it."""
+"""What materials and light of stage 2 start as, and how the light that they start with is sought.
+
+These values are apart from the search itself (``light_start``): a stage that only hands them on does not depend on it.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Literal
 
 
 @dataclass(frozen=True)
@@ -46,3 +49,23 @@ class LightStart:
     def white_log(self) -> float:
         """Logarithm of white paint's albedo."""
         return math.log(self.white)
+
+
+@dataclass(frozen=True)
+class StartValues:
+    """The light and the materials that a stage starts with; each method's subclass has its own values."""
+
+    light: Literal["least-variation", "constant"] = "least-variation"
+    """The light under which albedo varies least, with the albedo that follows from it; or a constant light and a
+    constant albedo, as in the published scripts."""
+    search: LightStart = field(default_factory=LightStart)
+    """How the light of least variation is found."""
+    albedo: float = 0.5
+    """Linear diffuse albedo of all channels under a constant light."""
+    roughness: float = 0.5
+    """Perceptual roughness r."""
+    white: float = 0.8
+    """Albedo of white paint. A constant light starts so that the brightest surfaces seen are that under it; the scripts
+    start at fixed radiances, whatever the images' exposure."""
+    brightest: float = 0.98
+    """Quantile of the covered pixels that counts as the brightest."""

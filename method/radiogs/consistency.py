@@ -1,4 +1,11 @@
-"""Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9)."""
+"""Radiometric consistency: the surfels' own radiance L_G must satisfy the rendering equation (paper, Eq. 6-9).
+
+    L_rad = mean over surfels x of  sum over w_o of |L_G(x, w_o) - L_PBR(x, w_o)|_1
+    L_PBR(x, w_o) = sum_i w_i f_r(w_i, w_o) (V_i L_env(w_i) + L_ind,i) (n . w_i)
+
+w_o is the direction towards the camera, and one that is drawn uniformly over the hemisphere; w_i are the incident
+directions, weighted by their solid angles; V_i and L_ind,i are traced through the surfels.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -16,7 +23,7 @@ from radiogs_core.transport.shading import shade_materials
 from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import PrefilteredLight, split_sum_radiance
 
-from ..variant import Variant
+from .settings import Variant
 
 Residual = Callable[[Tensor, Tensor], Tensor]
 """The difference of L_G and L_PBR, with gradient to both of them or to one."""
@@ -26,19 +33,21 @@ RESIDUALS: Mapping[str, Residual] = {
     "pbr": lambda own, physical: own - physical.detach(),
     "surfel": lambda own, physical: own.detach() - physical,
 }
-"""By which side ``Variant.detach`` says is left without gradient."""
+"""The residual by ``Variant.detach``, which names the side without gradient."""
 
 
 @dataclass(frozen=True)
 class RadiometricConsistency:
-    """L_rad by rays. ``residual``: what has gradient. ``light_learns``: whether the light has, too."""
+    """L_rad by rays."""
 
     residual: Residual = RESIDUALS["none"]
+    """L_G - L_PBR, with gradient to one side or both."""
     light_learns: bool = True
+    """Whether the light has gradient."""
 
     @classmethod
     def of(cls, variant: Variant) -> "RadiometricConsistency":
-        """That of a variant."""
+        """L_rad as a variant has it."""
         return cls(RESIDUALS[variant.detach], "light-detached" not in variant.deviations)
 
     def loss(
@@ -53,9 +62,8 @@ class RadiometricConsistency:
     ) -> Float[Tensor, ""]:
         """L_rad over the surfels ``index`` from the light ``incident`` on them.
 
-        Per surfel the residual is taken towards the camera (where it faces it) and towards one direction drawn
-        uniformly over its hemisphere, both from the same incident samples; the two l1-norms are added and averaged
-        over surfels and channels. ``specular_at``: which of all surfels have a specular lobe (None: all).
+        Both outgoing directions of a surfel share its incident samples; the one towards the camera counts where the
+        surfel faces it. ``specular_at``: which of all surfels have a specular lobe (None: all).
         """
         chosen = surfels.among(index)
         normal = chosen.frame[..., 2]

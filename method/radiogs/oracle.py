@@ -31,7 +31,7 @@ from radiogs_core.transport.sampling import (
 )
 from radiogs_core.transport.tracer import SurfelTracer, incident_along
 
-from ..known_indirect import Nearest
+from .rays import Nearest
 
 SPACING = 0.0125
 """Distance between true surfels in units of the scene's extent; ``corner`` has 14,000 of them."""
@@ -39,13 +39,13 @@ SPACING = 0.0125
 DARKEST = 1e-4
 """Share of the light's maximum below which a texel is raised to it: what is held is its logarithm."""
 
-HELD: Mapping[str, tuple[str, ...]] = {
+FROZEN: Mapping[str, tuple[str, ...]] = {
     "geometry": ("centre", "rotation"),
     "light": ("log_environment",),
     "albedo": ("albedo_logit",),
     "roughness": ("roughness_logit",),
 }
-"""The raw parameters that each part is. Indirect light is none: it is traced elsewhere.
+"""Raw parameters that are frozen for each given part; indirect light is traced by ``KnownIndirectTracer``.
 
 How far surfels reach and how opaque they are is not of the true surface but of how it is represented: equal discs reach
 over silhouettes and creases. Both are fitted to the images (``invert.rates_of``).
@@ -84,7 +84,7 @@ def replaced(start: Start, parts: tuple[str, ...], scene: Scene, seed: int) -> S
             indirect = known_radiance(known_scene(scene, spacing).to(device), seed)
     if "light" in parts and scene.training_light is not None:
         light = log_radiance(scene.training_light).to(device)
-    held = {name for part in parts for name in HELD.get(part, ())}
+    held = {name for part in parts for name in FROZEN.get(part, ())}
     rates = {name: 0.0 if name in held else rate for name, rate in start.rates.items()}
     return Start(surfels, light, rates, indirect)
 

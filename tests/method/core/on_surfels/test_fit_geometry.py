@@ -1,25 +1,23 @@
 """The kit's geometry stage: what every surfel method begins with, whoever asks for it."""
 
-import dataclasses
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import pytest
 import torch
 
-from radiogs.stages.initialise import Initialisation
-from radiogs.variant import Variant
-from radiogs_core.contract import Run, Stage
+from radiogs.initialise import Initialisation
+from radiogs.settings import Variant
+from radiogs_core.contract import Run, Stage, replaced
 from radiogs_core.errors import DataError
-from radiogs_core.learning.fit_geometry import (
-    GEOMETRY_BUDGET,
+from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
+from radiogs_core.learning.views import load
+from radiogs_core.on_surfels.fit_geometry import (
     FitGeometry,
-    GeometryBudget,
     fit_geometry,
     largest_contribution,
     surfels_of,
 )
-from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
-from radiogs_core.learning.views import load
 from radiogs_core.surfels.density import AdaptiveDensity
 from radiogs_core.surfels.starting_points import SurfelStart
 from short_training import BUDGET, CPU, SCENE, through_a_file
@@ -28,7 +26,7 @@ RUN = Run(SCENE, Variant(), BUDGET, 0, CPU)
 
 
 def begun() -> Stage:
-    return fit_geometry(GeometryLearning(), BUDGET).begin(RUN, {})
+    return fit_geometry(GeometryLearning(), BUDGET.geometry).begin(RUN, {})
 
 
 def finished(stage: Stage) -> Stage:
@@ -39,7 +37,7 @@ def finished(stage: Stage) -> Stage:
 
 def test_it_is_the_initialisation_of_radiogs_by_novel_view_synthesis_alone() -> None:
     ours = surfels_of(finished(begun()).product(), CPU)
-    theirs = finished(Initialisation(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU)).product()
+    theirs = finished(Initialisation(Run(SCENE, Variant(initialise="nvs"), BUDGET, 0, CPU))).product()
     for name, value in surfels_of(theirs, CPU).parameters().items():
         assert torch.equal(value, ours.parameters()[name]), name
 
@@ -61,13 +59,13 @@ def test_it_resumes_bit_for_bit_across_density_control() -> None:
 
 def test_the_rate_of_positions_falls_geometrically_and_then_stays() -> None:
     in_the_hull = GeometryLearning(start=SurfelStart(points="hull"))
-    stage = fit_geometry(in_the_hull, BUDGET).begin(RUN, {})
+    stage = fit_geometry(in_the_hull, BUDGET.geometry).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
-    unit, rates, until = SCENE.extent * BUDGET.geometry_rate, SurfelRates(), GeometrySchedule().position_decay_until
+    unit, rates, until = SCENE.extent * BUDGET.geometry.rate, SurfelRates(), GeometrySchedule().position_decay_until
     found = []
     for progress in (0.0, 0.5 * until, until, 1.0):
         stage.iteration = round(progress * stage.iterations)
-        stage._set_rates()
+        stage.begin_step()
         (group,) = (each for each in stage.optimiser.adam.param_groups if each["name"] == "centre")
         found.append(group["lr"] / unit)
     half = round(0.5 * until * stage.iterations) / (until * stage.iterations)
@@ -83,17 +81,17 @@ def test_surfels_that_start_in_the_hull_move_from_the_first_step_on(
     points: Literal["hull", "swept"], still: bool
 ) -> None:
     learning = GeometryLearning(start=SurfelStart(points=points))
-    stage = fit_geometry(learning, BUDGET).begin(RUN, {})
+    stage = fit_geometry(learning, BUDGET.geometry).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
-    stage._set_rates()
+    stage.begin_step()
     rates = {group["name"]: group["lr"] for group in stage.optimiser.adam.param_groups}
     assert [rates[name] == 0 for name in SHAPE] == [still] * 3
 
 
 def test_surfels_take_their_colours_before_they_move() -> None:
-    budget = dataclasses.replace(BUDGET, densify_interval=10**6)
+    budget = replaced(BUDGET, {"geometry.densify_interval": 10**6})
     learning = GeometryLearning(schedule=GeometrySchedule(moving_from=0.4), density=AdaptiveDensity(hidden_at=()))
-    stage = fit_geometry(learning, budget).begin(RUN, {})
+    stage = fit_geometry(learning, budget.geometry).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
     start = {name: value.detach().clone() for name, value in stage.optimiser.tensors.items()}
 
@@ -111,7 +109,7 @@ def test_surfels_take_their_colours_before_they_move() -> None:
 
 def test_a_stage_that_loses_its_last_surfel_says_so() -> None:
     rules = AdaptiveDensity(start=0.0, hidden_at=(), opacity_floor=1.0)
-    spec = fit_geometry(GeometryLearning(density=rules), dataclasses.replace(BUDGET, densify_interval=2))
+    spec = fit_geometry(GeometryLearning(density=rules), replace(BUDGET.geometry, densify_interval=2))
     stage = spec.begin(Run(SCENE, Variant(), BUDGET, 0, CPU), {})
     stage.step()
     with pytest.raises(DataError, match="no surfel is left after step 2 of stage 1"):
@@ -120,15 +118,17 @@ def test_a_stage_that_loses_its_last_surfel_says_so() -> None:
 
 def test_surfels_that_show_in_no_view_do_not_outlive_the_stage() -> None:
     rules = AdaptiveDensity(hidden_at=(1.0,), least_contribution=0.5)
-    surfels = surfels_of(finished(fit_geometry(GeometryLearning(density=rules), BUDGET).begin(RUN, {})).product(), CPU)
+    surfels = surfels_of(
+        finished(fit_geometry(GeometryLearning(density=rules), BUDGET.geometry).begin(RUN, {})).product(), CPU
+    )
     shown = largest_contribution(surfels, load(SCENE.train, CPU))
     assert float(shown.min()) >= 0.5
 
 
 @pytest.mark.parametrize("colour", ["linear", "display"])
 def test_it_learns_the_images_in_either_colour(colour: str) -> None:
-    longer = dataclasses.replace(BUDGET, initialise_iterations=120, densify_interval=20)
-    spec = fit_geometry(GeometryLearning(colour=colour), longer)  # type: ignore[arg-type]
+    longer = replaced(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
+    spec = fit_geometry(GeometryLearning(colour=colour), longer.geometry)  # type: ignore[arg-type]
     stage = spec.begin(Run(SCENE, Variant(), longer, 0, CPU), {})
     losses = [stage.step()["radiance"] for _ in range(stage.iterations)]
     # Eight steps are every view on both backgrounds.
@@ -136,22 +136,34 @@ def test_it_learns_the_images_in_either_colour(colour: str) -> None:
 
 
 def test_methods_that_ask_for_the_same_share_it() -> None:
-    spec = fit_geometry(GeometryLearning(), BUDGET)
-    assert spec.reads == fit_geometry(GeometryLearning(), BUDGET).reads
-    assert spec.reads != fit_geometry(GeometryLearning(), BUDGET, view_share=0.5).reads
-    assert spec.reads != fit_geometry(GeometryLearning(colour="display"), BUDGET).reads
+    spec = fit_geometry(GeometryLearning(), BUDGET.geometry)
+    assert spec.reads == fit_geometry(GeometryLearning(), BUDGET.geometry).reads
+    assert spec.reads != fit_geometry(GeometryLearning(), BUDGET.geometry, view_share=0.5).reads
+    assert spec.reads != fit_geometry(GeometryLearning(colour="display"), BUDGET.geometry).reads
     assert spec.owner == "radiogs_core"
 
 
-def test_it_reads_no_more_of_a_budget_than_it_says() -> None:
-    class Reluctant:
-        def __getattr__(self, name: str) -> Any:
-            assert name in GEOMETRY_BUDGET, f"it reads {name}"
-            return getattr(BUDGET, name)
+@dataclass(frozen=True)
+class FlatBudget:
+    """A budget as plug-ins had it before ``GeometryBudget``."""
 
-    assert set(GEOMETRY_BUDGET) == {
-        name for name in vars(GeometryBudget) if isinstance(vars(GeometryBudget)[name], property)
-    }
-    reluctant = Reluctant()
-    spec = fit_geometry(GeometryLearning(), reluctant)
-    finished(spec.begin(Run(SCENE, Variant(), reluctant, 0, CPU), {}))
+    initialise_iterations: int = BUDGET.geometry.steps
+    initial_surfels: int = BUDGET.geometry.initial_surfels
+    maximum_surfels: int = BUDGET.geometry.maximum_surfels
+    densify_interval: int = BUDGET.geometry.densify_interval
+    geometry_rate: float = BUDGET.geometry.rate
+
+
+def test_a_budget_with_flat_fields_still_works_with_a_warning() -> None:
+    with pytest.warns(FutureWarning, match="give fit_geometry a GeometryBudget"):
+        flat = fit_geometry(GeometryLearning(), FlatBudget())
+    assert flat.reads == fit_geometry(GeometryLearning(), BUDGET.geometry).reads
+    assert flat.steps == BUDGET.geometry.steps
+
+
+def test_the_stage_is_the_same_for_every_method_whose_stage_1_has_the_same_settings() -> None:
+    """The rest of a variant and a budget does not reach it."""
+    other = Run(SCENE, None, None, 0, CPU)
+    one, two = (finished(fit_geometry(GeometryLearning(), BUDGET.geometry).begin(run, {})) for run in (RUN, other))
+    for name, value in surfels_of(one.product(), CPU).parameters().items():
+        assert torch.equal(value, surfels_of(two.product(), CPU).parameters()[name]), name

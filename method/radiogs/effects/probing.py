@@ -26,20 +26,19 @@ from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.splatting import DIFFUSE_DIRECT, SOLID_ALPHA, SPECULAR_DIRECT, shade_surfels
 from radiogs_core.transport.tracer import SurfelTracer, visibility_of
 
-from .budget import Budget
-from .effects.assessment import light_factor_is_free
-from .effects.covered_pixels import rendered_views
-from .effects.evidence import Evidence
-from .effects.new_light import IN_RELIGHTING, decide_light_sampling
-from .effects.plan_radiance import PlanRadiance
-from .effects.probe import Findings, Occasion, probe
-from .effects.probe_scene import ProbeRays, ProbeScene, trace_scene
-from .effects.step_cost import Step
-from .effects.substitutes import plan_without
-from .effects.tile_errors import light_factor
-from .model import Model
-from .relighting import probe_relighting, training_viewpoints
-from .tracing import Rays
+from ..model import Model
+from ..rays import RaySettings
+from ..settings import Budget, Variant
+from .assessment import light_factor_is_free
+from .covered_pixels import rendered_views
+from .evidence import Evidence
+from .new_light import IN_RELIGHTING, decide_light_sampling, probe_relighting, training_viewpoints
+from .plan_radiance import PlanRadiance
+from .probe import Findings, Occasion, probe
+from .probe_scene import ProbeRays, ProbeScene, trace_scene
+from .step_cost import Step
+from .substitutes import plan_without
+from .tile_errors import light_factor
 
 OFFSET = 0.1
 """Where rays start, in standard deviations: on surfels that lie exactly on their surface little more than rounding is
@@ -82,7 +81,7 @@ SPACING = 0.08
 """World units between the surfels that are laid on a scene's true surfaces; generated scenes are 2 to 3 across."""
 
 
-def probed(run: Run, model: Model | None, light: EnvironmentMap | None) -> Probe:
+def probed(run: Run[Variant, Budget], model: Model | None, light: EnvironmentMap | None) -> Probe:
     """What stage 2 with the run's budget needs, or relighting by ``light``: on the run's scene, or for a trained model.
 
     Without a model, the scene is probed as it truly is. Raises DataError (see ``true_model``).
@@ -114,30 +113,32 @@ def true_model(scene: Scene, spacing: float = SPACING) -> tuple[Surfels, Environ
     return surfels_on(samples), scene.training_light
 
 
-def probe_scene(run: Run) -> tuple[ProbeScene, Decay]:
+def probe_scene(run: Run[Variant, Budget]) -> tuple[ProbeScene, Decay]:
     """The run's scene by its true surfaces and light, and how light decays in it. Raises DataError (``true_model``)."""
     samples, (surfels, light) = run.budget.incident_samples, true_model(run.scene)
     surfels, decay = solved(surfels, light, samples, run.seed)
-    rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), Rays.of(run.variant), OFFSET)
+    rays = ProbeRays(samples, torch.Generator().manual_seed(run.seed), RaySettings.of(run.variant), OFFSET)
     return trace_scene(surfels, light.radiance, training_viewpoints(run, surfels), rays, bounces=True), decay
 
 
-def probe_scene_of_model(run: Run, model: Model) -> ProbeScene:
+def probe_scene_of_model(run: Run[Variant, Budget], model: Model) -> ProbeScene:
     """A trained model of the run's scene, under the light that it has recovered."""
     surfels = model.surfels
     generator = torch.Generator(surfels.centre.device).manual_seed(run.seed)
-    rays = ProbeRays(run.budget.incident_samples, generator, Rays.of(run.variant))
+    rays = ProbeRays(run.budget.incident_samples, generator, RaySettings.of(run.variant))
     return trace_scene(surfels, model.environment, training_viewpoints(run, surfels), rays, bounces=True)
 
 
-def findings_of(scene: ProbeScene, run: Run, effects: tuple[str, ...] = EFFECTS) -> Findings:
+def findings_of(scene: ProbeScene, run: Run[Variant, Budget], effects: tuple[str, ...] = EFFECTS) -> Findings:
     """What stage 2 with the run's budget would leave out."""
-    budget: Budget = run.budget
+    budget = run.budget
     step = Step(len(scene.surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
     return probe(scene, step, Occasion(run.seed), effects=effects)
 
 
-def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tuple[ProbeScene, Findings]:
+def findings_under(
+    run: Run[Variant, Budget], model: Model | None, light: EnvironmentMap
+) -> tuple[ProbeScene, Findings]:
     """What relighting by ``light`` would leave out, and the scene that was probed; without a model, the true one."""
     if model is not None:
         return probe_relighting(model, light, torch.ones(3), run)
@@ -146,7 +147,7 @@ def findings_under(run: Run, model: Model | None, light: EnvironmentMap) -> tupl
     return probe_relighting(true, light, torch.ones(3), run, offset=OFFSET)
 
 
-def sampling_of(run: Run, scene: ProbeScene, found: Findings) -> Evidence:
+def sampling_of(run: Run[Variant, Budget], scene: ProbeScene, found: Findings) -> Evidence:
     """Whether relighting by the scene's own light needs directions that are drawn from it."""
     light, budget = run.scene.training_light, run.budget
     if light is None:

@@ -10,7 +10,8 @@ from known_ball import BALL, COLOUR, CPU, SCENE
 from radiogs_bench.scoring.metrics.conventions import Environment
 from radiogs_bench.scoring.metrics.environment import environment_error
 from radiogs_core.kernels.runtime import use_threads
-from radiogs_core.learning.light_start import (
+from radiogs_core.learning.views import load
+from radiogs_core.on_surfels.light_start import (
     SeenPoints,
     albedo_under,
     enlarged,
@@ -19,8 +20,7 @@ from radiogs_core.learning.light_start import (
     seen_points,
     transport_to,
 )
-from radiogs_core.learning.light_start_settings import LightStart
-from radiogs_core.learning.views import load
+from radiogs_core.on_surfels.start_values import LightStart
 from radiogs_core.scene.light import texel_directions
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
 from radiogs_datasets.generate.materials import Material

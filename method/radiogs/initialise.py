@@ -6,18 +6,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.learning.fit_geometry import FitGeometry, Shading
+from radiogs_core.contract import Run
+from radiogs_core.on_surfels.fit_geometry import FitGeometry, Shading
 from radiogs_core.scene.camera import Camera
-from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import towards
 from radiogs_core.transport.splitsum import PrefilteredLight
 
-from ..budget import Budget
-from ..learning import SplitSumLearning
-from ..model import Model, constant_light
-from ..variant import Variant
 from .consistency import split_sum_consistency_loss
+from .learning import SplitSumLearning
+from .model import Model, constant_light
+from .settings import Budget, Variant
 
 
 class Initialisation(FitGeometry):
@@ -25,10 +24,11 @@ class Initialisation(FitGeometry):
 
     name = "initialise"
 
-    def __init__(self, scene: Scene, variant: Variant, budget: Budget, seed: int, device: torch.device) -> None:
+    def __init__(self, run: Run[Variant, Budget]) -> None:
+        variant, budget = run.variant, run.budget
         shading_of = SplitSumShading if variant.initialise == "radiometric" else UnseenMaterials
-        shading = shading_of(variant.split_sum, budget.light_height, device)
-        super().__init__(scene, variant.surfel_learning, budget, variant.view_share, seed, device, shading)
+        shading = shading_of(variant.split_sum, budget.light_height, run.device)
+        super().__init__(run, variant.surfel_learning, budget.geometry, variant.view_share, shading)
 
     @property
     def model(self) -> Model:

@@ -7,8 +7,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.kernels.shade.brdf import FRESNEL_NORMAL
-from radiogs_core.transport.splitsum import PrefilteredLight, brdf_table, split_sum_radiance
+from ..kernels.shade.brdf import FRESNEL_NORMAL
+from ..transport.splitsum import PrefilteredLight, brdf_table, split_sum_radiance
 
 Frame = Literal["oriented", "as_shipped"]
 """How a new light is looked up: as its map is meant, Z up; or by a lookup for Y up along unchanged directions, as the

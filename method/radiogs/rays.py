@@ -1,6 +1,6 @@
-"""L_ind as the true scene has it: rays through its true surfaces, whose radiance solves the rendering equation."""
+"""Rays of RadioGS: where they start, and the tracer of a given L_ind, whose rays go through the true surfaces."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import torch
@@ -9,10 +9,13 @@ from scipy.spatial import KDTree
 from torch import Tensor
 
 from radiogs_core.learning.known_scene import OFFSET
+from radiogs_core.surfels.known_surfaces import KnownRadiance
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.tracer import BACK_OFFSET, EVERYTHING, SurfelTracer, incident_along
+
+from .settings import FIXED_OFFSET, Variant
 
 TURN = 3.0
 """Standard deviations of a true surfel that a sample may be farther away, for each unit of difference between unit
@@ -77,3 +80,34 @@ class KnownIndirectTracer(SurfelTracer):
         normal = self.true.surfels.frame[sample, :, 2]
         above = (direction * normal[:, None]).sum(-1, keepdim=True) > 0
         return torch.where(above, found.radiance, 0.0)
+
+
+@dataclass(frozen=True)
+class RaySettings:
+    """Rays as a variant traces them: where they start, and in which directions."""
+
+    world_offset: float | None = None
+    """Distance from their own surfel at which rays start, world units; None: in the surfel's standard deviations."""
+    floor: bool = False
+    """Whether directions end 10 degrees above the horizon (see ``hemisphere_directions``)."""
+    back_offset: float | None = BACK_OFFSET
+    """Distance beyond which rays hit surfels from behind, too (see ``SurfelTracer``)."""
+    indirect: KnownRadiance | None = None
+    """Given source of L_ind (see ``oracle``); None: the surfels themselves."""
+
+    @classmethod
+    def of(cls, variant: Variant, indirect: KnownRadiance | None = None) -> "RaySettings":
+        """The settings of a variant: the paper's, unless it reproduces the released code."""
+        released = variant.deviations
+        return cls(
+            FIXED_OFFSET if "fixed-offset" in released else None,
+            "hemisphere-floor" in released,
+            None if "one-sided-rays" in released else BACK_OFFSET,
+            indirect,
+        )
+
+    def tracer(self, surfels: Surfels) -> SurfelTracer:
+        """A tracer of these surfels."""
+        if self.indirect is not None:
+            return KnownIndirectTracer(surfels, self.indirect.surfels, self.world_offset, self.back_offset)
+        return SurfelTracer(surfels, world_offset=self.world_offset, back_offset=self.back_offset)

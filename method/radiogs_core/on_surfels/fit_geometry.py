@@ -12,10 +12,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from ..contract import StageSpec, values_of
+from ..contract import Run, StageSpec
 from ..errors import DataError
 from ..kernels.image.display import displayed
 from ..kernels.image.edges import edge_allowance, edge_aware_smoothness
+from ..learning.geometry import GeometryLearning, turning
+from ..learning.losses import mask_entropy, normal_consistency, reconstruction
+from ..learning.views import TrainingView
 from ..scene.camera import Camera
 from ..scene.contraction import Contraction
 from ..scene.scene import Scene, View
@@ -26,42 +29,8 @@ from ..surfels.surfels import Surfels
 from ..surfels.surroundings import surrounded_surfels
 from ..transport.blending_weights import blending_weights
 from ..transport.splatting import Splat, own_radiance_twice, splat
-from .backward import backward
-from .geometry import GeometryLearning, turning
-from .losses import mask_entropy, normal_consistency, reconstruction
-from .views import TrainingView, chosen_views, load, mean_distance, view_at
-
-
-@runtime_checkable
-class GeometryBudget(Protocol):
-    """What ``FitGeometry`` reads of a budget."""
-
-    @property
-    def initialise_iterations(self) -> int:
-        """Steps of the stage."""
-
-    @property
-    def initial_surfels(self) -> int:
-        """Surfels to start with."""
-
-    @property
-    def maximum_surfels(self) -> int:
-        """Surfels that are never exceeded."""
-
-    @property
-    def densify_interval(self) -> int:
-        """Steps between two rounds of density control."""
-
-    @property
-    def geometry_rate(self) -> float:
-        """Factor of the rate of position, and by its root of that of rotation: short runs take longer steps."""
-
-
-GEOMETRY_BUDGET = (
-    "initialise_iterations", "initial_surfels", "maximum_surfels", "densify_interval", "geometry_rate",
-)  # fmt: skip
-"""The fields of ``GeometryBudget``, for ``StageSpec.reads``."""
-
+from .settings import GeometryBudget
+from .stage import SurfelStage
 
 DECAYING = ("rotation", "log_scale", "opacity_logit", "sh", "sh_rest")
 """Parameters of surfels whose rates fall in the later part of the stage."""
@@ -106,35 +75,26 @@ class NoShading:
         return {}, {}
 
 
-class FitGeometry:
-    """Surfels from the training views of a scene. A ``contract.Stage``; what it hands on is its state.
-
-    ``view_share``: share of the training views that are learnt from, in (0, 1].
-    """
+class FitGeometry(SurfelStage[Any, Any]):
+    """Surfels from the training views of a scene. A ``contract.Stage``; what it hands on is its state."""
 
     name = "geometry"
 
     def __init__(
         self,
-        scene: Scene,
+        run: Run[Any, Any],
         learning: GeometryLearning,
         budget: GeometryBudget,
         view_share: float,
-        seed: int,
-        device: torch.device,
         shading: Shading,
     ) -> None:
-        self.learning, self.seed, self.device, self.shading = learning, seed, device, shading
-        self.iteration, self.iterations = 0, budget.initialise_iterations
-        self.geometry_rate = budget.geometry_rate
-        self.unit_rate = scene.extent * budget.geometry_rate
-        chosen = chosen_views(scene, view_share, seed)
-        self.views = load(chosen, device)
-        self.depth_unit = mean_distance(self.views, scene.centre)
+        super().__init__(run, budget.steps, view_share)
+        scene, self.learning, self.shading = run.scene, learning, shading
+        self.geometry_rate = budget.rate
+        self.unit_rate = scene.extent * budget.rate
         self.space = Contraction.of(scene) if scene.surrounded else None
         surfels = self._start(scene, tuple(view.reread() for view in self.views), budget.initial_surfels)
-        self.generator = torch.Generator(device).manual_seed(seed)
-        self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.geometry_rate))
+        self.optimiser = SurfelOptimiser(surfels, shading.tensors, self._rates(budget.rate))
         self.density: DensityControl = AdaptiveDensityControl(
             learning.density, budget.densify_interval, budget.maximum_surfels, scene.extent, surfels,
             lambda surfels: largest_contribution(surfels, self.views),
@@ -154,7 +114,7 @@ class FitGeometry:
     def _rates(self, geometry_rate: float) -> dict[str, float]:
         rates = self.learning.rates
         return {
-            "centre": self._position_rate(),
+            "centre": self.position_rate(),
             "rotation": rates.rotation * turning(geometry_rate),
             "log_scale": rates.scale,
             "opacity_logit": rates.opacity,
@@ -163,7 +123,7 @@ class FitGeometry:
             **self.shading.rates,
         }
 
-    def _position_rate(self) -> float:
+    def position_rate(self) -> float:
         """World units a step: none at first, geometric between the first and the last rate, then constant."""
         if self._still():
             return 0.0
@@ -176,7 +136,12 @@ class FitGeometry:
         swept = self.space is None and self.learning.start.points == "swept"
         return swept and self.iteration < self.learning.schedule.moving_from * self.iterations
 
-    def _set_rates(self) -> None:
+    @property
+    def surfels(self) -> Surfels:
+        """What is learnt so far."""
+        return self.optimiser.surfels
+
+    def begin_step(self) -> None:
         """Positions fall by their own schedule, the other rates of surfels from ``schedule.decay_from`` on."""
         begin, end = self.learning.schedule.decay_from, self.learning.rates.end_share
         progress = max(0.0, (self.iteration / self.iterations - begin) / (1 - begin))
@@ -186,40 +151,26 @@ class FitGeometry:
             held = self._still() and name in SHAPE
             self.optimiser.set_rate(name, 0.0 if held else rates[name] * end**progress)
 
-    @property
-    def surfels(self) -> Surfels:
-        """What is learnt so far."""
-        return self.optimiser.surfels
-
-    def step(self) -> Mapping[str, float]:
-        """One optimisation step; returns the weighted losses by name."""
-        view = view_at(self.views, self.iteration, self.seed)
-        self._set_rates()
-        surfels = self.optimiser.surfels.framed()
-        surfels.sh = surfels.sh[:, : self._coefficients()]
-        losses, seen = self._losses(surfels, view)
-        values = backward(self.name, self.iteration, losses, self.optimiser.tensors)
+    def move(self, view: TrainingView) -> None:
+        """Step the optimiser, then add and remove surfels when density control is due."""
         centre = self.optimiser.tensors["centre"]
         if centre.grad is not None:
-            self.density.observe(view.camera, centre.detach(), centre.grad, seen.touched)
-        self._move()
-        self.iteration += 1
-        if self.density.due(self.iteration, self.iterations):
-            changed = self.density.act(self.optimiser.surfels, self.iteration, self.iterations, self.generator)
-            require_some(changed[0], self.iteration)
-            self.optimiser.replace(*changed)
-        return values
-
-    def _move(self) -> None:
-        """A step of the optimiser; what lies beyond the cameras moves as far as it looks."""
-        centre = self.optimiser.tensors["centre"]
+            self.density.observe(view.camera, centre.detach(), centre.grad, self.touched)
         before = centre.detach().clone() if self.space is not None else None
         self.optimiser.step()
         if self.space is not None and before is not None:
-            with torch.no_grad():
+            with torch.no_grad():  # what lies beyond the cameras moves as far as it looks
                 centre.copy_(before + (centre - before) * self.space.stretch(before)[:, None])
+        done = self.iteration + 1
+        if self.density.due(done, self.iterations):
+            changed = self.density.act(self.optimiser.surfels, done, self.iterations, self.generator)
+            require_some(changed[0], done)
+            self.optimiser.replace(*changed)
 
-    def _losses(self, surfels: Surfels, view: TrainingView) -> tuple[dict[str, Tensor], Splat]:
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name; ``touched`` then says which surfels the view shows."""
+        surfels = self.optimiser.surfels.framed()
+        surfels.sh = surfels.sh[:, : self._coefficients()]
         weights, camera = self.learning.weights, view.camera
         radiance, own = own_radiance_twice(camera, surfels)
         progress = self.iteration / self.iterations
@@ -231,19 +182,13 @@ class FitGeometry:
         losses["normal"] = self._normal_weight() * normal_consistency(seen.normal, seen.alpha, target)
         losses["mask"] = weights.mask * mask_entropy(seen.alpha, view.mask)
         if self.iteration >= self.learning.schedule.distortion_from * self.iterations:
-            losses["distortion"] = weights.distortion * self._distortion(seen)
+            losses["distortion"] = weights.distortion * mean_distortion(seen, self.depth_unit, self.space is not None)
         inside = None if self.learning.across_silhouettes else view.mask
         allowance = edge_allowance(view.over(0.0), self.learning.edge_sharpness, inside)
         smoothness = edge_aware_smoothness(seen.normal, allowance)
         losses["normal smoothness"] = weights.normal_smoothness * smoothness
-        return losses, seen
-
-    def _distortion(self, seen: Splat) -> Tensor:
-        """Mean over pixels; beyond the cameras' distance, where surroundings are, that of disparity (2DGS)."""
-        if self.space is None:
-            return seen.distortion.mean()
-        beyond = (seen.depth.detach() / self.depth_unit).clamp(min=1)
-        return (seen.distortion / beyond**4).mean()
+        self.touched = seen.touched
+        return losses
 
     def _normal_weight(self) -> float:
         late = self.iteration >= self.learning.schedule.normal_late_from * self.iterations
@@ -277,18 +222,11 @@ class FitGeometry:
 
     def state(self) -> dict[str, Any]:
         """Everything needed to continue bit for bit."""
-        return {
-            "iteration": self.iteration,
-            "optimiser": self.optimiser.state(),
-            "generator": self.generator.get_state(),
-            "density": self.density.state(),
-        }
+        return super().state() | {"density": self.density.state()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """The inverse of ``state``."""
-        self.iteration = state["iteration"]
-        self.optimiser.restore(state["optimiser"])
-        self.generator.set_state(state["generator"])
+        super().restore(state)
         self.density.restore(state["density"])
 
     def product(self) -> dict[str, Any]:
@@ -296,20 +234,22 @@ class FitGeometry:
         return self.state()
 
 
-def fit_geometry(learning: GeometryLearning, budget: GeometryBudget, view_share: float = 1.0) -> StageSpec:
-    """The stage for ``Method.stages``: methods that ask for the same geometry train it once."""
+def fit_geometry(learning: GeometryLearning, budget: object, view_share: float = 1.0) -> StageSpec[Any, Any]:
+    """The stage for ``Method.stages``: methods that ask for the same geometry train it once.
+
+    ``budget``: a ``GeometryBudget``; a budget with flat fields works for one more release (``GeometryBudget.of``).
+    """
+    half = GeometryBudget.of(budget)
     return StageSpec(
         name="geometry",
         title="stage 1, geometry",
-        steps=budget.initialise_iterations,
+        steps=half.steps,
         owner="radiogs_core",
-        reads={"learning": asdict(learning), "view_share": view_share, **values_of(budget, *GEOMETRY_BUDGET)},
+        reads={"learning": asdict(learning), "view_share": view_share, "budget": asdict(half)},
         sources=(__name__,),
-        begin=lambda run, _: FitGeometry(
-            run.scene, learning, budget, view_share, run.seed, run.device, NoShading()
-        ),
+        begin=lambda run, _: FitGeometry(run, learning, half, view_share, NoShading()),
         compiles=True,
-    )  # fmt: skip
+    )
 
 
 def surfels_of(state: Mapping[str, Any], device: torch.device) -> Surfels:
@@ -327,6 +267,17 @@ def require_some(surfels: Surfels, iteration: int) -> None:
             "All of them were too faint, too large, or too small to show in any training view.",
             "Look at the scene (radiogs-bench datasets check), or begin with more surfels: a larger preset.",
         )
+
+
+def mean_distortion(seen: Splat, depth_unit: float, surrounded: bool) -> Float[Tensor, ""]:
+    """Mean distortion over pixels (2DGS); in a scene with surroundings, that of disparity beyond the cameras' distance.
+
+    ``depth_unit``: the cameras' mean distance from the scene's centre, world units.
+    """
+    if not surrounded:
+        return seen.distortion.mean()
+    beyond = (seen.depth.detach() / depth_unit).clamp(min=1)
+    return (seen.distortion / beyond**4).mean()
 
 
 def composite(display: Tensor, alpha: Tensor, background: float) -> Tensor:

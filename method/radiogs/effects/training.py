@@ -1,0 +1,231 @@
+"""Stage 2 with a choice of effects, around RadioGS's own: the plan, what it leaves out of each step, and its probes.
+
+``invert``, ``shaders`` and ``incident_cache`` know nothing of plans; the subclasses here trace and shade what a plan
+simulates, and probe anew when the planner says so.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.instruments import part
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.scene.camera import Camera
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.plan import HIGHEST_DEGREE, EffectPlan
+from radiogs_core.transport.splatting import shade_surfels
+from radiogs_core.transport.splitsum import PrefilteredLight
+from radiogs_core.transport.tracer import gather_incident, incident_along
+
+from ..consistency import RadiometricConsistency
+from ..incident_cache import IncidentCache, IncidentPolicy
+from ..invert import InverseRendering
+from ..model import Model
+from ..rays import RaySettings
+from ..settings import Budget, Variant
+from ..shaders import MonteCarlo, Shader
+from .planner import Planner
+from .probe_scene import KeptLight
+from .staleness import Staleness, staleness
+from .step_cost import Step
+
+NO_RAYS = EffectPlan(visibility=False, indirect=False)
+
+
+class PlannedInverseRendering(InverseRendering):
+    """Stage 2 that simulates what a plan says."""
+
+    def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
+        variant, budget = run.variant, run.budget
+        self.planner = Planner(
+            variant.effects, run.seed, budget.inverse_iterations, budget.incident_samples,
+            RaySettings.of(variant), variant.straight,
+        )  # fmt: skip
+        self.initialised = initialised
+        super().__init__(run, initialised)
+
+    def make_shader(self) -> Shader:
+        """Eq. 8 as the plan has it."""
+        policy = IncidentPolicy.of(self.variant.incident)
+        self.cache = PlannedIncidentCache(
+            self.start.surfels, RaySettings.of(self.variant), policy, self.budget, self.generator, self.planner
+        )
+        return PlannedMonteCarlo(RadiometricConsistency.of(self.variant), self.cache)
+
+    @property
+    def model(self) -> Model:
+        """The surfels and the light as they are now, with the plan and its evidence."""
+        evidence = tuple(each.plain() for each in self.planner.evidence)
+        return replace(super().model, plan=self.planner.plan, evidence=evidence)
+
+    def visible_model(self) -> Model:
+        """The model with as many harmonics of the surfels' radiance as the plan has."""
+        model, degree = super().visible_model(), self.planner.plan.sh_degree
+        if degree < HIGHEST_DEGREE:
+            model.surfels.sh = model.surfels.sh[:, : (degree + 1) ** 2]
+        return model
+
+    def begin_step(self) -> None:
+        """Probe which effects the scene needs now, where the planner says so."""
+        if self.planner.due(self.iteration):
+            # The first probe uses stage 1's materials and light: stage 2's start values are uninformative.
+            self._plan_anew(self.model if self.iteration else self._initial_model())
+
+    def _initial_model(self) -> Model:
+        light = self.initialised["optimiser"]["tensors"]["log_environment"].to(self.device)
+        return Model(surfels_of(self.initialised, self.device), light)
+
+    def _plan_anew(self, probed: Model) -> None:
+        """Adopt the plan that a probe finds; a new plan starts with new incident light."""
+        budget, surfels, cache = self.budget, probed.surfels, self.cache
+        step = Step(len(surfels), budget.consistency_surfels, budget.incident_samples, budget.refresh_interval)
+        with part("probe"):
+            stale = self._staleness(probed) if self.iteration else None
+            kept = cache.kept(surfels, self.planner.samples)
+            other_rays = self.planner.observe(
+                surfels, probed.environment, self.views, step, self.iteration, stale, kept
+            )
+        if not self.iteration or (other_rays and cache.policy.traced_again):
+            cache.renew(self.model.surfels, self.iteration)
+
+    def _staleness(self, probed: Model) -> Staleness | None:
+        """The change of the kept light by now; None where none is ever traced again."""
+        cache, plan = self.cache, self.planner.plan
+        if not (plan.traces and cache.policy.traced_again):
+            return None
+        cache.tracer.follow(probed.surfels)
+        drawn = torch.Generator(self.generator.device).manual_seed(self.seed + self.iteration)
+        return staleness(cache.tracer, probed.surfels, probed.environment, cache.incident, plan, drawn)
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return super().state() | {"effects": self.planner.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        super().restore(state)
+        self.planner.restore(state["effects"])
+
+
+class PlannedMonteCarlo(MonteCarlo):
+    """Eq. 8 with specular lobes where the plan has them."""
+
+    cache: "PlannedIncidentCache"
+
+    def consistency(self, model: Model, camera: Camera, iteration: int) -> Float[Tensor, ""]:
+        """L_rad over N_g random surfels."""
+        surfels, plan = model.surfels, self.cache.plan
+        index = self.drawn(surfels)
+        incident = self.cache.light_on(index, surfels, iteration)
+        specular_at = plan.specular_among(surfels.albedo_logit)
+        return self.radiometric.loss(
+            surfels, model.environment, camera, index, incident, self.cache.generator, specular_at
+        )
+
+    def radiance(
+        self, model: Model, outgoing: Float[Tensor, "surfels 3"], light: PrefilteredLight
+    ) -> Float[Tensor, "surfels 3"]:
+        """The Monte-Carlo sum of every surfel over the light that is kept."""
+        surfels, specular_at = model.surfels, self.cache.plan.specular_among(model.surfels.albedo_logit)
+        parts = shade_surfels(
+            surfels, surfels.albedo, self.cache.incident, outgoing[:, None], model.environment, specular_at
+        )
+        return parts[:, 0].sum(1)
+
+
+class PlannedIncidentCache(IncidentCache):
+    """V and L_ind as far as the plan has them, with substitutes for what it leaves out.
+
+    A plan that keeps light (``EffectPlan.kept``) leaves surfels without rays the light of their last tracing.
+    """
+
+    def __init__(
+        self,
+        surfels: Surfels,
+        rays: RaySettings,
+        policy: IncidentPolicy,
+        budget: Budget,
+        generator: torch.Generator,
+        planner: Planner,
+    ) -> None:
+        self.planner, self.begun = planner, False
+        super().__init__(surfels, rays, policy, budget, generator)
+        self.begun = True
+
+    @property
+    def plan(self) -> EffectPlan:
+        """The planner's plan now."""
+        return self.planner.plan
+
+    @property
+    def samples(self) -> int:
+        """Directions of each surfel under the plan."""
+        return max(1, self.budget.incident_samples // self.plan.samples)
+
+    @property
+    def interval(self) -> int:
+        """Steps from one tracing of all surfels to the next under the plan."""
+        return self.budget.refresh_interval * self.plan.refresh
+
+    def refresh(self, surfels: Surfels, iteration: int) -> None:
+        """Trace anew the light on the surfels that the plan traces."""
+        if not self.plan.kept:
+            self.renew(surfels, iteration)
+            return
+        every = torch.arange(len(surfels), device=surfels.centre.device)
+        if len(some := self.plan.traced_among(every)):
+            self.tracer.follow(surfels)
+            fresh = gather_incident(
+                self.tracer, surfels, self.samples, self.generator, self.rays.floor, self.plan, some
+            )
+            self.incident.store(some, self._as_bright(some, fresh))
+        self.traced_at = iteration
+
+    def gathered(self, surfels: Surfels) -> Incident:
+        """The light on all surfels along new directions; none is traced before a probe that may find it needless."""
+        plan = self.plan.at_once if self.begun or not self.planner.due(0) else NO_RAYS
+        self.tracer.follow(surfels)
+        return gather_incident(self.tracer, surfels, self.samples, self.generator, self.rays.floor, plan)
+
+    def traced(self, index: Int[Tensor, " chosen"], surfels: Surfels) -> Incident:
+        """The light on some surfels: traced now where the plan traces, kept elsewhere if the plan keeps light."""
+        if not self.plan.kept:
+            return super().traced(index, surfels)
+        kept, chosen = self.incident.of(index), self.plan.traced_among(index)
+        return kept.replaced(chosen, super().traced(index[chosen], surfels)) if len(chosen) else kept
+
+    def along(
+        self,
+        index: Int[Tensor, " chosen"],
+        direction: Float[Tensor, "chosen samples 3"],
+        weight: Float[Tensor, "chosen samples"],
+    ) -> Incident:
+        """The light on some surfels along given directions, as the plan has it."""
+        return self._as_bright(index, self.tracer.incident(index, direction, weight, self.plan))
+
+    def _as_bright(self, index: Int[Tensor, " chosen"], fresh: Incident) -> Incident:
+        """With kept light and L_ind off, occluders get the mean radiance of the last tracing."""
+        if not self.plan.kept or self.plan.indirect:
+            return fresh
+        before = self.incident.of(index)
+        hidden = ((1 - before.visibility) * before.weight).sum(1)[:, None]
+        arrived = (before.radiance * before.weight[..., None]).sum(1)
+        mean = torch.where(hidden > 0, arrived / torch.where(hidden > 0, hidden, 1.0), 0.0)
+        return replace(fresh, radiance=(1 - fresh.visibility)[..., None] * mean[:, None])
+
+    @torch.no_grad()
+    def kept(self, surfels: Surfels, directions: int) -> KeptLight | None:
+        """The light of the surfels that go without rays, along so many of its directions, and the same traced anew."""
+        mask = self.plan.without_rays(surfels.centre)
+        if not self.plan.kept or not mask.any():
+            return None
+        index = torch.nonzero(mask)[:, 0]
+        light = self.incident.of(index).thinned(directions)
+        self.tracer.follow(surfels)
+        return KeptLight(mask, light, incident_along(self.tracer, light.direction, light.weight, index=index))

@@ -1,0 +1,171 @@
+"""Stage 2, inverse rendering: materials and light under Monte-Carlo radiometric consistency (paper, Eq. 11).
+
+It starts from surfels and radiance of stage 1, new materials, a new light, and rates of them all (``start_of``).
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from radiogs_core.contract import Run
+from radiogs_core.kernels.image.display import displayed
+from radiogs_core.kernels.image.edges import edge_allowance, edge_aware_smoothness
+from radiogs_core.learning.losses import (
+    environment_smoothness,
+    light_prior,
+    mask_entropy,
+    normal_consistency,
+    reconstruction,
+)
+from radiogs_core.learning.views import TrainingView
+from radiogs_core.on_surfels.fit_geometry import surfels_of
+from radiogs_core.on_surfels.light_start import starting_model
+from radiogs_core.on_surfels.model import LitSurfels
+from radiogs_core.on_surfels.stage import SurfelStage
+from radiogs_core.surfels.optimiser import SurfelOptimiser
+from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.splatting import own_radiance, splat, towards
+from radiogs_core.transport.splitsum import PrefilteredLight
+
+from .consistency import RadiometricConsistency
+from .incident_cache import IncidentCache, IncidentPolicy
+from .model import Model, constant_light
+from .oracle import Start, given_geometry, replaced
+from .rays import RaySettings
+from .settings import START_RADIANCE, Budget, Variant
+from .shaders import MonteCarlo, Shader, SplitSum
+
+
+class InverseRendering(SurfelStage[Variant, Budget]):
+    """Stage 2. Keeps geometry and radiance of stage 1, starts materials and light afresh."""
+
+    def __init__(self, run: Run[Variant, Budget], initialised: Mapping[str, Any]) -> None:
+        variant = run.variant
+        super().__init__(run, run.budget.inverse_iterations, variant.view_share)
+        self.geometry = variant.surfel_learning
+        self.start = start_of(run, surfels_of(initialised, run.device), self.views, self.generator)
+        light = {"log_environment": self.start.log_environment}
+        self.optimiser = SurfelOptimiser(self.start.surfels, light, self.start.rates)
+        self.shaded_weight = 1.0 if "image-weight" in variant.deviations else variant.materials.weights.absolute
+        self.shader = self.make_shader()
+
+    def make_shader(self) -> Shader:
+        """The variant's way to find L_PBR."""
+        if self.variant.shading == "split-sum":
+            return SplitSum()
+        rays, policy = RaySettings.of(self.variant, self.start.indirect), IncidentPolicy.of(self.variant.incident)
+        cache = IncidentCache(self.start.surfels, rays, policy, self.budget, self.generator)
+        return MonteCarlo(RadiometricConsistency.of(self.variant), cache)
+
+    @property
+    def model(self) -> Model:
+        """The surfels and the light as they are now."""
+        return Model(self.optimiser.surfels, self.optimiser.tensors["log_environment"], indirect=self.start.indirect)
+
+    def visible_model(self) -> Model:
+        """The model as a step's losses see it, with gradient to all that is learnt."""
+        return Model(self.optimiser.surfels.framed(), self.optimiser.tensors["log_environment"])
+
+    def losses(self, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the next step by name, if it looks at ``view`` (paper, Eq. 11)."""
+        model = self.visible_model()
+        return {"consistency": self.consistency_loss(model, view), **self.image_losses(model, view)}
+
+    def consistency_loss(self, model: Model, view: TrainingView) -> Tensor:
+        """L_rad; without weight it takes no gradient, but what it traces is cached all the same."""
+        weight = self.variant.radiometric_weight
+        with torch.set_grad_enabled(weight > 0):
+            return weight * self.shader.consistency(model, view.camera, self.iteration)
+
+    def image_losses(self, model: Model, view: TrainingView) -> dict[str, Tensor]:
+        """The weighted losses of the blended images and maps, and of the light, by name."""
+        surfels, camera, weights = model.surfels, view.camera, self.variant.materials.weights
+        outgoing = towards(camera, surfels)
+        light = PrefilteredLight(model.environment)
+        channels = {
+            "radiance": own_radiance(camera, surfels),
+            "shaded": self.shader.radiance(model, outgoing, light),
+            "albedo": surfels.albedo,
+            "roughness": surfels.roughness[:, None],
+        }
+        seen = splat(camera, surfels, channels, self.depth_unit)
+        target, mask = view.over(0.0), view.mask[..., None]
+        images, geometry = seen.images, self.geometry
+        inside = None if geometry.across_silhouettes else view.mask
+        allowance = edge_allowance(target, geometry.edge_sharpness, inside)
+        blended = torch.stack([images["radiance"], images["shaded"]])
+        pictures = displayed(blended, seen.alpha, self.variant.straight)
+        absolute = pictures.new_tensor([weights.absolute, self.shaded_weight])
+        radiance, shaded = reconstruction(pictures, target, absolute, weights.similarity)
+        losses = {
+            "radiance": radiance,
+            "shaded": shaded,
+            "mask": weights.mask * mask_entropy(seen.alpha, view.mask),
+            "albedo smoothness": weights.albedo_smoothness * edge_aware_smoothness(mask * images["albedo"], allowance),
+            "roughness smoothness": weights.roughness_smoothness
+            * edge_aware_smoothness(mask * images["roughness"], allowance),
+            "normal smoothness": weights.normal_smoothness * edge_aware_smoothness(mask * seen.normal, allowance),
+            "light prior": weights.light_prior * light_prior(light.irradiance(surfels.frame[..., 2].detach())),
+            "light smoothness": weights.light_smoothness * environment_smoothness(model.environment),
+        }
+        if self.iteration >= self.variant.materials.normal_from * self.iterations:
+            depth_normal = seen.depth_normal(camera, geometry.normal_target == "one-sided")
+            losses["normal"] = weights.normal * normal_consistency(seen.normal, seen.alpha, depth_normal)
+        return losses
+
+    def state(self) -> dict[str, Any]:
+        """Everything needed to continue bit for bit."""
+        return super().state() | {"shader": self.shader.state()}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """The inverse of ``state``."""
+        super().restore(state)
+        self.shader.restore(state["shader"])
+
+    def product(self) -> dict[str, Any]:
+        """The model as plain tensors (see ``Model.tensors``)."""
+        return self.model.tensors()
+
+
+def start_of(
+    run: Run[Variant, Budget], learnt: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator
+) -> Start:
+    """The start of stage 2: new materials, a new light, and the given parts of the truth in place of learnt ones."""
+    scene, variant = run.scene, run.variant
+    model = _materials_and_light(given_geometry(learnt, variant.given, scene), run, views, generator)
+    start = Start(model.surfels, model.log_environment, rates_of(variant, scene.extent))
+    return replaced(start, variant.given, scene, run.seed)
+
+
+def _materials_and_light(
+    learnt: Surfels, run: Run[Variant, Budget], views: tuple[TrainingView, ...], generator: torch.Generator
+) -> LitSurfels:
+    """The surfels with starting materials, and the light that they start under."""
+    variant, start, rows = run.variant, run.variant.materials.start, run.budget.light_height
+    if "start-light" in variant.deviations:
+        surfels = learnt.made_of(start.albedo, start.roughness)
+        return LitSurfels(surfels, constant_light(rows, START_RADIANCE, run.device))
+    two_sided = RaySettings.of(variant).back_offset is not None
+    return starting_model(learnt, views, rows, start, generator, two_sided)
+
+
+def rates_of(variant: Variant, extent: float) -> dict[str, float]:
+    """Learning rates of stage 2 by raw parameter; ``extent``: the scene's, world units.
+
+    Surfels on given surfaces have had no stage 1: their extents and opacities are learnt at its rates.
+    """
+    rates, before = variant.materials.rates, variant.geometry.rates
+    share = 1.0 if "geometry" in variant.given else rates.geometry
+    return {
+        "centre": rates.geometry * (before.position * extent),
+        "rotation": rates.geometry * before.rotation,
+        "log_scale": share * before.scale,
+        "opacity_logit": share * before.opacity,
+        "sh": rates.radiance,
+        "sh_rest": rates.radiance_rest,
+        "albedo_logit": rates.albedo,
+        "roughness_logit": rates.roughness,
+        "log_environment": rates.light,
+    }

@@ -1,0 +1,138 @@
+"""A trained RadioGS model as the harness shows it: under the light it was trained in, or relit.
+
+Training never imports this module: a new map trains nothing anew.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from radiogs_core.contract import MapKind, Maps, Prepared, Run
+from radiogs_core.on_surfels.trained import INCIDENT, SHOWN, SHOWN_WITH_INCIDENT, Shown, TrainedOnSurfels
+from radiogs_core.scene.camera import Camera
+from radiogs_core.scene.light import EnvironmentMap
+from radiogs_core.transport.incident import Incident
+from radiogs_core.transport.maps import incident_map, shaded_maps, split_sum_maps
+from radiogs_core.transport.plan import plan_of
+from radiogs_core.transport.sampling import LightSampler, relighting_directions
+from radiogs_core.transport.tracer import gather_incident, incident_along
+
+from .effects.new_light import probe_relighting, training_share
+from .model import Model
+from .rays import RaySettings
+from .relighting import RelitBySurfels, relight
+from .settings import Budget, Variant
+from .varying import VaryingRadioGS
+
+SHOWN_BY_SURFELS: dict[str, MapKind] = {name: SHOWN[name] for name in ("image", "alpha")}
+"""Maps of surfels that are splatted with their own radiance."""
+
+DENSER = 2
+"""Directions over the hemisphere for each of training's, and as many drawn from the light. In training a surfel's
+directions change from step to step, and the error of one set averages out; a view is shaded from one."""
+
+
+class TrainedRadioGS(TrainedOnSurfels[Model, Variant, Budget]):
+    """Surfels with materials and a light, and the run that they were trained in; see ``contract.Trained``."""
+
+    def __init__(self, model: Model, run: Run[Variant, Budget]) -> None:
+        super().__init__(model, run, labels={})
+
+    def facts(self) -> dict[str, Any]:
+        """``surfels``: how many. ``effects``: the plan when training ended, and the evidence for it, oldest first.
+
+        ``metrics``: ``plan/bound`` and ``plan/worst``, dB that the plan costs at most, by the probe that says most; 0
+        where no probe has left anything out. ``remarks``: effects that are not simulated, in words. ``given``: the
+        parts of the truth that training was given, and how far the given indirect light is from solved
+        (``KnownRadiance``).
+        """
+        plan, evidence = self.model.plan, [dict(each) for each in self.model.evidence]
+        measured = [each["measured"] for each in evidence if each["effect"] == "plan" and each["measured"] is not None]
+        indirect, parts = self.model.indirect, list(self.run.variant.given)
+        residual = {} if indirect is None else {"indirect_residual": indirect.residual}
+        return {
+            **({"given": {"parts": parts, **residual}} if parts else {}),
+            "surfels": len(self.model.surfels),
+            "effects": {"plan": plan.plain(), "evidence": evidence},
+            "metrics": {
+                f"plan/{name}": max((each[name] for each in measured), default=0.0) for name in ("bound", "worst")
+            },
+            "remarks": [f"not, or only in part, simulated: {', '.join(plan.off)}"] if plan.off else [],
+        }
+
+    def as_trained(self) -> Prepared:
+        """Shaded by the rules of training, along more directions."""
+        own = self.renderer()
+        return Shown(own, SHOWN if own.incident is None else SHOWN_WITH_INCIDENT)
+
+    def renderer(self) -> "Renderer":
+        """The model under the light that it was trained in."""
+        return Renderer(self.model, self.run.budget.incident_samples, self.run.variant)
+
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
+        """In the mode of the variant (``relighting``); with effects "auto", a probe decides what is simulated."""
+        variant = self.run.variant
+        remarks: tuple[str, ...] = ()
+        if variant.effects == "auto":
+            _, found = probe_relighting(self.model, light, albedo_scale, self.run, self.training_share)
+            plan = found.plan
+            remarks = tuple(f"{each.effect}: {each.verdict} ({each.why})" for each in found.evidence)
+        else:
+            plan = plan_of(variant.effects)
+        relit = relight(self.model, light, albedo_scale, self.run, after_step, plan)
+        return Shown(relit, SHOWN_BY_SURFELS if isinstance(relit, RelitBySurfels) else SHOWN, remarks)
+
+    def varying(self, cameras: Sequence[Camera]) -> VaryingRadioGS:
+        """Under its own light, with roughness or brightness changed; see ``radiogs_core.capabilities.Variable``."""
+        own = self.renderer()
+        return VaryingRadioGS(self.model, own.incident, cameras, self.run.variant)
+
+    @cached_property
+    def training_share(self) -> Float[Tensor, " surfels"]:
+        """Each surfel's share of the training images; the same for every light."""
+        return training_share(self.run.scene, self.model.surfels)
+
+
+class Renderer:
+    """A trained model under the light it was trained in, ready to be seen from any camera.
+
+    For Monte-Carlo shading, incident light is traced once, along ``DENSER`` times ``samples`` directions over the
+    hemisphere of each surfel and as many drawn from the light, weighted by the balance heuristic: few directions over
+    the hemisphere miss a sun, and without random rotation all surfels of a wall miss it alike. With the deviation
+    ``spread-views`` there are ``samples`` over the hemisphere alone, not rotated. Effects that the model's plan left
+    out stay out; surfels that kept their light in training are traced with all others. Indirect light that was given
+    in training is given here too. Two renderers of one model have the same directions.
+    """
+
+    def __init__(self, model: Model, samples: int, variant: Variant) -> None:
+        self.model, self.straight = model, variant.straight
+        self.incident = None if variant.shading == "split-sum" else _incident(model, samples, variant)
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of one view; see ``on_surfels.trained.Renderer``."""
+        surfels, environment = self.model.surfels, self.model.environment
+        if self.incident is None:
+            return split_sum_maps(camera, surfels, environment, self.straight)
+        specular_at = self.model.plan.specular_among(surfels.albedo)
+        maps = shaded_maps(camera, surfels, surfels.albedo, self.incident, environment, specular_at, self.straight)
+        return maps | {INCIDENT: incident_map(camera, surfels, self.incident)} if INCIDENT in further else maps
+
+
+@torch.no_grad()
+def _incident(model: Model, samples: int, variant: Variant) -> Incident:
+    """The light that arrives at each surfel along the directions that new views are shaded from."""
+    rays, surfels, plan = RaySettings.of(variant, model.indirect), model.surfels, model.plan.at_once
+    tracer = rays.tracer(surfels)
+    if "spread-views" in variant.deviations:
+        return gather_incident(tracer, surfels, samples, None, rays.floor, plan)
+    generator = torch.Generator(surfels.centre.device).manual_seed(0)
+    light = LightSampler(EnvironmentMap(model.environment))
+    each = DENSER * samples
+    directions = relighting_directions(surfels.frame[..., 2], light, each, each, generator, rays.floor)
+    return incident_along(tracer, *directions, plan)

@@ -1,1 +1,0 @@
-"""The two training stages: initialisation (split-sum) and inverse rendering (Monte-Carlo consistency)."""

@@ -1,0 +1,60 @@
+"""What a method on surfels recovers: surfels with their materials, and the light that they were seen under."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from jaxtyping import Float
+from torch import Tensor
+
+from ..surfels.restoring import finite_tensor, require_for_each, restored_map, restored_surfels
+from ..surfels.surfels import Surfels
+
+
+@runtime_checkable
+class SurfelModel(Protocol):
+    """Surfels, and the light that they were seen under, however a method parametrises it."""
+
+    @property
+    def surfels(self) -> Surfels:
+        """The surfels."""
+
+    @property
+    def environment(self) -> Float[Tensor, "height width 3"]:
+        """Linear radiance, latitude-longitude (see ``scene.light``)."""
+
+    def tensors(self) -> dict[str, Any]:
+        """The model as plain tensors and values, without gradient history."""
+
+
+@dataclass(frozen=True)
+class LitSurfels:
+    """Surfels under an environment map whose logarithm is learnt."""
+
+    surfels: Surfels
+    """The surfels with their materials."""
+    log_environment: Float[Tensor, "height width 3"]
+    """Logarithm of the environment's linear radiance, [height, 2 height, 3] (see ``scene.light``)."""
+
+    @property
+    def environment(self) -> Float[Tensor, "height width 3"]:
+        """Linear radiance of the recovered light; its logarithm is what is learnt, so it is always positive."""
+        return self.log_environment.exp()
+
+    def tensors(self) -> dict[str, Any]:
+        """The model as plain tensors and values, without gradient history."""
+        return {"surfels": self.surfels.plain(), "log_environment": self.log_environment.detach()}
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Any]) -> "LitSurfels":
+        """The inverse of ``tensors``. Raises DataError for what is misshapen or not finite."""
+        return cls(restored_surfels(tensors["surfels"]), restored_map(tensors, "log_environment"))
+
+
+def restored_logit(tensors: Mapping[str, Any], name: str, surfels: Surfels) -> Float[Tensor, " surfels"] | None:
+    """A stored value for each surfel, or None where it was not learnt. Raises DataError as ``LitSurfels.of`` does."""
+    if name not in tensors:
+        return None
+    logit = finite_tensor(tensors, name)
+    require_for_each(surfels, name, logit, ())
+    return logit

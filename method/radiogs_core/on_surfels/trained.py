@@ -1,0 +1,163 @@
+"""A trained model on surfels as the harness shows it: its maps, its export, and the labels of a run.
+
+Training never imports this module: a new label or map trains nothing anew.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from ..contract import BudgetT, MapKind, Maps, Prepared, Run, VariantT
+from ..scene.camera import Camera
+from ..scene.light import EnvironmentMap
+from ..surfels.ply import write_ply
+from ..surfels.surfels import Surfels
+from ..transport.sampling import require_finite_light
+from ..transport.splatting import Splat
+from .model import SurfelModel
+
+INCIDENT = "incident"
+"""The mean indirect radiance that arrives; it is rendered where it is asked for, under the recovered light alone."""
+
+SHOWN: Mapping[str, MapKind] = {
+    "image": MapKind("display"),
+    "alpha": MapKind("data"),
+    "direct": MapKind("linear"),
+    "indirect": MapKind("linear"),
+    "albedo": MapKind("linear"),
+    "roughness": MapKind("data"),
+    "normal": MapKind("data"),
+    "depth": MapKind("data"),
+}
+"""Maps of every rendering, all composited on black."""
+
+SHOWN_WITH_INCIDENT: Mapping[str, MapKind] = {**SHOWN, INCIDENT: MapKind("linear")}
+
+ModelT = TypeVar("ModelT", bound=SurfelModel)
+
+
+class TrainedOnSurfels(ABC, Generic[ModelT, VariantT, BudgetT]):
+    """A model, and the run that it was trained in; see ``radiogs_core.contract.Trained``."""
+
+    def __init__(self, model: ModelT, run: Run[VariantT, BudgetT], labels: Mapping[str, str]) -> None:
+        self.model, self.run, self.labels = model, run, dict(labels)
+
+    @property
+    def light(self) -> EnvironmentMap:
+        """The recovered light, on the CPU."""
+        return EnvironmentMap(self.model.environment.detach().cpu())
+
+    @property
+    def surfels(self) -> Surfels:
+        """The surfels that other programs get."""
+        return self.model.surfels
+
+    def facts(self) -> dict[str, Any]:
+        """``surfels``: how many. ``labels``: differences from the published method, by name. ``remarks``: the same in
+        sentences.
+        """
+        remarks = [f"{name}: {value}" for name, value in self.labels.items()]
+        return {"surfels": len(self.model.surfels), "labels": self.labels, "remarks": remarks}
+
+    def export(self, folder: Path) -> list[Path]:
+        """Write ``surfels.ply``. Raises OSError."""
+        path = folder / "surfels.ply"
+        write_ply(self.surfels, path)
+        return [path]
+
+    def prepare(
+        self,
+        light: EnvironmentMap | None = None,
+        albedo_scale: Float[Tensor, "3"] | None = None,
+        after_step: Callable[[], None] = lambda: None,
+    ) -> Prepared:
+        """Shaded as it was trained, or relit. Raises DataError for a light that is not finite."""
+        if light is None:
+            return self.as_trained()
+        require_finite_light(light)
+        device = self.model.surfels.centre.device
+        scale = torch.ones(3) if albedo_scale is None else albedo_scale
+        return self.relit(EnvironmentMap(light.radiance.to(device)), scale.to(device), after_step)
+
+    @abstractmethod
+    def as_trained(self) -> Prepared:
+        """Under the recovered light."""
+
+    @abstractmethod
+    def relit(
+        self, light: EnvironmentMap, albedo_scale: Float[Tensor, "3"], after_step: Callable[[], None]
+    ) -> Prepared:
+        """Under another light, which is finite and on the model's device.
+
+        Albedo is multiplied by ``albedo_scale``; ``after_step``: see ``contract.Trained.prepare``.
+        """
+
+
+@runtime_checkable
+class Renderer(Protocol):
+    """Draws the maps of a view."""
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """All maps that cost nothing extra, and those of ``further``, by name, [height, width, channels], on black.
+
+        image: display sRGB, clipped to [0, 1]. direct, indirect: linear outgoing radiance. incident: mean over the
+        hemisphere of the indirect radiance that arrives. albedo: linear. roughness, alpha, depth (world z-depth): one
+        channel. normal: unit in the world, zero where empty.
+        """
+
+
+class Shown:
+    """A model under one light, which shows the maps of ``offers`` among those that a renderer draws."""
+
+    timed = True
+
+    def __init__(
+        self, renderer: Renderer, offers: Mapping[str, MapKind] = SHOWN, remarks: tuple[str, ...] = ()
+    ) -> None:
+        self.renderer, self.offers, self.remarks = renderer, offers, remarks
+        self.default = frozenset(offers) - {INCIDENT}
+
+    def render(self, camera: Camera, *further: str) -> Maps:
+        """The maps of one view."""
+        wanted = self.default.union(further).intersection(self.offers)
+        maps = self.renderer.render(camera, *further)
+        return {name: values for name, values in maps.items() if name in wanted}
+
+
+def blended_maps(seen: Splat) -> dict[str, Float[Tensor, "height width _"]]:
+    """The maps that shading does not change, of surfels blended with the channels ``albedo`` and ``roughness``."""
+    return {
+        "albedo": seen.images["albedo"],
+        "roughness": seen.images["roughness"],
+        "alpha": seen.alpha[..., None],
+        "normal": unit_or_zero(seen.normal),
+        "depth": seen.depth[..., None],
+    }
+
+
+def unit_or_zero(vectors: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
+    """Vectors of length 1; those of length zero stay zero."""
+    length = vectors.square().sum(-1, keepdim=True)
+    return vectors * torch.where(length > 0, length, torch.inf).rsqrt()
+
+
+def reduced(budget: object, published: object, *names: str) -> dict[str, str]:
+    """The label ``reduced``, of the fields of a budget that differ from the published ones; empty if none does."""
+    lower = sorted(
+        f"{name} {getattr(budget, name)} (published: {getattr(published, name)})"
+        for name in names
+        if getattr(budget, name) != getattr(published, name)
+    )
+    return {"reduced": ", ".join(lower)} if lower else {}
+
+
+def light_start(light: str, published: str) -> str:
+    """The label of the light that stage 2 starts with (``StartValues.light``), beside the published one."""
+    if light == "least-variation":
+        return f"shared: the light of least albedo variation (published: {published})"
+    return f"constant, by the images' exposure (published: {published})"
