@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .errors import CommandFailed
-from .family import MARK, Family
+from .family import MARK, SUPPORTED, Family
 
 LIMIT = 64 * 2**20
 """Bytes of a log that are kept: half from its beginning, half from its end. A progress bar of a long training writes
@@ -40,7 +40,7 @@ class Ended:
     """How a command ended.
 
     ``exit_code`` is negative for a signal. ``peak_bytes`` is the largest sum of resident memory over its processes
-    that was seen, None for a command that ended before the first look.
+    that was seen, None where none was: it cannot be on this system, or the command ended before the first look.
     ``too_long`` says that it was ended for its time limit, ``survivors`` which of its processes could not be ended.
     """
 
@@ -123,7 +123,9 @@ class Running:
         """End it with all its children, if it has not ended; what outlives a command that has ended is ended too."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
-            survivors = self._family.end(self.grace)
+            # Without /proc the group's number may be another's once the command is gone.
+            reachable = SUPPORTED or self._process.poll() is None
+            survivors = self._family.end(self.grace) if reachable else []
             try:
                 code = self._process.wait(1)
             except subprocess.TimeoutExpired:  # it sleeps in the kernel and cannot be ended

@@ -11,6 +11,7 @@ from pathlib import Path
 from radiogs_core.errors import ExplainedError
 
 from .errors import CommandFailed
+from .family import LIMITS
 from .place import Place
 from .process import Ended, Order, Running
 from .records import (
@@ -140,7 +141,7 @@ class Attempt:
         task, log = self.task, self._running.log
         last = log.last_lines(LAST_LINES)
         full = _full_disk(task.place.root, last + log.trouble + why)
-        parts = [why, full, log.trouble, f"The last it said:\n{last}" if last else "It said nothing."]
+        parts = [why, full, log.trouble, f"The last it said:\n{last}" if last else "It said nothing.", LIMITS]
         again = "it goes on where it was" if task.resumes else "this command begins again, those before it are kept"
         return CommandFailed(
             f"{task.place.file.title}: the command '{task.name}' {how}",

@@ -1,4 +1,4 @@
-"""From where a scene is looked at first, and around what a turntable turns."""
+"""The initial viewpoint of an interactive viewer, and the centre and arc of a turntable."""
 
 import math
 from collections.abc import Sequence
@@ -12,50 +12,51 @@ from .camera import Camera
 from .scene import Scene
 
 UPRIGHT = 0.7
-"""Cosine between Z and the mean upward direction of cameras from which on Z is up; captures have axes of their own."""
+"""Cosine between Z and the cameras' mean upward direction above which Z is up; captures may have other axes."""
 
 WIDE = math.radians(60)
-"""A gap between neighbouring cameras that is at least so wide is a side from which the scene was not seen."""
+"""Least angle between neighbouring cameras, in radians, for the side between them to count as not seen."""
 
 
 @dataclass(frozen=True)
 class Standpoint:
-    """World units. eye: a camera's centre. up: unit. middle: what is looked at; None: the middle of the model itself.
-
-    A scene without masks has a model of a whole room, in whose middle there is nothing to be seen. arc: how far its
-    cameras go round the middle, from the eye to either side, radians about ``up``; None: all round.
-    """
+    """Where a viewer starts and which way is up, in the world."""
 
     eye: Float[Tensor, "3"]
+    """Position of the viewer, world units: the centre of a camera."""
     up: Float[Tensor, "3"]
+    """Upward direction, unit."""
     middle: Float[Tensor, "3"] | None = None
+    """Point that the viewer looks at, world units; None for the centre of the model. The model of a scene without masks
+    is a whole room, whose centre may be empty."""
     arc: Float[Tensor, "2"] | None = None
+    """First and last angle, in radians about ``up`` from the eye, of the arc around ``middle`` from which cameras saw
+    the scene; None for a full circle."""
 
     def plain(self) -> dict[str, list[float]]:
-        """As plain values."""
+        """The fields that are not None, as plain values by name."""
         named = {"eye": self.eye, "up": self.up, "middle": self.middle, "arc": self.arc}
         return {name: value.tolist() for name, value in named.items() if value is not None}
 
 
 def standpoint(scene: Scene, eye: Camera) -> Standpoint:
-    """Where ``eye`` stands in a scene; Z is up where the cameras stand upright."""
+    """The viewpoint at the centre of the camera ``eye``; Z is up where the cameras of the scene are upright."""
     cameras = [view.camera for view in (*scene.train, *scene.test)]
-    place, up = eye.centre.float().cpu(), upwards(cameras)
+    position, up = eye.centre.float().cpu(), upwards(cameras)
     if not scene.surrounded:
-        return Standpoint(place, up)
+        return Standpoint(position, up)
     middle = scene.centre.float()
-    return Standpoint(
-        place, up, middle, _arc(torch.stack([each.centre.float().cpu() for each in cameras]), place, up, middle)
-    )
+    positions = torch.stack([each.centre.float().cpu() for each in cameras])
+    return Standpoint(position, up, middle, _arc(positions, position, up, middle))
 
 
 def _arc(
-    places: Float[Tensor, "cameras 3"], eye: Float[Tensor, "3"], up: Float[Tensor, "3"], middle: Float[Tensor, "3"]
+    positions: Float[Tensor, "cameras 3"], eye: Float[Tensor, "3"], up: Float[Tensor, "3"], middle: Float[Tensor, "3"]
 ) -> Float[Tensor, "2"] | None:
-    """The arc about ``up`` that all places are within, as seen from the eye's; None where no gap of it is WIDE."""
+    """The smallest arc about ``up`` that holds all positions, relative to the eye; None where no gap is WIDE."""
     forth = eye - middle
     side = torch.linalg.cross(up, forth)
-    level = (places - middle) - ((places - middle) @ up)[:, None] * up
+    level = (positions - middle) - ((positions - middle) @ up)[:, None] * up
     angles = torch.atan2(level @ side, level @ forth).sort().values
     gaps = torch.cat([angles[1:], angles[:1] + 2 * torch.pi]) - angles
     widest = int(gaps.argmax())
@@ -67,7 +68,7 @@ def _arc(
 
 
 def upwards(cameras: Sequence[Camera]) -> Float[Tensor, "3"]:
-    """The mean upward direction of cameras, or Z where that is near."""
+    """The unit mean upward direction of cameras, or Z if that is within UPRIGHT of it."""
     mean = -torch.stack([camera.axes[:, 1].float().cpu() for camera in cameras]).mean(0)
     mean = mean / mean.norm().clamp(min=1e-6)
     return torch.tensor([0.0, 0.0, 1.0]) if mean[2] > UPRIGHT else mean
