@@ -114,7 +114,7 @@ def test_a_surfel_without_extent_is_never_met(log_scale: tuple[float, float]) ->
 def test_a_needle_is_drawn_as_wide_as_a_pixel(aspect: float) -> None:
     """Its footprint bounds u and v by the pixel: an error of 4 eps z / s_pixel, 5e-5 of alpha at most here.
 
-    What is thinner than 1/255 of a pixel adds nothing, because widening keeps its energy.
+    A surfel thinner than 1/255 of a pixel adds nothing, because widening keeps its energy.
     """
     camera, surfels = looking_along_z(focal=900.0), raw_surfels(12, spread=0.004)
     surfels.log_scale = torch.tensor([1 / aspect, 1.0]).log().expand(12, 2).clone()

@@ -208,7 +208,7 @@ def test_h10_an_empty_pixel_has_a_gradient_of_zero_and_not_nan() -> None:
 
 
 def through(opacity: float, count: int = 2) -> Hits:
-    """What a ray meets that passes through two equal surfels of white radiance."""
+    """The hits of a ray that passes through two equal surfels of white radiance."""
     given = with_radiance(facing(torch.linspace(2, 3, count), opacity), 1)
     given["sh"] = torch.zeros_like(given["sh"])
     radiance, transmittance, features, depth = cast(given, rays_along_z())

@@ -31,7 +31,7 @@ from short_training import BUDGET, CPU, SCENE, through_a_file
 
 SHORT = replace(BUDGET, initialise_iterations=10, densify_interval=4, inverse_iterations=6, refresh_interval=4)
 MOST_WAITS = {"initialise": 3, "invert": 7}
-"""Of a step without a density round or a look for hidden surfels; docs/gpu.md says what for."""
+"""Waits of a step without a density round or a search for hidden surfels; docs/gpu.md says what for."""
 
 
 @pytest.mark.parametrize("stage", ["initialise", "invert"])
@@ -54,7 +54,8 @@ def last_loss(device: torch.device, stage: str) -> float:
 
 
 def trained(device: torch.device) -> dict[str, torch.Tensor]:
-    """What both stages learn. The light is not sought: its search amplifies rounding, and has a test of its own."""
+    """The tensors that both stages learn. The light is not searched for: its search amplifies rounding, and has a test
+    of its own."""
     variant = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
     first = Initialisation(SCENE, variant, SHORT, 0, device)
     while first.iteration < first.iterations:
