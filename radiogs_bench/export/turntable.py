@@ -12,7 +12,7 @@ from torch.nn.functional import normalize
 from radiogs_core.order_statistics import quantile
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import own_radiance, splat
 
@@ -30,15 +30,15 @@ WITHIN = 0.98
 X, Z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
 
 
-def from_outside(surfels: Surfels) -> Standpoint:
+def from_outside(surfels: Surfels) -> InitialViewpoint:
     """The viewpoint for a model without known cameras: from +X, with Z up."""
-    return Standpoint(surfels.centre.median(0).values + X, Z)
+    return InitialViewpoint(surfels.centre.median(0).values + X, Z)
 
 
-def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: Standpoint) -> list[Camera]:
-    """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the standpoint's eye.
+def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: InitialViewpoint) -> list[Camera]:
+    """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the viewpoint's eye.
 
-    They turn around the surfels, from above and so far away that all are seen; where the standpoint has a middle,
+    They turn around the surfels, from above and so far away that all are seen; where the viewpoint has a middle,
     around that one, as high and as far away as its eye, and no further than its arc.
     """
     up, middle = seen_from.up, seen_from.middle

@@ -19,7 +19,7 @@ WIDE = math.radians(60)
 
 
 @dataclass(frozen=True)
-class Standpoint:
+class InitialViewpoint:
     """Where a viewer starts and which way is up, in the world."""
 
     eye: Float[Tensor, "3"]
@@ -39,15 +39,15 @@ class Standpoint:
         return {name: value.tolist() for name, value in named.items() if value is not None}
 
 
-def standpoint(scene: Scene, eye: Camera) -> Standpoint:
+def initial_viewpoint(scene: Scene, eye: Camera) -> InitialViewpoint:
     """The viewpoint at the centre of the camera ``eye``; Z is up where the cameras of the scene are upright."""
     cameras = [view.camera for view in (*scene.train, *scene.test)]
     position, up = eye.centre.float().cpu(), upwards(cameras)
     if not scene.surrounded:
-        return Standpoint(position, up)
+        return InitialViewpoint(position, up)
     middle = scene.centre.float()
     positions = torch.stack([each.centre.float().cpu() for each in cameras])
-    return Standpoint(position, up, middle, _arc(positions, position, up, middle))
+    return InitialViewpoint(position, up, middle, _arc(positions, position, up, middle))
 
 
 def _arc(
