@@ -35,7 +35,7 @@ class Variant:
     ("detached"), or once, before stage 2 begins, and never again ("precomputed").
     relighting: see ``Relighting``.
     met_light: how what "pbr" relighting's rays meet is lit: as far as it is open to the light, with what surfaces that
-    hide the light send on (``met_surface.enclosed``), or as if nothing hid it ("unoccluded", the paper's).
+    hide the light send on (``hit_surface.enclosed``), or as if nothing hid it ("unoccluded", the paper's).
     deviations: what of the released code is reproduced, by the names of ``profile.RELEASED``. Raises UsageError for
     any other.
     effects: what stage 2 and relighting simulate: "all", "auto" (those a scene needs, by measured evidence; see

@@ -72,7 +72,7 @@ def test_a_zero_quaternion_is_not_the_identity() -> None:
     both[0].sum().backward()
     assert broken.rotation.grad is not None
     assert bool((broken.rotation.grad == 0).all())
-    assert not bool(support_of(joined(sound, broken).geometry()).can_be_met[8:].any())
+    assert not bool(support_of(joined(sound, broken).geometry()).can_be_hit[8:].any())
 
 
 @pytest.mark.case(1)

@@ -175,7 +175,7 @@ def test_h8_a_faint_surfel_has_no_nan_bounds(opacity: float) -> None:
     support = support_of(geometry_of(facing(torch.tensor([2.0]), opacity)))
     assert float(support.radius) == 0
     assert bool((support.extent == 0).all())
-    assert not bool(support.can_be_met.any())
+    assert not bool(support.can_be_hit.any())
 
 
 @pytest.mark.case(19)

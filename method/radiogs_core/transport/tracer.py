@@ -239,7 +239,7 @@ def nearest_surfels(geometry: SplatGeometry) -> Int[Tensor, "surfels neighbours"
 
     A surfel that no ray can hit is the only neighbour of itself, and no neighbour of others.
     """
-    solid = torch.nonzero(support_of(geometry).can_be_met)[:, 0]
+    solid = torch.nonzero(support_of(geometry).can_be_hit)[:, 0]
     positions = geometry.centre.detach()[solid].double().cpu().numpy()
     count = min(NEIGHBOURS + 1, len(positions))
     around = torch.arange(len(geometry), device=solid.device)[:, None].repeat(1, max(1, count))

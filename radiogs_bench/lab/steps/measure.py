@@ -43,7 +43,7 @@ PARTS: dict[str, tuple[str, ...]] = {
         "radiogs_core.transport.tracer",
         "radiogs_core.transport.incident",
         "radiogs_core.transport.sampling",
-        "radiogs_core.transport.met_surface",
+        "radiogs_core.transport.hit_surface",
     ),
     "shading": (
         "radiogs_core.kernels.shade",

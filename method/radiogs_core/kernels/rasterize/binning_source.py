@@ -115,7 +115,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         axis_v: wp.array(dtype=vector),
         normal: wp.array(dtype=vector),
         radius: wp.array(dtype=scalar),
-        can_be_met: wp.array(dtype=wp.bool),
+        can_be_hit: wp.array(dtype=wp.bool),
         out_tiles: wp.array(dtype=wp.vec4i),
         out_count: wp.array(dtype=wp.int64),
         out_depth: wp.array(dtype=double),
@@ -132,7 +132,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_depth[surfel] = place[2]
         out_count[surfel] = wp.int64(0)
         out_tiles[surfel] = wp.vec4i(0, 0, -1, -1)
-        if can_be_met[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
+        if can_be_hit[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
             u = widened(axis_u[surfel])
             v = widened(axis_v[surfel])
             reach = double(radius[surfel])

@@ -249,7 +249,7 @@ def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Te
     vectors = [value.contiguous() for value in (centre, geometry.axis_u, geometry.axis_v, geometry.normal)]
     support = support_of(geometry).counted()
     arguments = [
-        window, *vectors, support.radius, support.can_be_met, tiles, counts, depth,
+        window, *vectors, support.radius, support.can_be_hit, tiles, counts, depth,
     ]  # fmt: skip
     launch_in_parallel(kernels.bound, len(centre), centre.device, lambda _: arguments)
     return tiles, counts, depth

@@ -9,7 +9,7 @@ from torch import Tensor
 from ...instruments import fire
 from ..runtime import launch_in_parallel
 from .geometry import SplatGeometry
-from .support_source import DEGENERATE, FAINT, MET, SATURABLE, support_kernel
+from .support_source import DEGENERATE, FAINT, REGULAR, SATURABLE, support_kernel
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,15 @@ class Support:
     extent: Float[Tensor, "surfels 3"]
     """Half the sides of the axis-aligned box around the ellipse, world units."""
     kind: UInt8[Tensor, " surfels"]
-    """DEGENERATE, FAINT, MET or SATURABLE (see ``support_source``)."""
+    """DEGENERATE, FAINT, REGULAR or SATURABLE (see ``support_source``)."""
 
     @property
-    def can_be_met(self) -> Bool[Tensor, " surfels"]:
+    def can_be_hit(self) -> Bool[Tensor, " surfels"]:
         """Whether a ray can hit the surfel: all numbers are finite, no axis is zero, opacity is above the threshold.
 
         Other surfels (a scale of zero or infinity, any NaN) are skipped: they are neither rasterized nor traced.
         """
-        return self.kind >= MET
+        return self.kind >= REGULAR
 
     def counted(self) -> "Support":
         """This support, after counting its guards; call it once for each set of surfels that is binned or fitted."""

@@ -12,7 +12,7 @@ from .geometry import ALPHA_THRESHOLD, MAX_ALPHA
 
 _TEXT = native_file(__package__, "support.inl")
 
-DEGENERATE, FAINT, MET, SATURABLE = range(4)
+DEGENERATE, FAINT, REGULAR, SATURABLE = range(4)
 """Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, normal ones
 that rays can hit, and such with an opacity above MAX_ALPHA, whose alpha is clipped."""
 

@@ -94,5 +94,5 @@ def _topology(geometry: SplatGeometry) -> Topology:
         if as_on_cuda(centre.device):
             return kd_topology(centre)
         support = support_of(geometry)
-        extent = torch.where(support.can_be_met[:, None], support.extent, 0.0)
+        extent = torch.where(support.can_be_hit[:, None], support.extent, 0.0)
         return sah_topology(centre - extent, centre + extent)

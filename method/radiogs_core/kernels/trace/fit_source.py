@@ -8,7 +8,7 @@ import warp as wp
 
 from ..native_text import native_file, native_text
 from ..runtime import UNFUSED, scalar_type, start_warp
-from ..surfel.support_source import MET
+from ..surfel.support_source import REGULAR
 from .topology import WIDTH
 
 _TEXT = native_file(__package__, "fit.inl")
@@ -38,7 +38,7 @@ def fit_kernels(dtype: torch.dtype) -> SimpleNamespace:
     flat, doubles = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.float64)
     numbers, kinds = wp.array(dtype=wp.int32), wp.array(dtype=wp.uint8)
     words = {
-        "LEAF_FIELDS": str(LEAF_FIELDS), "WIDTH": str(WIDTH), "EMPTY": repr(EMPTY), "MET": str(MET),
+        "LEAF_FIELDS": str(LEAF_FIELDS), "WIDTH": str(WIDTH), "EMPTY": repr(EMPTY), "REGULAR": str(REGULAR),
         "RELATIVE_PADDING": repr(RELATIVE_PADDING), "COORDINATE_PADDING": repr(COORDINATE_PADDING),
     }  # fmt: skip
     leaf_text, node_text = (native_text(_TEXT[part], dtype, False, words) for part in ("fit_leaf", "fit_node"))

@@ -52,10 +52,10 @@ def enclosed(
     return is_open / (1 - albedo * (1 - is_open)).clamp(min=LEAST_LOST)
 
 
-def met_features(
+def hit_features(
     surfels: Surfels, albedo: Float[Tensor, "surfels 3"], is_open: Float[Tensor, " surfels"] | None = None
 ) -> Float[Tensor, "surfels _"]:
-    """Features that rays blend for ``met_radiance``, 7 or 8 channels: normal (3), albedo (3), roughness (1), openness.
+    """Features that rays blend for ``hit_radiance``, 7 or 8 channels: normal (3), albedo (3), roughness (1), openness.
 
     ``albedo``: used instead of that of ``surfels``, because relighting may scale it. ``is_open``: ``openness`` of each
     surfel; None leaves that channel out.
@@ -64,10 +64,10 @@ def met_features(
     return torch.cat([surfels.frame[..., 2], albedo, surfels.roughness[:, None], *known], -1)
 
 
-def met_radiance(
+def hit_radiance(
     hits: Hits, direction: Float[Tensor, "rays 3"], light: PrefilteredLight
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, "rays 3"]]:
-    """Visibility V, and the incident indirect radiance L_ind (linear RGB), along rays that blended ``met_features``.
+    """Visibility V, and the incident indirect radiance L_ind (linear RGB), along rays that blended ``hit_features``.
 
     The hit surface is shaded under ``light`` and weighted by its coverage of the ray. With the openness channel,
     specular light is scaled by the openness, and diffuse light by ``enclosed``, which adds the light that occluders
@@ -76,8 +76,8 @@ def met_radiance(
     seen, whole = visibility_of(hits)
     blended = hits.features / torch.where(hits.transmittance < 1, 1 - hits.transmittance, 1.0)[:, None]
     length = blended[:, :3].square().sum(-1, keepdim=True)
-    met_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
-    diffuse, specular = split_sum_radiance(met_normal, blended[:, 3:6], blended[:, 6], -direction, light)
+    hit_normal = blended[:, :3] * torch.where(length > 0, length, torch.inf).rsqrt()
+    diffuse, specular = split_sum_radiance(hit_normal, blended[:, 3:6], blended[:, 6], -direction, light)
     if blended.shape[1] > 7:
         is_open = blended[:, 7:]
         diffuse, specular = diffuse * enclosed(blended[:, 3:6], is_open), specular * is_open
