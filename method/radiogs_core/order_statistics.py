@@ -11,7 +11,7 @@ HALF = 1 << 16
 """Number of values of half a 32-bit key: a key is found by two counts, of its upper half and then of its lower."""
 
 Parts = Callable[[], Iterable[Float[Tensor, " values"]]]
-"""Yields the values, float32, part by part, at every call anew; only one part is in memory at a time."""
+"""Yields all values, float32, part by part, at each call; only one part is in memory at a time."""
 
 
 def quantile(parts: Parts, share: float) -> float | None:
