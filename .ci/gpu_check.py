@@ -43,7 +43,7 @@ class Part:
 
 
 def parts(device: str, work: Path) -> list[Part]:
-    """What is run for a device, in order: what is cheap and finds most comes first."""
+    """The checks of a device, in order: cheap ones that find most come first."""
     bench, on = (sys.executable, "-m", "radiogs_bench"), ("--device", device)
     tests = (sys.executable, "-m", "pytest", "-m", "gpu", "-q", "-n", "0")
     kernels, frames, rehearsal, ablations = (
@@ -113,7 +113,7 @@ def card() -> dict[str, str] | None:
 
 
 def versions() -> dict[str, str]:
-    """Of what computes."""
+    """Versions of the libraries that compute."""
     import torch
     import warp
 

@@ -56,7 +56,7 @@ class Mutant:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a mutant. ``output``: what pytest printed, where it could not run."""
+    """The outcome of a mutant. ``output``: pytest's output if it could not run."""
 
     mutant: Mutant
     verdict: str

@@ -20,10 +20,10 @@ GLIBC = (34, 31, 28, 27, 26, 24, 17, 12, 5)
 PLATFORMS = (*(f"manylinux_2_{minor}_x86_64" for minor in GLIBC), "manylinux2014_x86_64", "linux_x86_64")
 
 OF_THAT_MACHINE = re.compile(r"(torch|triton|nvidia-.*|cuda-.*)==", re.IGNORECASE)
-"""What the other machine has."""
+"""Packages that the other machine has."""
 
 TO_BUILD = ("editables",)
-"""What an editable installation needs beside the locked environment."""
+"""Packages that an editable installation needs beside the locked environment."""
 
 INSTALL = """#!/bin/sh
 # Run in the project's folder:  sh out/offline/install.sh

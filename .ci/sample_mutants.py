@@ -76,7 +76,7 @@ class Places(ast.NodeVisitor):
             self.visit(node.value)
 
     def visit_Raise(self, node: ast.Raise) -> None:
-        """What is said in errors is not changed."""
+        """Leave the texts of errors unchanged."""
 
     def visit_Assert(self, node: ast.Assert) -> None:
         """Nor what is checked for the type checker."""

@@ -1,4 +1,4 @@
-"""What mkdocs is told beyond mkdocs.yml: README.md is the front page, and links to sources name them instead.
+"""Hooks of mkdocs beyond mkdocs.yml: README.md is the front page, and links to sources name them instead.
 
 A page of the site cannot lead to files outside of docs/: such a link becomes its text, with the file as a tooltip.
 """

@@ -163,8 +163,8 @@ def _stands_alone(node: object) -> bool:
 def _pattern(node: ast.AST) -> str:
     """The path that literals name, alone or joined, with ``*`` for what is computed; empty for anything else.
 
-    What ``glob`` takes counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
-    files are not those that lie here.
+    A pattern of ``glob`` counts only if its folder is the module's own (``__file__``, ``__package__``): in another
+    folder it does not match files that lie here.
     """
     if isinstance(node, ast.Constant):
         return "" if not isinstance(node.value, str) or "*" in node.value else _literal(node.value)

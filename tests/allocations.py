@@ -1,4 +1,4 @@
-"""What PyTorch's allocator of the CPU hands out, phase by phase."""
+"""Memory that PyTorch's allocator of the CPU hands out, phase by phase."""
 
 import gc
 from collections.abc import Callable, Iterator
@@ -40,7 +40,7 @@ class Ledger:
 
 @contextmanager
 def allocations() -> Iterator[Ledger]:
-    """A ledger of what is done inside, on one thread. What was allocated before is not known to it."""
+    """A ledger of what is done inside, on one thread. Earlier allocations are not known to it."""
     ledger = Ledger()
     gc.collect()
     with profile(activities=[ProfilerActivity.CPU], profile_memory=True) as profiled:

@@ -15,7 +15,7 @@ needed = pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed 
 
 DESK, PHONE = {"width": 1280, "height": 900}, {"width": 390, "height": 844}
 OF_SCREENSHOTS = "GPU stall due to ReadPixels"
-"""What Chromium's software renderer says when a test takes a picture."""
+"""A message of Chromium's software renderer when a test takes a screenshot."""
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,8 @@
 
 A second backend is registered with PyTorch (PrivateUse1, named "elsewhere"), so that tensors, autograd, generators and
 optimisers take it for a real one. Whatever would fail on a GPU fails here: an operation on tensors of both, a generator
-of the other, ``numpy()``, a kernel that is given arrays of both. What a GPU would have to be waited for is counted, by
-the line of the program that asks for it.
+of the other, ``numpy()``, a kernel that is given arrays of both. Waits for a GPU are counted, by the line
+of the program that causes them.
 """
 
 import math
@@ -41,7 +41,7 @@ def registered() -> torch.device:
 
 @dataclass
 class Account:
-    """What was asked of the device."""
+    """Operations that the device was asked for."""
 
     operations: int = 0
     launches: int = 0

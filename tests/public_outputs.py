@@ -59,7 +59,7 @@ def relit(maps: Maps) -> dict[str, Tensor]:
 
 
 def image_stem(view: str) -> str:
-    """What R3DG and SVG-IR call a view: the last part of its image's path, without the suffix."""
+    """The name that R3DG and SVG-IR give a view: the last part of its image's path, without the suffix."""
     return "rgba" if view.startswith("test_") else view.rsplit("/", 1)[-1] + "_rgba"
 
 

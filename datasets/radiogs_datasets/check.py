@@ -50,7 +50,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """What a check found; ``scene`` is None where it cannot be loaded."""
+    """The findings of a check; ``scene`` is None if it cannot be loaded."""
 
     scene: Scene | None
     findings: tuple[Finding, ...]

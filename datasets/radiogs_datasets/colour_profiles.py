@@ -1,4 +1,4 @@
-"""What image files say of their colours, applied or refused by name: ICC profiles, gAMA, cHRM and cICP of PNG.
+"""Applies the colour information of image files or refuses it by name: ICC profiles, and gAMA, cHRM and cICP of PNG.
 
 Everything else here takes an 8- or 16-bit image for display sRGB (or for plain numbers, where it is a map). A file that
 says it is something else, such as a telephone's Display P3 or a gamma of 1, would be misread without a word.
@@ -35,7 +35,7 @@ GRID = 17
 def profile_of_png(path: Path, chunks: Mapping[bytes, bytes]) -> bytes | None:
     """The ICC profile among a PNG's chunks, which goes before gAMA and cHRM. Raises DataError for what is not applied.
 
-    Of chunks that speak of colour cICP goes first, then iCCP, then sRGB (PNG, third edition, 11.3.2).
+    Among chunks on colour, cICP has precedence over iCCP, and iCCP over sRGB (PNG, third edition, 11.3.2).
     """
     if b"cICP" in chunks:
         if chunks[b"cICP"] != SRGB_CICP:

@@ -28,7 +28,7 @@ ALBEDOS: Mapping[str, float] = {"furnace-0.2": 0.2, "furnace-0.5": 0.5, "furnace
 
 HALF_SIDE = 1.0
 ROUGHNESS = 0.99
-"""Of the walls, which have no specular lobe; a roughness of 1 is the end of what surfels have."""
+"""Roughness of the walls, which have no specular lobe; surfels have roughnesses below 1."""
 
 SIZE = 64
 FIELD_OF_VIEW = 90.0

@@ -96,7 +96,7 @@ LOGGING = getattr(cv2.utils, "logging", cv2)
 SILENT = 0
 
 COMPLAINTS = (b"(EXR_ERR_", b"Warning: Exception raised")
-"""What OpenEXR's complaints of damaged pixels hold."""
+"""Texts in OpenEXR's messages about damaged pixels."""
 
 
 def read_exr(path: Path) -> NDArray[np.float32]:
@@ -277,7 +277,8 @@ def chosen_channels(path: Path, names: Iterable[str]) -> list[str]:
 
 
 def _image_channels(held: Mapping[str, str]) -> list[str]:
-    """Of a layer's channels by their names in capitals those of its image; none where they make no image."""
+    """The image's channels among a layer's channels, which are given by their names in capitals; none if they do not
+    form an image."""
     for names in EXR_COLOURS:
         if all(name in held for name in names):
             return [held[name] for name in names]

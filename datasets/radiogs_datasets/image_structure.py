@@ -1,4 +1,4 @@
-"""What the bytes of an image file promise, checked before a decoder sees them.
+"""Checks the structure of an image file's bytes before a decoder reads them.
 
 Decoders fill what a cut-off file lacks with black, write to the terminal, or ask for all the memory that a damaged
 header claims. So the layout of PNG, OpenEXR and Radiance files is walked here first; a failure is a DataError.

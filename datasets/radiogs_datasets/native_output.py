@@ -1,7 +1,7 @@
-"""What native libraries print while they decode. It is caught, because some tell of damage in no other way.
+"""Captures the output of native libraries while they decode, because some report damage only there.
 
-What they print, and bytes that they must read from a path, go through files that no other process sees: in memory where
-the system has that (Linux), else temporary ones.
+Their output, and bytes that they have to read from a path, go through files that no other process sees: in memory on
+Linux, temporary files on other systems.
 """
 
 import ctypes

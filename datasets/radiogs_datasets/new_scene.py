@@ -1,4 +1,4 @@
-"""What all that write scenes share: the place of a scene until it is complete, its cameras, and images for display.
+"""Functions that all writers of scenes share: the folder of an incomplete scene, its cameras, and images for display.
 
 Cameras are ``transforms_*.json``: OpenGL camera-to-world and one field of view, as NeRF-synthetic has them. Cameras
 that one angle cannot say have a lens in pixels for each frame, as instant-ngp and nerfstudio read them.

@@ -1,4 +1,4 @@
-"""What may be asked for when a scene is opened: its layout, what is scored, masks, and the size of its images."""
+"""Options for opening a scene: its layout, the scored views, masks, and the size of its images."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
@@ -8,7 +8,7 @@ from typing import Any
 from radiogs_core.errors import UsageError
 
 TEST_EVERY = 8
-"""Of views without a split of their own every eighth is scored, as for MipNeRF360."""
+"""Every eighth view of a scene without splits is a test view, as for MipNeRF360."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class SceneOptions:
                 raise UsageError(f"--{name} {value} leaves no pixels", "", "Give a whole number above zero.")
 
     def plain(self) -> dict[str, Any]:
-        """What was asked for, without the defaults: empty for a scene as it is stored."""
+        """The options that are set; empty for a scene without changes."""
         return {name: value for name, value in asdict(self).items() if value is not None}
 
 

@@ -20,9 +20,9 @@ from .bounded_reading import require_storable
 
 SMALLEST_EXTENT = 5e-2
 LARGEST_EXTENT = 1e7
-"""Of ``Scene.extent``, in world units. At .015 gradients of positions overflow on ``corner`` after 16 steps, at .004 at
-once. From about 1e8 on these gradients, which shrink as lengths grow, come near Adam's epsilon of 1e-15, and steps
-become shorter (docs/reliability.md has what was measured)."""
+"""Bounds of ``Scene.extent``, in world units. At .015 gradients of positions overflow on ``corner`` after 16 steps, at
+.004 at once. From about 1e8 on these gradients, which shrink as lengths grow, come near Adam's epsilon of 1e-15, and
+steps become shorter (docs/reliability.md has what was measured)."""
 
 FARTHEST = 100.0
 """Distance of the scene's middle from the origin, in units of its extent. At 900, differences of neighbouring points
@@ -123,7 +123,8 @@ FEWEST_PIXELS = 64
 
 
 def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
-    """What cameras alone tell: few training views or test views, all from one place, images below SSIM's window."""
+    """Findings from the cameras: few training or test views, all at one position, or images smaller than SSIM's
+    window."""
     said = []
     if 0 < len(scene.train) < FEWEST_VIEWS:
         said.append(f"{_views(len(scene.train))} to learn from: shape, light and materials are not determined")
@@ -140,7 +141,8 @@ def few_views_or_pixels(scene: Scene) -> tuple[str, ...]:
 
 
 def little_evidence(views: Iterator[tuple[View, torch.Tensor, torch.Tensor | None]]) -> Iterator[tuple[str, str]]:
-    """Of views with their image and alpha: (view, sentence) for images of one colour, hardly covered, or alike."""
+    """Findings (view, sentence) from images and alpha: images of one colour, hardly covered, or equal to another
+    one."""
     alike: dict[bytes, list[str]] = defaultdict(list)
     for view, image, alpha in views:
         seen = image if alpha is None else image[alpha[..., 0] > 0]

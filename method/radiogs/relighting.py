@@ -11,9 +11,9 @@ from radiogs_core.learning.radiance_solver import RadianceSolver, RenderingEquat
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.hit_surface import hit_features, hit_radiance, traced_openness
 from radiogs_core.transport.incident import Incident, unoccluded
 from radiogs_core.transport.maps import radiance_maps, shaded_maps
-from radiogs_core.transport.met_surface import met_features, met_radiance, traced_openness
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import LightSampler, relighting_directions
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -60,7 +60,7 @@ def relight(
             is_open = None
             if variant.met_light == "occluded":
                 is_open = traced_openness(tracer, surfels, budget.relight_hemisphere_samples, rays.floor, plan)
-            features = met_features(surfels, albedo, is_open)
+            features = hit_features(surfels, albedo, is_open)
             incident = split_sum_incident(tracer, features, light, direction, weight, plan)
     return RelitByRays(surfels, albedo, light, incident, plan, variant.straight)
 
@@ -122,9 +122,9 @@ def split_sum_incident(
     weight: Float[Tensor, "surfels samples"],
     plan: EffectPlan = EVERYTHING,
 ) -> Incident:
-    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets (``met_surface``).
+    """Incident light whose L_ind is the split-sum radiance of the blended material that a ray meets (``hit_surface``).
 
-    The surfels' own radiance belongs to another light; ``features`` are those of ``met_features``. What ``plan`` leaves
+    The surfels' own radiance belongs to another light; ``features`` are those of ``hit_features``. What ``plan`` leaves
     out is not traced.
     """
     every = torch.arange(len(features), device=direction.device)
@@ -134,7 +134,7 @@ def split_sum_incident(
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     for index in chosen.split(together) if len(chosen) else ():
         hits = tracer.trace(index, direction[index], features)
-        seen, radiance = met_radiance(hits, direction[index].flatten(0, 1), prefiltered)
+        seen, radiance = hit_radiance(hits, direction[index].flatten(0, 1), prefiltered)
         if plan.visibility:
             incident.visibility[index] = seen.view(len(index), -1)
         if plan.indirect:

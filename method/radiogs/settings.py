@@ -167,7 +167,7 @@ class Variant(SurfelVariant):
     """How a model is shown under another light (see ``Relighting``)."""
     met_light: Literal["occluded", "unoccluded"] = "occluded"
     """Light on the surfaces that the rays of "pbr" relighting hit: as far as they are open to it, with the light that
-    their occluders send on (``met_surface.enclosed``), or unoccluded, as in the paper."""
+    their occluders send on (``hit_surface.enclosed``), or unoccluded, as in the paper."""
     deviations: tuple[str, ...] = ()
     """Deviations of the released code that are reproduced, by the names of ``RELEASED``."""
     effects: Effects = "all"

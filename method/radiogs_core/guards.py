@@ -1,8 +1,8 @@
-"""Every guard of the method by name: what it protects, its threshold and where that comes from, and its counter.
+"""Every numerical guard by name: the values it protects, its threshold, and the derivation of the threshold.
 
-A guard is where arithmetic is kept from breaking by something other than the formula itself. The constants stand beside
-the code that uses them; here they are told together. ``kernels.counters.fired`` counts how often those with a counter
-acted. Guards without one are part of a formula and act on every value, for which counting would cost a pass.
+A guard keeps arithmetic from breaking by a rule that is not part of the formula. The constants are defined beside the
+code that uses them; this table collects them. ``instruments.fire`` counts how often a guard acts. Guards that are not
+counted are part of a formula and act on every value; counting them would cost a pass.
 """
 
 from dataclasses import dataclass
@@ -19,17 +19,20 @@ from .surfels.surfels import ROUGHNESS_FLOOR
 
 @dataclass(frozen=True)
 class Guard:
-    """``name`` is also the counter's, if ``counted``; ``threshold`` is None where the test is for finiteness or zero.
-
-    ``refuses`` marks guards that end in a named error; the others let the work go on.
-    """
+    """One numerical guard."""
 
     name: str
+    """Name of the guard, and of its counter in ``Instruments.guards``."""
     protects: str
+    """Values that the guard protects, and from what."""
     derivation: str
+    """Where the threshold comes from."""
     threshold: float | None = None
+    """The threshold; None where the guard tests for zero or for finite values."""
     counted: bool = True
+    """Whether a counter counts how often the guard acts."""
     refuses: bool = False
+    """Whether the guard raises an error; other guards let the run continue."""
 
 
 GUARDS = (
@@ -41,26 +44,26 @@ GUARDS = (
     Guard(
         "faint_surfels",
         "bounds from the logarithm of an opacity below the cut-off",
-        "one 8-bit level: what is weaker cannot change a stored image, and the support is finite",
+        "one 8-bit level: a weaker surfel cannot change a stored image, and the support is finite",
         ALPHA_THRESHOLD,
     ),
     Guard(
         "saturable_surfels",
-        "the backward pass from 1 / (1 - alpha); counted are surfels whose peak is above the ceiling",
+        "the backward pass from 1 / (1 - alpha); the counter counts surfels whose peak opacity is above the ceiling",
         "1 / (1 - 0.99) = 100: two digits of float32's seven",
         MAX_ALPHA,
     ),
     Guard(
         "full_pixels",
-        "a pixel from endless lists of surfels that it cannot see",
-        "(1 - MAX_ALPHA)^2: what lies behind two opaque surfels",
+        "a pixel from long lists of surfels that are hidden",
+        "(1 - MAX_ALPHA)^2: the transmittance behind two opaque surfels",
         RASTER_TRANSMITTANCE_STOP,
         counted=False,
     ),
     Guard(
         "full_rays",
-        "a ray from endless lists; its values are made whole by 1 - T, and V is 0",
-        "the paper's, in its appendix on the tracer",
+        "a ray from long lists of hidden surfels; its values are divided by 1 - T, and V is 0",
+        "the value of the paper, in its appendix on the tracer",
         TRACE_TRANSMITTANCE_STOP,
     ),
     Guard(
@@ -72,7 +75,7 @@ GUARDS = (
     ),
     Guard(
         "deep_trees",
-        "a ray's stack: a tree that is deeper is built by sorting instead",
+        "a ray's stack: a deeper tree is replaced by one that is built by sorting",
         "1 + (STACK - 1) / (WIDTH - 1) levels",
         float(DEEPEST),
     ),
@@ -105,23 +108,23 @@ GUARDS = (
     ),
     Guard(
         "black_lights",
-        "the light's density from 0 / 0: a black map is drawn from uniformly",
+        "the light's density from 0 / 0: directions are drawn uniformly from a black map",
         "no threshold: the sum of its power is zero",
     ),
     Guard(
         "lights_not_sought",
-        "stage 2's first light from being sought in too few points: it is constant then",
-        "64 points of all training views: fewer are left by surfels that are hardly solid anywhere",
+        "stage 2's initial light from being estimated at too few points: it is constant then",
+        "64 points in all training views: fewer are found only if hardly any pixel is opaque",
     ),
     Guard(
         "broken_lights",
-        "drawing from a map with a texel that is no number, which would take every draw",
+        "drawing from a map with a texel that is not finite, which would receive every draw",
         "no threshold: every texel must be finite",
         refuses=True,
     ),
     Guard(
         "blind_lenses",
-        "images from a lens whose rays are all parallel to the image or no numbers",
+        "images from a lens whose rays are parallel to the image or not finite",
         "beyond a slope of 2^23 the forward axis is lost in a ray's float32 length",
         STEEPEST_RAY,
         refuses=True,
@@ -142,13 +145,13 @@ GUARDS = (
     ),
     Guard(
         "broken_colours",
-        "images and traced light from a surfel that is met with a colour that is no number",
-        "no threshold: what was blended must be finite",
+        "images and traced light from a surfel that is hit and whose colour is not finite",
+        "no threshold: blended values must be finite",
         refuses=True,
     ),
     Guard(
         "broken_training",
-        "all surfels from one loss or gradient that is no number",
+        "all surfels from a loss or gradient that is not finite",
         "no threshold: every loss and gradient must be finite",
         refuses=True,
     ),

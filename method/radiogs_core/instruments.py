@@ -1,8 +1,8 @@
-"""What a run costs and what its guards did: work counters, seconds of named parts, checks for finite values.
+"""Counters of a run's work and of its guards, seconds of named parts, and checks for finite values.
 
-``with recording() as instruments`` records what is done within. Recordings are scoped, not global: the innermost one
-receives what is counted, an outer one stands still meanwhile, and outside all of them nothing is kept. Counts that lie
-on a device are read no sooner than they are asked for.
+``with recording() as instruments`` records the work of its block. Recordings are scoped, not global: the innermost one
+receives the counts, an outer one is paused meanwhile, and outside all of them counts are dropped. Counts on a device
+are copied to the host only when they are read, so that counting never waits for the device.
 """
 
 import time
@@ -18,15 +18,15 @@ from torch import Tensor
 from .errors import NumericalFailure
 
 Amount = int | Tensor
-"""A count: a number, or a tensor of one integer, which is read from its device no sooner than it is asked for."""
+"""A count: a number, or a tensor of one integer, which stays on its device until the count is read."""
 
 
 class Tally:
-    """Adds amounts up by name without waiting for a device."""
+    """Sums of amounts by name; adding never waits for a device."""
 
     def __init__(self, counts: Mapping[str, int] | None = None) -> None:
         self.known = Counter(counts or {})
-        """What the host knows already."""
+        """Sums of the amounts that were on the host when they were added."""
         self._unread: dict[str, Tensor] = {}
 
     def add(self, amounts: Mapping[str, Amount]) -> None:
@@ -40,7 +40,7 @@ class Tally:
                 self._unread[name] = amount.detach().long()
 
     def read(self) -> Counter[str]:
-        """All counts; waits once for what lies on the device."""
+        """All counts; waits once for the device if any amount is on it."""
         if self._unread:
             self.known.update(dict(zip(self._unread, torch.stack(list(self._unread.values())).tolist(), strict=True)))
             self._unread.clear()
@@ -56,28 +56,36 @@ class Recorded(TypedDict):
 
 
 class Instruments:
-    """What was recorded. Work and guards that lie on a device are read from it when they are asked for.
-
-    work: deterministic counters. rays; probe_rays, those of them that probes of effects traced; node_visits and
-    leaf_visits of their traversal; hits that were blended. blended_pairs: surfels times pixels. shaded_samples: surfels
-    times views times directions; lobes: those of surfels that have a specular part. bytes_read: of nodes, leaves,
-    surfels and samples, each time that one is used (caches may serve most of it).
-    guards: how often each guard of ``radiogs_core.guards`` acted; what never acted has no entry.
-    parts: wall-clock seconds of named parts of the work (see ``part``), which no two runs share.
-    """
+    """The counters and timers of one recording. Reading ``work`` or ``guards`` waits for the device."""
 
     def __init__(self) -> None:
-        self.work_done, self.guards_fired = Tally(), Tally()
+        self.work_done = Tally()
+        """The sums behind ``work``."""
+        self.guards_fired = Tally()
+        """The sums behind ``guards``."""
         self.parts: defaultdict[str, float] = defaultdict(float)
+        """Wall-clock seconds by name of the part (see ``part``); they differ from run to run."""
 
     @property
     def work(self) -> Counter[str]:
-        """The work counters."""
+        """Deterministic counters of the work, by name.
+
+        | counter | unit |
+        |---|---|
+        | ``rays`` | traced rays |
+        | ``probe_rays`` | rays among them that probes of effects traced |
+        | ``node_visits``, ``leaf_visits`` | nodes and leaves of the bounding volumes that rays visited |
+        | ``hits`` | hits that were blended |
+        | ``blended_pairs`` | pairs of a surfel and a pixel that were blended |
+        | ``shaded_samples`` | surfels times views times incident directions |
+        | ``lobes`` | shaded samples of surfels that have a specular lobe |
+        | ``bytes_read`` | bytes of nodes, leaves, surfels and samples, at every use (caches may serve most of them) |
+        """
         return self.work_done.read()
 
     @property
     def guards(self) -> Counter[str]:
-        """The guards that acted."""
+        """How often each guard of ``radiogs_core.guards`` acted; a guard that never acted has no entry."""
         return +self.guards_fired.read()
 
     @guards.setter
@@ -88,17 +96,17 @@ class Instruments:
         return isinstance(other, Instruments) and self.plain() == other.plain()
 
     def plain(self) -> Recorded:
-        """What was recorded as plain dictionaries, as it is stored."""
+        """The recording as plain dictionaries, for storage."""
         return Recorded(work=dict(self.work), guards=dict(self.guards), parts=dict(self.parts))
 
     def restore(self, stored: Recorded) -> None:
-        """Go on from what was stored, in place of what was recorded so far."""
+        """Replace all counts and times by stored ones, and continue from there."""
         self.work_done, self.guards_fired = Tally(stored["work"]), Tally(stored["guards"])
         self.parts = defaultdict(float, stored["parts"])
 
     @classmethod
     def of(cls, stored: Recorded) -> "Instruments":
-        """What was stored."""
+        """Instruments with stored counts and times: the inverse of ``plain``."""
         instruments = cls()
         instruments.restore(stored)
         return instruments
@@ -108,16 +116,16 @@ _current: ContextVar[Instruments | None] = ContextVar("instruments", default=Non
 
 
 def current() -> Instruments | None:
-    """The innermost recording of this thread; None outside of all."""
+    """The innermost recording of this thread; None outside all recordings."""
     return _current.get()
 
 
 @contextmanager
 def recording(into: Instruments | None = None) -> Iterator[Instruments]:
-    """Record what is done within, into new instruments or on top of ``into``.
+    """Record the work of the block into new instruments, or add it to ``into``.
 
-    Threads begin without a recording, and on CUDA autograd runs backward passes in threads of its own. Whatever counts
-    there keeps ``current()`` in its forward pass and counts within ``recording(kept)`` in its backward pass.
+    A new thread has no recording, and on CUDA autograd runs backward passes in threads of its own. A function that
+    counts in its backward pass therefore keeps ``current()`` in its forward pass and counts within ``recording(kept)``.
     """
     instruments = Instruments() if into is None else into
     token = _current.set(instruments)
@@ -134,16 +142,16 @@ def count(**amounts: Amount) -> None:
 
 
 def fire(**amounts: Amount) -> None:
-    """Add to the guards of the current recording; what did not happen leaves no entry."""
+    """Add to the guards of the current recording; an amount of zero leaves no entry."""
     if (instruments := current()) is not None:
         instruments.guards_fired.add(amounts)
 
 
 @contextmanager
 def part(name: str) -> Iterator[None]:
-    """Record the seconds of what is done within as ``parts[name]``, and its rays as ``work["<name>_rays"]``.
+    """Record the seconds of the block as ``parts[name]``, and its rays as ``work["<name>_rays"]``.
 
-    On a GPU what is done within must end by reading a value back, or the clock stops before the work does.
+    On a GPU the block has to end by reading a value back; otherwise the clock stops before the work is finished.
     """
     instruments = current()
     if instruments is None:
@@ -169,24 +177,29 @@ def require_finite(stage: str, iteration: int, values: Mapping[str, Tensor]) -> 
         fire(broken_training=1)
         raise NumericalFailure(
             f"{name} is not finite in stage '{stage}' at iteration {iteration}{_where(name, value, bad)}",
-            "Training on would spread it to every surfel.",
-            "Look at what made that value: the last step, or what the stage began from.",
+            "The next step would spread it to every surfel.",
+            "Look for its cause in the last step, or in the values that the stage began from.",
         )
 
 
 def _where(name: str, value: Tensor, bad: Tensor) -> str:
-    """The first bad row of a tensor: a surfel, but for the environment, whose rows are those of the map."""
+    """The first bad row of a tensor, as text: a surfel, or for an environment map a row of the map."""
     if not value.dim():
         return ""
     return f": {'row' if 'environment' in name else 'surfel'} {int(bad[0, 0])} ({len(bad)} values in all)"
 
 
 def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]) -> None:
-    """Raise NumericalFailure if what was blended over surfels (a row a pixel or a ray) is not finite.
+    """Raise NumericalFailure if values blended over surfels are not finite; the message names the surfel.
 
-    ``given`` are the per-surfel values that were blended, to name the surfel. Geometry that is not finite is never met,
-    but a surfel that is met spreads a NaN in its colour over the image. One sum is all that a sound image costs; with
-    gradient there is not even that, because ``backward`` checks the losses and says in which iteration.
+    Surfels whose geometry is not finite are skipped by the kernels, but a surfel that is hit spreads a NaN in its
+    colour over the image. A finite image costs one sum. Values with gradient are not checked here: ``backward`` checks
+    the losses and names the iteration.
+
+    Args:
+        name: What the message calls the blended values.
+        blended: The blended values, one row for each pixel or ray.
+        given: The values of each surfel that were blended, by name.
     """
     if blended.requires_grad or bool(torch.isfinite(blended.detach().sum())) or bool(torch.isfinite(blended).all()):
         return
@@ -198,6 +211,6 @@ def require_finite_blend(name: str, blended: Tensor, given: Mapping[str, Tensor]
     ]
     raise NumericalFailure(
         f"{name} are not finite: {' and '.join(broken) or 'finite values of several surfels add up to infinity'}",
-        "Every pixel and ray that meets such a surfel is lost.",
-        "Look at what made the surfels: a file that was read, or the last step of training.",
+        "Every pixel and ray that hits such a surfel has no finite value.",
+        "Look for the cause in the file that the surfels were read from, or in the last step of training.",
     )

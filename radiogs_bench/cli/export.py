@@ -132,14 +132,14 @@ def export_splats(options: argparse.Namespace) -> int:
     from radiogs_core.errors import DataError
     from radiogs_core.surfels.viewer_files import write_for_viewer
 
-    from ..export.trained_surfels import standpoint_in, surfels_in
+    from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..store.atomic import explained
     from .reporter import say
 
     surfels = surfels_in(options.out, options.row)
     if not len(surfels):
         raise DataError(f"the model in '{options.out}' has no surfels left", "There is nothing to write.")
-    seen_from = standpoint_in(options.out, options.row)
+    seen_from = initial_viewpoint_in(options.out, options.row)
     up = torch.tensor([0.0, 0.0, 1.0]) if seen_from is None else seen_from.up
     path: Path = options.file or options.out / f"{options.to.removesuffix('-ply')}.ply"
     with explained(path.parent):

@@ -42,7 +42,7 @@ def view(options: argparse.Namespace) -> int:
     """
     from radiogs_reports.page.surfels import write_viewer
 
-    from ..export.trained_surfels import standpoint_in, surfels_in
+    from ..export.trained_surfels import initial_viewpoint_in, surfels_in
     from ..export.turntable import cameras_around, from_outside, pictures
     from ..runs.progress import progress_for_stderr
     from ..scoring.metrics.mesh_library import pyvista
@@ -57,7 +57,7 @@ def view(options: argparse.Namespace) -> int:
         raise DataError(f"the model in '{options.folder}' has no surfels left", "There is nothing to draw.")
     folder = options.folder / "figures"
     folder.mkdir(exist_ok=True)
-    seen_from = standpoint_in(options.folder, options.row) or from_outside(surfels)
+    seen_from = initial_viewpoint_in(options.folder, options.row) or from_outside(surfels)
     cameras = cameras_around(surfels, options.frames, options.size, seen_from)
     title = options.folder.resolve().name + (f", {options.row}" if options.row else "")
     page = write_viewer(arrays_of(surfels, seen_from), title, folder / "surfels.html")

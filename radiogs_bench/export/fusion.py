@@ -124,7 +124,8 @@ class Fusion:
 
 @dataclass(frozen=True)
 class _Surface:
-    """What rays meet: its inverse z-depth (zero: nothing), and the weight of that, the cosine of ray and normal."""
+    """The surface that each ray hits: its inverse z-depth (zero: none), and its weight, the cosine of ray and
+    normal."""
 
     inverse: Float[Tensor, "*points"]
     weight: Float[Tensor, "*points"]

@@ -119,7 +119,7 @@ def _log(run: Any, result: Result) -> None:
 
 
 def _settings(place: Place, result: Result) -> dict[str, Any]:
-    """What the run's table is sorted and filtered by."""
+    """Settings by which the table of runs is sorted and filtered."""
     cell = result["cell"]
     return {
         "scene": place["scene"],

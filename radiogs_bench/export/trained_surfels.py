@@ -6,7 +6,7 @@ from typing import Any
 import torch
 
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.restoring import restored_surfels
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_reports.maps import read_maps
@@ -41,7 +41,7 @@ def surfels_in(folder: Path, row: str | None) -> Surfels:
     return restored_surfels(products[0]["surfels"])
 
 
-def standpoint_in(folder: Path, row: str | None) -> Standpoint | None:
+def initial_viewpoint_in(folder: Path, row: str | None) -> InitialViewpoint | None:
     """From where the scene of that model is looked at first; None where no finished cell says so."""
     kept: dict[str, Any] = {}
     if (folder / "trained.json").exists():
@@ -53,4 +53,4 @@ def standpoint_in(folder: Path, row: str | None) -> Standpoint | None:
                 arrays = read_maps(store.arrays_path(place["key"]), "surfels/")
                 names = ("eye", "up", "middle", "arc")
                 kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
-    return Standpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None
+    return InitialViewpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None

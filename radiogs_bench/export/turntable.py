@@ -12,14 +12,14 @@ from torch.nn.functional import normalize
 from radiogs_core.order_statistics import quantile
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.splatting import own_radiance, splat
 
 Colour = Literal["radiance", "albedo", "normal", "roughness"]
 
 ELEVATION = 25.0
-"""Of the cameras, degrees above the horizon."""
+"""Elevation of the cameras, degrees above the horizon."""
 
 FIELD = 40.0
 """Field of view, degrees."""
@@ -30,15 +30,15 @@ WITHIN = 0.98
 X, Z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
 
 
-def from_outside(surfels: Surfels) -> Standpoint:
-    """Of a model of which no camera is known: from +X, with Z up."""
-    return Standpoint(surfels.centre.median(0).values + X, Z)
+def from_outside(surfels: Surfels) -> InitialViewpoint:
+    """The viewpoint for a model without known cameras: from +X, with Z up."""
+    return InitialViewpoint(surfels.centre.median(0).values + X, Z)
 
 
-def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: Standpoint) -> list[Camera]:
-    """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the standpoint's eye.
+def cameras_around(surfels: Surfels, frames: int, size: int, seen_from: InitialViewpoint) -> list[Camera]:
+    """Cameras of ``size`` x ``size`` pixels on a circle, the first on the side of the viewpoint's eye.
 
-    They turn around the surfels, from above and so far away that all are seen; where the standpoint has a middle,
+    They turn around the surfels, from above and so far away that all are seen; where the viewpoint has a middle,
     around that one, as high and as far away as its eye, and no further than its arc.
     """
     up, middle = seen_from.up, seen_from.middle
@@ -90,7 +90,7 @@ def _looking_back(target: Tensor, back: Tensor, up: Tensor, away: float, size: i
 
 
 def pictures(surfels: Surfels, cameras: Sequence[Camera], colour: Colour) -> Iterator[Float[Tensor, "height width 3"]]:
-    """What each camera sees, display sRGB on white."""
+    """The image in each camera, display sRGB on white."""
     for camera in cameras:
         with torch.no_grad():
             seen = splat(camera, surfels, {"colour": _linear(surfels, camera, colour)}, depth_unit=1.0)
@@ -98,7 +98,7 @@ def pictures(surfels: Surfels, cameras: Sequence[Camera], colour: Colour) -> Ite
 
 
 def _linear(surfels: Surfels, camera: Camera, colour: Colour) -> Float[Tensor, "surfels 3"]:
-    """What is shown of each surfel as linear colour: radiance is that towards the camera."""
+    """The shown colour of each surfel, linear RGB; its radiance is that towards the camera."""
     if colour == "radiance":
         return own_radiance(camera, surfels)
     if colour == "albedo":

@@ -34,7 +34,7 @@ def download(url: str, partial: Path, advance: Advance, remedy: str = "", timeou
     """Put the whole of ``url`` into ``partial``, which may hold the beginning of it from an earlier call.
 
     It is continued only if the server says that the file is still the one that was begun (by its ETag or its date, kept
-    in ``<partial>.json``); otherwise it starts again. What has come when a download breaks off stays there. Raises
+    in ``<partial>.json``); otherwise it starts again. The received part of an interrupted download is kept. Raises
     DownloadFailed if the server has no such file, cannot be reached or sends less than it promised; StoreError if
     ``partial`` cannot be written.
     """
@@ -85,7 +85,7 @@ def _promised(partial: Path) -> int | None:
 
 
 def _begun(url: str, partial: Path) -> str:
-    """What the server called the version of the file whose beginning is there; empty if nothing can be continued."""
+    """The server's name of the version of the partly downloaded file; empty if the download cannot be continued."""
     try:
         about = json.loads(_about(partial).read_bytes())
     except (OSError, ValueError):

@@ -24,14 +24,14 @@ hardly compress, and an archive that grows beyond it is made to fill the disk.""
 CHUNK = 1 << 20
 
 CLUTTER = ("__MACOSX", ".DS_Store")
-"""What macOS adds; it is left out."""
+"""Files that macOS adds to archives; they are left out."""
 
 DAMAGED = (tarfile.TarError, zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError)
 
 
 @runtime_checkable
 class Readable(Protocol):
-    """What zipfile and tarfile open a member as."""
+    """A member of an archive as zipfile and tarfile open it."""
 
     def read(self, size: int, /) -> bytes:
         """At most so many of the next bytes; none at the end."""

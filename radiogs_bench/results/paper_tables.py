@@ -246,7 +246,8 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """What ran for a row, as its label; empty where scenes, image size and budget are those of the published row.
+    """Label of the conditions under which a row ran; empty if scenes, image size and budget are those of the published
+    row.
 
     In a table of times or memory, a CPU is another condition, too.
     """

@@ -57,7 +57,7 @@ def standing_of(store: Store, sweep: Sweep) -> Standing:
 
 
 def _seconds_left(store: Store, sweep: Sweep) -> float | None:
-    """Of one process that does what is left."""
+    """Seconds that one process needs for the remaining work; None if not known."""
     found = {place["key"]: store.result(place["key"]) for place in sweep["cells"]}
     results = {key: result for key, result in found.items() if result is not None}
     keys = {key for place in sweep["cells"] for key in place["stages"]}
@@ -92,7 +92,7 @@ def _next_stage(store: Store, place: Place) -> str | None:
 
 
 def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
-    """What ``status --json`` prints (docs/suites.md)."""
+    """The output of ``status --json`` (docs/suites.md)."""
     return {
         "suite": sweep["suite"],
         "preset": sweep["preset"],
@@ -143,10 +143,10 @@ class WorkLeft:
 
 
 def work_left(places: Sequence[Place], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
-    """What is left of the cells at ``places``: those without a result, and of their stages those without a product.
+    """The remaining work of the cells at ``places``: cells without a result, and their stages without a product.
 
-    A stage takes as long as those of the same row did, else as those of all rows. What a checkpoint has of an
-    unfinished stage is not taken off.
+    A stage takes as long as those of the same row did, else as those of all rows. Steps that a
+    checkpoint has done are not subtracted.
     """
     by_row: dict[tuple[str, int], list[float]] = {}
     overall: dict[int, list[float]] = {}

@@ -153,7 +153,7 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
 
 
 def origin_of(place: Place, kinds: Mapping[str, str]) -> Origin:
-    """What the statistics of reports know of a cell. ``kinds``: of the scenes, where known."""
+    """Scene, seed and kind of a cell, for the statistics of reports. ``kinds``: of the scenes, where known."""
     return Origin(place["scene"], place["seed"], kinds.get(place["scene"], ""))
 
 
@@ -176,7 +176,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 def why_absent(scene: str, result: Result, column: str) -> str:
     """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
 
-    Of files, only what they show is known.
+    For rows scored from files, the reason is only that no file has the map.
     """
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)

@@ -14,8 +14,8 @@ import torch
 from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError
 from radiogs_core.plain_values import to_plain
+from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.scene import Scene
-from radiogs_core.scene.standpoint import standpoint
 from radiogs_datasets import load_scene
 from radiogs_datasets.image_files import write_exr
 from radiogs_datasets.options import options_of
@@ -51,7 +51,7 @@ class About(TypedDict):
     facts: dict[str, Any]
     """The method's facts about its model."""
     standpoint: NotRequired[dict[str, list[float]]]
-    """From where it is looked at first (``radiogs_core.scene.standpoint``)."""
+    """From where it is looked at first (``radiogs_core.scene.initial_viewpoint``)."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 
@@ -70,7 +70,7 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
         variant=to_plain(cell.variant),
         training_key=cell.training_key,
         facts=facts_of(cell.method, model),
-        standpoint=standpoint(scene, scene.train[0].camera).plain(),
+        standpoint=initial_viewpoint(scene, scene.train[0].camera).plain(),
     )
     if scene.options:
         about["options"] = dict(scene.options)

@@ -12,9 +12,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import NotOffered, Prepared, Trained
+from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
-from radiogs_core.scene.standpoint import standpoint
 
 from ..errors import MethodFailed
 from ..method_calls import calling, refused, require
@@ -52,7 +52,7 @@ Advance = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Scope:
-    """What is done besides scoring. timed: measure milliseconds and memory per frame.
+    """Work besides scoring. timed: measure milliseconds and memory per frame.
 
     kept_views: of how many views codes of 8 bits are kept (``KeptViews``); None: of as many as fit its limit.
     """
@@ -127,7 +127,7 @@ def evaluate(
         shown_light=evaluator.shown_light if "render/relit" in evaluator.arrays else None,
         albedo_scale=None if scale is None else scale.tolist(),
         arrays={name: image.numpy().astype(np.float32) for name, image in evaluator.arrays.items()}
-        | surfel_arrays(trained, standpoint(scene, evaluator.shown.camera))
+        | surfel_arrays(trained, initial_viewpoint(scene, evaluator.shown.camera))
         | evaluator.views.codes,
         protocol=rules.describe(),
         maps=sorted(evaluator.given),

@@ -1,4 +1,4 @@
-"""What is not scored in a scene without masks, and why: its light is not distant."""
+"""Metrics that are not scored in a scene without masks, because its light is not distant."""
 
 from radiogs_core.scene.scene import Scene
 

@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from radiogs_core.contract import Trained
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.harmonics import surfel_radiance
 from radiogs_core.surfels.surfels import Surfels
 
@@ -23,21 +23,21 @@ class MadeOfSurfels(Protocol):
         """Its surfels, with the materials that other programs get."""
 
 
-def surfel_arrays(model: Trained, seen_from: Standpoint) -> dict[str, np.ndarray]:
+def surfel_arrays(model: Trained, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
     """Arrays of at most ``MOST`` surfels by name; empty for a model that is not made of surfels, or has none left.
 
     ``surfels/centre`` [N, 3] and ``surfels/tangents`` [N, 2, 3], scaled by their standard deviations, float32, world
     units; ``surfels/opacity`` [N], ``surfels/radiance`` (mean over directions) and ``surfels/albedo`` [N, 3], linear,
     and ``surfels/roughness`` [N], float16; ``surfels/count`` [1], how many the model has; ``surfels/eye``,
-    ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], from where it is seen (``Standpoint``; the last two
-    where it has them).
+    ``surfels/up``, ``surfels/middle`` [3] and ``surfels/arc`` [2], from where it is seen (``InitialViewpoint``; the
+    last two where it has them).
     """
     if not isinstance(model, MadeOfSurfels) or not len(model.surfels):
         return {}
     return arrays_of(model.surfels, seen_from)
 
 
-def arrays_of(surfels: Surfels, seen_from: Standpoint) -> dict[str, np.ndarray]:
+def arrays_of(surfels: Surfels, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
     """The arrays of ``surfel_arrays`` of at least one surfel."""
     with torch.no_grad():
         place = {name: np.array(value, np.float32) for name, value in seen_from.plain().items()}

@@ -57,7 +57,7 @@ class Store:
         return patient_claim(self.folder / "locks" / name)
 
     def result(self, key: str) -> Result | None:
-        """The finished result of a cell, or None. What does not agree with its seal is moved aside, and said.
+        """The finished result of a cell, or None. A file that does not agree with its seal is moved aside and reported.
 
         A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
         result of another version, StoreError where the folder cannot be read.
@@ -173,7 +173,7 @@ class Store:
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
-        """What a method raises within is raised again with the place of its traceback."""
+        """Store the traceback of a method's exception in the block; the exception then names the traceback's file."""
         try:
             yield
         except MethodFailed as failure:
@@ -192,7 +192,8 @@ class Store:
         return MethodFailed(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
-        """What ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as absent.
+        """The values that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as
+        absent.
 
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """

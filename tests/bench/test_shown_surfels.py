@@ -10,11 +10,11 @@ import torch
 
 from radiogs_bench.scoring import shown_surfels
 from radiogs_bench.scoring.shown_surfels import surfel_arrays
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.surfels import Surfels
 
 COUNT = 5
-SEEN_FROM = Standpoint(torch.tensor([3.0, 1.0, 2.0]), torch.tensor([0.0, 0.0, 1.0]))
+SEEN_FROM = InitialViewpoint(torch.tensor([3.0, 1.0, 2.0]), torch.tensor([0.0, 0.0, 1.0]))
 
 
 class Bare:

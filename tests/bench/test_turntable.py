@@ -7,7 +7,7 @@ import torch
 
 from radiogs_bench.export.turntable import ELEVATION, cameras_around, from_outside, pictures
 from radiogs_core.scene.colour import srgb_encode
-from radiogs_core.scene.standpoint import Standpoint
+from radiogs_core.scene.initial_viewpoint import InitialViewpoint
 from radiogs_core.surfels.harmonics import CONSTANT_BASIS
 from radiogs_core.surfels.surfels import Surfels, inverse_sigmoid, roughness_to_logit
 
@@ -57,7 +57,7 @@ def test_cameras_stand_around_the_model_and_see_all_of_it() -> None:
 def test_in_a_room_cameras_stand_where_its_photos_were_taken() -> None:
     middle, up = torch.tensor([5.0, 6.0, 7.0]), torch.tensor([0.0, -1.0, 0.0])
     eye = middle + torch.tensor([3.0, -1.5, 0.0])
-    first, second = cameras_around(ball(), 4, 64, Standpoint(eye, up, middle))[:2]
+    first, second = cameras_around(ball(), 4, 64, InitialViewpoint(eye, up, middle))[:2]
     assert first.centre.allclose(eye, atol=1e-5)
     assert second.centre.allclose(middle + torch.tensor([0.0, -1.5, 3.0]), atol=1e-5), "turned about the upward axis"
     for camera in (first, second):
@@ -68,7 +68,7 @@ def test_in_a_room_cameras_stand_where_its_photos_were_taken() -> None:
 
 def test_in_a_room_they_stay_within_the_arc_of_its_photos() -> None:
     middle, up = torch.zeros(3), torch.tensor([0.0, 0.0, 1.0])
-    seen_from = Standpoint(torch.tensor([2.0, 0.0, 1.0]), up, middle, torch.tensor([-0.5, 1.5]))
+    seen_from = InitialViewpoint(torch.tensor([2.0, 0.0, 1.0]), up, middle, torch.tensor([-0.5, 1.5]))
     cameras = cameras_around(ball(), 40, 8, seen_from)
     turns = [math.atan2(float(camera.centre[1]), float(camera.centre[0])) for camera in cameras]
     assert turns[0] == pytest.approx(0, abs=1e-5)
@@ -80,7 +80,7 @@ def test_in_a_room_they_stay_within_the_arc_of_its_photos() -> None:
 def test_a_model_is_seen_from_the_side_of_its_first_camera() -> None:
     model = ball()
     middle = model.centre.median(0).values
-    seen_from = Standpoint(middle + torch.tensor([0.0, 9.0, 0.0]), torch.tensor([0.0, 0.0, 1.0]))
+    seen_from = InitialViewpoint(middle + torch.tensor([0.0, 9.0, 0.0]), torch.tensor([0.0, 0.0, 1.0]))
     back = cameras_around(model, 2, 8, seen_from)[0].centre - middle
     assert float(torch.rad2deg(torch.atan2(back[1], back[0]))) == pytest.approx(90, abs=1e-3)
     assert float(torch.rad2deg((back[2] / back.norm()).asin())) == pytest.approx(ELEVATION, abs=1e-3)

@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[2]
 BLOCK = re.compile(r"^```(?:sh|bash|console)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 COMMAND = re.compile(r"^(?:\.venv/bin/)?radiogs-bench (?P<arguments>.*)$", re.MULTILINE)
 GRAMMAR = re.compile(r"[\[|]|\.\.\.")
-"""What a synopsis has and a command has not."""
+"""Characters of a synopsis that a command does not have."""
 
 
 def commands() -> list[tuple[str, str]]:

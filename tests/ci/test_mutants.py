@@ -131,7 +131,7 @@ def test_names_are_listed_and_an_unknown_one_is_refused(
 def test_tests_have_a_limit_of_time_for_each_of_them(
     mutants: ModuleType, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of all mutants together run first, which takes longer than those of any single one may."""
+    """The tests of all mutants run first together, which takes longer than the tests of a single mutant may."""
     monkeypatch.setattr(mutants, "LONGEST", 0.001)
     assert mutants.run_tests(tmp_path, ["test_one.py"]) == (1, "not done after 0.001 s")
     assert mutants.run_tests(tmp_path, ["test_one.py", "test_other.py"]) == (1, "not done after 0.002 s")

@@ -24,7 +24,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 class Addresses(HTMLParser):
-    """What a page leads to, and what it loads."""
+    """The addresses that a page links to, and those that it loads."""
 
     def __init__(self, text: str) -> None:
         super().__init__()

@@ -51,7 +51,7 @@ def points_file(x: float = 0.1, track: int = 1) -> bytes:
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Path:
-    """What ``image_undistorter`` leaves: images, and a binary model in ``sparse``, without a folder 0."""
+    """The output of ``image_undistorter``: images, and a binary model in ``sparse``, without a folder 0."""
     folder = tmp_path / "eine Szene ü"
     (folder / "images/set one").mkdir(parents=True)
     (folder / "sparse").mkdir()

@@ -15,7 +15,7 @@ from radiogs_datasets.writing import convert
 from scenes import sphere_scene
 
 HALF_LEVEL = 0.5 / 255 + 1e-6
-"""What rounding to 8 bits may move a stored value by."""
+"""Largest change of a stored value by rounding to 8 bits."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What Mitsuba renders is what the conventions and formulas say; skipped where Mitsuba cannot render."""
+"""Mitsuba's renders agree with the conventions and formulas; skipped if Mitsuba cannot render."""
 
 import math
 from dataclasses import replace

@@ -36,7 +36,7 @@ def scene(request: pytest.FixtureRequest) -> Scene:
 def interior(scene: Scene, view: View, every: int = 1) -> tuple[np.ndarray, ...]:
     """Solid, z-depth and normal at pixel centres, and where all nine rays of a pixel meet the same face.
 
-    Of every so many rows and columns of pixels.
+    Only every ``every``-th row and column of pixels counts.
     """
     recipe = RECIPES[scene.name]
     camera = view.camera.to(dtype=torch.float64)

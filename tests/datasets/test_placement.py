@@ -82,7 +82,7 @@ def test_training_does_not_depend_on_the_unit_of_length(scale: float) -> None:
 
 
 def losses_of(scene: Scene) -> dict[str, float]:
-    """Of the last of 24 steps of stage 1, some of which add and remove surfels."""
+    """Losses of the last of 24 steps of stage 1, some of which add and remove surfels."""
     stage = Initialisation(Run(scene, Variant(), BUDGET, 0, CPU))
     for _ in range(BUDGET.geometry.steps):
         losses = stage.step()

@@ -22,7 +22,7 @@ from radiogs_datasets.generate.surfaces import surfaces_of
 from reference.solids import knot_curve
 
 SPACING = 0.02
-"""Of the points that stand for a surface."""
+"""Distance between the points that sample a surface, world units."""
 
 
 def gap(first: Solid, second: Solid) -> float:
@@ -122,7 +122,7 @@ def test_lobes_of_lights_are_at_least_three_texels_wide() -> None:
 
 
 def spread(name: str) -> tuple[float, float]:
-    """Of a light's luminance above the horizon, by solid angle: the largest value and the deviation, over the mean."""
+    """The largest value and the deviation, over the mean, of a light's luminance above the horizon, by solid angle."""
     radiance = LIGHTS[name].radiance()[: HEIGHT // 2].astype(np.float64).mean(-1)
     weight = np.sin((np.arange(HEIGHT // 2) + 0.5) * np.pi / HEIGHT)[:, None] * np.ones_like(radiance)
     mean = np.average(radiance, weights=weight)

@@ -1,4 +1,4 @@
-"""What a scene knows of its true surfaces: which scenes do, and that samples lie on them and cover them once."""
+"""The true surfaces of scenes: which scenes know them, and that samples lie on them and cover them once."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What an image file says of itself beside its pixels is applied, or refused by name; never dropped."""
+"""Metadata of an image file is applied, or refused by name; it is never dropped."""
 
 import io
 import os

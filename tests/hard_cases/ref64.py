@@ -28,7 +28,7 @@ def rotations(quaternion: Tensor) -> Tensor:
 
 
 def splats(surfels: Surfels, camera: Camera | None = None) -> dict[str, Tensor]:
-    """What a ray meets (or, with a camera, what its pixels' footprint widens that to)."""
+    """The surfels as a ray hits them (or, with a camera, widened by the footprint of its pixels)."""
     turned = rotations(surfels.rotation)
     scale = surfels.log_scale.double().exp()
     opacity = 1 / (1 + torch.exp(-surfels.opacity_logit.double()))

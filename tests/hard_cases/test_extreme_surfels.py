@@ -72,7 +72,7 @@ def test_a_zero_quaternion_is_not_the_identity() -> None:
     both[0].sum().backward()
     assert broken.rotation.grad is not None
     assert bool((broken.rotation.grad == 0).all())
-    assert not bool(support_of(joined(sound, broken).geometry()).can_be_met[8:].any())
+    assert not bool(support_of(joined(sound, broken).geometry()).can_be_hit[8:].any())
 
 
 @pytest.mark.case(1)
@@ -114,7 +114,7 @@ def test_a_surfel_without_extent_is_never_met(log_scale: tuple[float, float]) ->
 def test_a_needle_is_drawn_as_wide_as_a_pixel(aspect: float) -> None:
     """Its footprint bounds u and v by the pixel: an error of 4 eps z / s_pixel, 5e-5 of alpha at most here.
 
-    What is thinner than 1/255 of a pixel adds nothing, because widening keeps its energy.
+    A surfel thinner than 1/255 of a pixel adds nothing, because widening keeps its energy.
     """
     camera, surfels = looking_along_z(focal=900.0), raw_surfels(12, spread=0.004)
     surfels.log_scale = torch.tensor([1 / aspect, 1.0]).log().expand(12, 2).clone()

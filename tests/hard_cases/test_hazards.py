@@ -175,7 +175,7 @@ def test_h8_a_faint_surfel_has_no_nan_bounds(opacity: float) -> None:
     support = support_of(geometry_of(facing(torch.tensor([2.0]), opacity)))
     assert float(support.radius) == 0
     assert bool((support.extent == 0).all())
-    assert not bool(support.can_be_met.any())
+    assert not bool(support.can_be_hit.any())
 
 
 @pytest.mark.case(19)
@@ -208,7 +208,7 @@ def test_h10_an_empty_pixel_has_a_gradient_of_zero_and_not_nan() -> None:
 
 
 def through(opacity: float, count: int = 2) -> Hits:
-    """What a ray meets that passes through two equal surfels of white radiance."""
+    """The hits of a ray that passes through two equal surfels of white radiance."""
     given = with_radiance(facing(torch.linspace(2, 3, count), opacity), 1)
     given["sh"] = torch.zeros_like(given["sh"])
     radiance, transmittance, features, depth = cast(given, rays_along_z())

@@ -161,5 +161,6 @@ def _kept(level: int) -> float:
 @pytest.mark.case(35)
 @pytest.mark.parametrize("level", range(6))
 def test_filtering_keeps_the_energy_of_every_texel_to_1e_4(level: int) -> None:
-    """Of a delta map at each texel, all at once: the filter is a matrix. Measured: 1e-5 at the sharpest, else less."""
+    """The energy of a delta map at each texel, for all texels at once, as the filter is a matrix. Measured: 1e-5 at the
+    sharpest, else less."""
     assert _kept(level) < 1e-4

@@ -2,7 +2,8 @@
 
 A poisoned scene must end in one of these ways: an error that names what is wrong; the image without the poisoned
 primitive, to the last bit; that of the sound scene, if the value was never read (harmonics that no ray meets); or, if
-it is one that the slot may take, the image that float64 makes of the same numbers. What is no number must not end so.
+it is one that the slot may take, the image that float64 makes of the same numbers. A NaN must not end in the last
+way.
 """
 
 import math

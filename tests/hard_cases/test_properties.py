@@ -1,4 +1,4 @@
-"""What must not change an image, over scenes that hypothesis draws and shrinks (always the same ones)."""
+"""Changes that must leave an image as it is, over scenes that hypothesis draws and shrinks (always the same ones)."""
 
 from dataclasses import replace
 

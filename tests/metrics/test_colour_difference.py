@@ -34,7 +34,7 @@ def test_black_is_a_hundred_from_white_and_nothing_is_apart_from_itself() -> Non
 
 
 def test_a_hue_that_costs_as_much_squared_error_as_a_grey_is_further_away() -> None:
-    """What PSNR cannot tell apart: a shift of all channels, and the same shift of one against the others."""
+    """PSNR cannot distinguish a shift of all channels from the same shift of one against the others."""
     grey = torch.full((16, 16, 3), 0.5)
     shift = 0.05 * torch.tensor([1.0, -1.0, 1.0])
     assert ciede2000(grey + shift, grey, WHOLE) > 4 * ciede2000(grey + shift.abs(), grey, WHOLE)

@@ -1,4 +1,4 @@
-"""What each named protocol does to known images, and that the default one stays what stored results were made by."""
+"""Values of each named protocol on known images, and that the default one stays the one of stored results."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-"""What losses compare of images, as dense float64 PyTorch, written from the formulas alone; gradients by autograd."""
+"""The image terms of losses as dense float64 PyTorch, written from the formulas only; gradients by autograd."""
 
 import torch
 from torch import Tensor

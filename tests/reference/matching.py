@@ -16,7 +16,7 @@ def matching_costs(
     window: int,
     agreeing: int,
 ) -> Tensor:
-    """What K16's ``matching_costs`` is, with other views as camera, colours and where they are covered."""
+    """The reference of K16's ``matching_costs``; other views are given as camera, colours and coverage."""
     points = matched.camera.centre + planes[:, None, None] * matched.directions
     square = torch.ones(1, 1, window, window, dtype=planes.dtype)
 

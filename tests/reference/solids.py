@@ -1,4 +1,4 @@
-"""What a camera sees of a recipe's solids, in float64, sharing no code: boxes and spheres by closed form, knots and
+"""The image of a recipe's solids in a camera, in float64, sharing no code: boxes and spheres by closed form, knots and
 solids of revolution by marching along rays by the distance to the surface, reliefs by their height above it."""
 
 from collections.abc import Callable

@@ -1,1 +1,1 @@
-"""Methods of strangers: published codes that are run as commands (docs/methods_as_commands.md)."""
+"""Public codes as methods that are run as commands (docs/methods_as_commands.md)."""

@@ -1,7 +1,7 @@
-"""The failure that only a command can have."""
+"""The error of a command that failed."""
 
 from radiogs_core.errors import ExplainedError
 
 
 class CommandFailed(ExplainedError):
-    """A command could not be started, ended badly, took too long, or left out what it should have written."""
+    """A command could not be started, failed, exceeded its time limit, or did not write all files that it should."""

@@ -1,8 +1,8 @@
-"""A process and all that came of it, on Linux: who lives, how much memory they hold, and how to end them.
+"""A process and all its descendants on Linux: which are alive, their memory, and how to end them.
 
-Children are found four ways, because each alone can be escaped: by the session and group that the first process was
-given, by their parents, by a mark in their environment (kept by children that leave the session and lose their
-parents), and by having been seen before.
+Descendants are found in four ways, because a process can escape each of them: by the session and group of the first
+process, by their parents, by a mark in their environment (kept by children that leave the session and lose their
+parents), and because they were seen before.
 """
 
 import os
@@ -14,51 +14,68 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 PROC = Path("/proc")
+"""Where Linux describes processes."""
+
 SUPPORTED = sys.platform == "linux" and hasattr(signal, "pidfd_send_signal")
+"""Whether this system can find all descendants of a process."""
+
 PAGE = os.sysconf("SC_PAGE_SIZE") if hasattr(os, "sysconf") else 4096
+"""Bytes of a memory page."""
 
 MARK = "RADIOGS_BENCH_COMMAND_OF"
-"""Variable that marks a command and its children: it holds the folder that they work for."""
+"""Environment variable that marks a command and its children; its value is the workspace that they write to."""
 
 LIMITS = (
     ""
     if SUPPORTED
     else "Children that leave the command's process group are not found on this system, and memory is not measured."
 )
-"""What this system cannot do, in words."""
+"""A sentence on what this system cannot do; empty if it can do all."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """A process: numbers are used again, the time of its start (in clock ticks since boot) is not."""
+    """Identity of a process: process numbers are used again, so its start time belongs to it."""
 
     pid: int
+    """Process number."""
     started: int
+    """Start time in clock ticks since boot."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """What the system says of a process; ``resident`` in bytes."""
+    """State of a process, from ``/proc/<pid>/stat``."""
 
     identity: Identity
+    """Which process it is."""
     parent: int
+    """Number of its parent."""
     group: int
+    """Number of its process group."""
     session: int
+    """Number of its session."""
     resident: int
+    """Resident memory, bytes."""
     dead: bool
+    """Whether it has ended and is a zombie."""
 
 
 @dataclass
 class Family:
-    """The process ``root`` (its own session's first; 0 for none) and its descendants, marked with ``mark``."""
+    """A process and its descendants."""
 
     root: int
+    """Number of the first process, the leader of its own session; 0: only processes with the mark belong."""
     mark: str
+    """Value of MARK in their environment."""
     _members: set[Identity] = field(default_factory=set)
+    """Processes that were found before."""
     _strangers: set[Identity] = field(default_factory=set)
+    """Processes whose environment was read and has another mark."""
 
     def living(self) -> dict[Identity, int]:
-        """Members that run, with their resident bytes. Without ``/proc``, none."""
+        """Resident memory in bytes of each member that is alive; empty on a system without ``/proc``."""
         if not SUPPORTED:
             return {}
         everyone = {status.identity.pid: status for status in _everyone()}
@@ -70,16 +87,13 @@ class Family:
         return {everyone[pid].identity: everyone[pid].resident for pid in inside if not everyone[pid].dead}
 
     def end(self, grace: float) -> list[int]:
-        """Ask all members to end, then make them; returns the numbers of those that even so remain.
-
-        ``grace`` is how many seconds they have between the two.
-        """
+        """Terminate all members, and kill them after ``grace`` seconds; returns the numbers of those that survive."""
         if not SUPPORTED and not self.root:
-            return []  # group 0 is our own
+            return []  # group 0 is this process's own
         self._signal(signal.SIGTERM)
         if self._gone_within(grace):
             return []
-        for _ in range(20):  # who forks while it is ended has children that were not there to be signalled
+        for _ in range(20):  # a member that forks meanwhile has children that did not get the signal
             self._signal(signal.SIGKILL)
             if self._gone_within(0.25):
                 return []
@@ -122,8 +136,10 @@ def _everyone() -> list[Status]:
 
 
 def _status(pid: int) -> Status | None:
-    """None for a process that is gone. Fields as in proc(5); the name before them may hold anything but is last closed
-    by a bracket."""
+    """The state of a process; None if it has gone.
+
+    Fields are those of proc(5). The name before them may contain any character, so they start after the last bracket.
+    """
     try:
         text = (PROC / str(pid) / "stat").read_text(encoding="utf-8", errors="replace")
     except OSError:
@@ -134,7 +150,7 @@ def _status(pid: int) -> Status | None:
 
 
 def _environment_of(pid: int) -> Mapping[str, str]:
-    """As it was when the process began; empty where it may not be read."""
+    """Environment of a process at its start; empty if it may not be read."""
     try:
         data = (PROC / str(pid) / "environ").read_bytes()
     except OSError:
@@ -144,7 +160,7 @@ def _environment_of(pid: int) -> Mapping[str, str]:
 
 
 def _signal_one(member: Identity, number: int) -> None:
-    """Signal it through a handle: its number may be another's by now."""
+    """Signal a process through a handle, because its number may belong to another process by now."""
     try:
         handle = os.pidfd_open(member.pid)
     except OSError:

@@ -1,6 +1,7 @@
-"""A method as a TOML file: the commands of a public code, and what one must know of them (docs/methods_as_commands.md).
+"""The TOML file of a method that is run as commands: its schema, and the checks of its values.
 
-The dataclasses are the schema: every field may stand in a file, those without a default must.
+The dataclasses are the schema: a file may set every field, and has to set those without a default. See
+docs/methods_as_commands.md.
 """
 
 import re
@@ -18,106 +19,129 @@ from ..outputs.codes import CODES
 from .placeholders import EVERYWHERE, IN_RESULTS, ITERATIONS, LISTS, ONE_LIGHT, check, placeholders
 
 PRESETS = ("smoke", "tiny", "small", "paper")
+"""Names of the presets."""
 NAME = re.compile(r"[a-z0-9][a-z0-9._-]*")
+"""Names of methods and commands."""
 VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+"""Names of environment variables."""
 LIGHT_SUFFIXES = (".hdr", ".exr")
-MANUAL = "What a method's file may say: docs/methods_as_commands.md"
+"""Forms in which lights can be written for a command."""
+MANUAL = "The fields of a method's file are described in docs/methods_as_commands.md."
 
 
 @dataclass(frozen=True)
 class PublicCode:
-    """Where a public code comes from, and where it is on this machine.
-
-    ``commit`` is the one that the commands were written for. ``variable`` names the environment variable that holds
-    the path of a checkout; ``folder`` is its path where the variable is not set, from the file's folder. ``python``
-    names the variable that holds the path of its environment's interpreter; where that is not set, it is ``python``.
-    """
+    """The origin of a public code, and its location on this machine."""
 
     url: str
+    """Address of its repository."""
     commit: str
+    """Commit that the commands were written for."""
     licence: str
+    """Name of its licence."""
     variable: str = ""
+    """Environment variable that holds the path of a checkout."""
     folder: str = ""
+    """Path of the checkout if that variable is not set, relative to the method's file."""
     python: str = ""
+    """Environment variable that holds the path of the code's Python interpreter; if it is not set, ``python`` is
+    run."""
 
 
 @dataclass(frozen=True)
 class TrainCommand:
-    """One command of training; each is a stage.
-
-    ``writes`` are patterns (as of ``glob``) of the files without which it has not ended well; a folder stands for all
-    that is in it. ``resume`` are arguments for going on with a run that was cut short. ``time_limit`` is in seconds.
-    """
+    """A command of training; each is a stage."""
 
     name: str
+    """Name of the stage, of its log and of its record."""
     arguments: tuple[str, ...]
+    """The program and its arguments, with placeholders."""
     writes: tuple[str, ...]
+    """Glob patterns of files that the command has to write; a folder stands for all files in it."""
     title: str = ""
+    """Title of the stage in messages; empty: the method's title and ``name``."""
     resume: tuple[str, ...] = ()
+    """Further arguments for continuing an interrupted run."""
     time_limit: float | None = None
+    """Longest duration in seconds; None: no limit."""
 
 
 @dataclass(frozen=True)
 class RenderCommand:
-    """Rendering the test views under the light of the training views; ``maps`` must be there after it."""
+    """The command that renders the test views under the light of the training views."""
 
     arguments: tuple[str, ...]
+    """The program and its arguments, with placeholders."""
     maps: tuple[str, ...] = ("image",)
+    """Maps that the command has to write for every test view."""
     time_limit: float | None = None
+    """Longest duration in seconds; None: no limit."""
 
 
 @dataclass(frozen=True)
 class RelightCommand:
-    """Rendering the test views under another light: one a run, or ``all_lights`` of the scene at once.
-
-    ``light_suffix`` is the kind of file that the code reads lights from.
-    """
+    """The command that renders the test views under other lights."""
 
     arguments: tuple[str, ...]
+    """The program and its arguments, with placeholders."""
     all_lights: bool = False
+    """Whether one run renders all lights of the scene; otherwise the command runs once for each light."""
     light_suffix: str = ".hdr"
+    """Suffix of the files from which the code reads lights, one of LIGHT_SUFFIXES."""
     time_limit: float | None = None
+    """Longest duration of a run in seconds; None: no limit."""
 
 
 @dataclass(frozen=True)
 class Iterations:
-    """Iterations of a preset: of the first stage, and of what follows; 0 where no command asks."""
+    """Iterations of a preset; 0 if no command has a placeholder for them."""
 
     iterations: int = 0
+    """Iterations of the first stage."""
     further: int = 0
+    """Iterations of the later stages."""
 
 
 @dataclass(frozen=True)
 class MethodFile:
-    """A method that is run as commands.
-
-    ``reader`` is the layout of its results (``radiogs_baselines.outputs``), ``results`` the folder that they are in.
-    ``layouts`` are those of scenes that the code can read. Without ``render``, training writes the test views itself;
-    without ``relight``, nothing is relit. ``settings`` are lists of arguments by name, to stand in those of commands
-    as ``{name}``; ``scenes`` gives other values for scenes of some names. ``resumes``: a command that was cut short is
-    run again in the folder as it is; otherwise what it wrote is removed first. ``traps`` are sentences on what one
-    must know of this code.
-    """
+    """The content of a method's file."""
 
     name: str
+    """Name of the method in suites and on the command line."""
     title: str
+    """Name of the method in tables."""
     reader: str
+    """Layout of the method's results, a key of ``radiogs_baselines.outputs.codes.CODES``."""
     layouts: tuple[str, ...]
+    """Layouts of scenes that the code can read."""
     code: PublicCode
+    """The public code."""
     train: tuple[TrainCommand, ...]
+    """Commands of training, in order."""
     render: RenderCommand | None = None
+    """Command that renders the test views; None: training writes them."""
     relight: RelightCommand | None = None
+    """Command that relights; None: the method cannot be relit."""
     results: str = "{output}"
+    """Folder of the results, with placeholders."""
     working_folder: str = "{code}"
+    """Folder in which commands run, with placeholders."""
     environment: Mapping[str, str] = field(default_factory=dict)
+    """Environment variables of the commands, with placeholders."""
     settings: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Lists of arguments by name; ``{name}`` in a command's arguments is replaced by the list."""
     scenes: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
+    """Other values of settings, by scene and name."""
     presets: Mapping[str, Iterations] = field(default_factory=dict)
+    """Iterations by preset."""
     resumes: bool = False
+    """Whether an interrupted command is run again in its folder; otherwise the files that it wrote are removed
+    first."""
     traps: tuple[str, ...] = ()
+    """Sentences on peculiarities of the code; they go with the results."""
 
     def iterations(self, preset: str) -> Iterations:
-        """The iterations of a preset."""
+        """The iterations of a preset; zeros if the file does not name it."""
         return self.presets.get(preset, Iterations())
 
     def settings_for(self, scene: str) -> Mapping[str, tuple[str, ...]]:
@@ -126,13 +150,13 @@ class MethodFile:
 
     @property
     def reads_lights(self) -> bool:
-        """Whether a command reads the scene's lights from the files that are made for it."""
+        """Whether any text has a placeholder for the files of the scene's lights."""
         names = {name for text in self.texts for name in placeholders(text)}
         return not names.isdisjoint({"lights", "light_file"})
 
     @property
     def texts(self) -> list[str]:
-        """Every text that may hold placeholders, but settings."""
+        """All texts that may contain placeholders, except settings."""
         texts = [self.results, self.working_folder, *self.environment.values()]
         for each in self.train:
             texts += [*each.arguments, *each.resume, *each.writes]
@@ -142,13 +166,13 @@ class MethodFile:
 
 
 def read_file(path: Path) -> MethodFile:
-    """The method of a file. Raises DataError where there is none, UsageError for what is wrong in it."""
+    """Read a method's file. Raises DataError if it cannot be read, and UsageError if a value in it is wrong."""
     try:
         content = tomllib.loads(read_bytes(path, TABLE_LIMIT).decode())
     except DataError as error:
-        raise DataError(f"cannot read the method {path}", error.why, "Name a method's file.") from error
+        raise DataError(f"cannot read the method {path}", error.why, "Give the path of a method's file.") from error
     except (ValueError, RecursionError) as error:
-        raise UsageError(f"{path} is no TOML: {error}", "", MANUAL) from error
+        raise UsageError(f"{path} is not valid TOML: {error}", "", MANUAL) from error
     reader = PlainReader(str(path), MANUAL)
     file: MethodFile = reader.build(MethodFile, content, "")
     _Checks(reader, file).all()
@@ -156,13 +180,13 @@ def read_file(path: Path) -> MethodFile:
 
 
 class _Checks:
-    """What types do not say."""
+    """Checks of a method's file that types do not express."""
 
     def __init__(self, reader: PlainReader, file: MethodFile) -> None:
         self.reader, self.file = reader, file
 
     def all(self) -> None:
-        """Raise UsageError for the first thing that is wrong."""
+        """Raise UsageError for the first wrong value."""
         self._names()
         self._code()
         self._settings()
@@ -173,52 +197,53 @@ class _Checks:
     def _names(self) -> None:
         file, known, fail = self.file, self.reader.known, self.reader.fail
         if not NAME.fullmatch(file.name):
-            fail("name", f"'{file.name}' is no name", "It is of small letters, digits and the signs . _ -")
+            fail("name", f"'{file.name}' is not a name", "A name has small letters, digits and the signs . _ -")
         known("reader", "reader", file.reader, CODES)
-        for place, layout in enumerate(file.layouts):
-            known(f"layouts[{place}]", "layout", layout, LAYOUTS)
+        for index, layout in enumerate(file.layouts):
+            known(f"layouts[{index}]", "layout", layout, LAYOUTS)
         if not file.layouts:
-            fail("layouts", "the list is empty", "It says which scenes the code can read.")
+            fail("layouts", "the list is empty", "It names the layouts of scenes that the code can read.")
         if not file.train:
             fail("train", "there is no command of training", "A method has at least one.")
         names = [each.name for each in file.train]
-        for place, name in enumerate(names):
+        for index, name in enumerate(names):
             if not NAME.fullmatch(name) or name == "render" or name.startswith("relight"):
-                fail(f"train[{place}].name", f"'{name}' is no name of a command", "Logs and records are named by it.")
-            if name in names[:place]:
-                fail(f"train[{place}].name", f"two commands are called '{name}'", "Each has a name of its own.")
+                why = "It has small letters, digits and . _ - and is neither 'render' nor begins with 'relight'."
+                fail(f"train[{index}].name", f"'{name}' is not a name of a command", why)
+            if name in names[:index]:
+                fail(f"train[{index}].name", f"two commands are called '{name}'", "Each has a name of its own.")
 
     def _code(self) -> None:
         code, fail = self.file.code, self.reader.fail
         if not code.variable and not code.folder:
-            fail("code", "nothing says where the code is", "Give its folder, or the variable that holds it.")
+            fail("code", "the location of the code is missing", "Set 'folder', or 'variable' to a variable's name.")
         for where, name in (("code.variable", code.variable), ("code.python", code.python)):
             if name and not VARIABLE.fullmatch(name):
-                fail(where, f"'{name}' is no name of an environment variable")
+                fail(where, f"'{name}' is not a name of an environment variable")
 
     def _settings(self) -> None:
         settings, taken = self.file.settings, {**EVERYWHERE, **ONE_LIGHT, **LISTS}
         for name in settings:
             if name in taken or not name.isidentifier():
-                why = "It is a placeholder of its own, or no name at all."
+                why = "It is the name of another placeholder, or not an identifier."
                 self.reader.fail(f"settings.{name}", f"'{name}' cannot be the name of a setting", why)
         for scene, values in self.file.scenes.items():
             for name in values:
                 self.reader.known(f"scenes.{scene}", "setting", name, settings)
 
     def _texts(self) -> None:
-        """Every placeholder stands where it means something."""
+        """Check that every placeholder has a value in its field."""
         file = self.file
-        for place, each in enumerate(file.train):
-            where = f"train[{place}]"
+        for index, each in enumerate(file.train):
+            where = f"train[{index}]"
             self._list(f"{where}.arguments", each.arguments, LISTS)
             self._list(f"{where}.resume", each.resume)
             for number, text in enumerate(each.writes):
                 self._result(f"{where}.writes[{number}]", text)
             if not each.writes:
-                self.reader.fail(f"{where}.writes", "the list is empty", "It says what the next command needs.")
+                self.reader.fail(f"{where}.writes", "the list is empty", "It names the files that the command writes.")
             if each.resume and not file.resumes:
-                self.reader.fail(f"{where}.resume", "the method does not say resumes = true")
+                self.reader.fail(f"{where}.resume", "it is used only with resumes = true")
         if file.render is not None:
             self._list("render.arguments", file.render.arguments)
         if file.relight is not None:
@@ -226,7 +251,7 @@ class _Checks:
             self._list("relight.arguments", file.relight.arguments, further=light)
         for name, value in file.environment.items():
             if not VARIABLE.fullmatch(name):
-                self.reader.fail("environment", f"'{name}' is no name of an environment variable")
+                self.reader.fail("environment", f"'{name}' is not a name of an environment variable")
             self._text(f"environment.{name}", value, EVERYWHERE)
         self._result("results", file.results)
         self._text("working_folder", file.working_folder, EVERYWHERE)
@@ -239,27 +264,27 @@ class _Checks:
         further: Mapping[str, str] | None = None,
     ) -> None:
         if where.endswith("arguments") and not texts:
-            self.reader.fail(where, "the list is empty", "Its first is the program.")
-        for place, text in enumerate(texts):
+            self.reader.fail(where, "the list is empty", "Its first entry is the program.")
+        for index, text in enumerate(texts):
             if text not in [f"{{{name}}}" for name in (*(lists or ()), *self.file.settings)]:
-                self._text(f"{where}[{place}]", text, {**EVERYWHERE, **(further or {})})
+                self._text(f"{where}[{index}]", text, {**EVERYWHERE, **(further or {})})
 
     def _result(self, where: str, text: str) -> None:
         self._text(where, text, IN_RESULTS)
         if not text.startswith("{output}") or ".." in Path(text).parts:
-            self.reader.fail(where, f"'{text}' is not in {{output}}", "What a run makes is kept in one place, its own.")
+            self.reader.fail(where, f"'{text}' is not in {{output}}", "A run writes its results into its own folder.")
 
     def _text(self, where: str, text: str, known: Mapping[str, str]) -> None:
         check(text, known, f"{self.reader.source}: {where}")
 
     def _limits(self) -> None:
         file = self.file
-        limits = {f"train[{place}].time_limit": each.time_limit for place, each in enumerate(file.train)}
+        limits = {f"train[{index}].time_limit": each.time_limit for index, each in enumerate(file.train)}
         limits["render.time_limit"] = file.render.time_limit if file.render else None
         limits["relight.time_limit"] = file.relight.time_limit if file.relight else None
         for where, limit in limits.items():
             if limit is not None and limit <= 0:
-                self.reader.fail(where, f"{limit:g} is not above zero", "It is in seconds.")
+                self.reader.fail(where, f"{limit:g} is not above zero", "It is a number of seconds.")
         if file.relight is not None:
             self.reader.known("relight.light_suffix", "suffix", file.relight.light_suffix, LIGHT_SUFFIXES)
 
@@ -277,5 +302,5 @@ class _Checks:
                     self.reader.fail(
                         f"presets.{preset}",
                         f"the field '{name}' is missing",
-                        f"A command asks for it ({', '.join(f'{{{each}}}' for each in sorted(asked))}).",
+                        f"A command has a placeholder for it: {', '.join(f'{{{each}}}' for each in sorted(asked))}.",
                     )

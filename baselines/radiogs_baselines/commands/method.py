@@ -1,4 +1,4 @@
-"""A method of strangers: a public code that is run as commands, behind the contract of every other method."""
+"""A public code as a method: its stages, rendering and relighting are commands with their own environment."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -18,53 +18,58 @@ from .task import Attempt, Task
 from .trained import TrainedCommand
 
 WAIT = 0.5
-"""Seconds that a step waits for a command: how long an interruption goes unnoticed."""
+"""Seconds that a step waits for a command; an interruption is noticed after this time at the latest."""
 
 
 @dataclass(frozen=True)
 class CommandVariant:
-    """What a suite's row may change: ``arguments`` are added to the command of training that says ``{arguments}``, or
-    to the last."""
+    """The settings that a suite's row may change."""
 
     arguments: tuple[str, ...] = ()
+    """Further arguments of the training command that has the placeholder ``{arguments}``, or else of the last one."""
 
 
 @dataclass(frozen=True)
 class CommandBudget:
-    """Iterations of the first stage and of what follows, as far as the commands ask for them."""
+    """Iterations of a preset, for placeholders of the commands."""
 
     name: str
+    """Name of the preset."""
     iterations: int = 0
+    """Iterations of the first stage."""
     further: int = 0
+    """Iterations of the later stages."""
 
 
 @dataclass(frozen=True)
 class CommandMethod:
-    """A method whose stages are commands. ``home`` is the folder of its file."""
+    """A method whose stages are commands."""
 
     file: MethodFile
+    """Content of the method's file."""
     home: Path
+    """Folder of that file."""
 
     variant = CommandVariant
     sources = (__name__,)
 
     @property
     def name(self) -> str:
-        """As suites and ``--method`` call it."""
+        """Name of the method in suites and after ``--method``."""
         return self.file.name
 
     @property
     def title(self) -> str:
-        """As tables print it."""
+        """Name of the method in tables."""
         return self.file.title
 
     @property
     def presets(self) -> Mapping[str, CommandBudget]:
-        """The four presets; they differ as far as the file says."""
+        """The four presets, with the iterations of the method's file."""
         return {name: CommandBudget(name, **asdict(self.file.iterations(name))) for name in PRESETS}
 
     def stages(self, variant: CommandVariant, budget: CommandBudget) -> Sequence[StageSpec]:
-        """One stage a command of training."""
+        """One stage for each command of training."""
         reads = decisive(self.file) | {
             "further_arguments": list(variant.arguments),
             "iterations": [budget.iterations, budget.further],
@@ -123,13 +128,13 @@ class CommandMethod:
         return filled_list(texts, values, {**lists, "arguments": further, "resume": resume})
 
     def _decides(self, run: Run) -> list[Sequence[str]]:
-        """What a workspace's files are made by, as text."""
+        """Everything that decides the files of a workspace, as text."""
         budget = [str(run.budget.iterations), str(run.budget.further)]
         scene = [run.scene.checksum, str(run.seed), run.device.type]
         return [[repr(sorted(decisive(self.file).items()))], list(run.variant.arguments), budget, scene]
 
     def _forget_after(self, place: Place, number: int) -> None:
-        """Take back the records of all that follows a command: it is run anew."""
+        """Delete the records of all later commands, because this command runs again."""
         later = [each.name for each in self.file.train[number + 1 :]]
         for folder in (place.done("").parent, place.begun("").parent):
             for path in folder.glob("*.json"):
@@ -137,7 +142,7 @@ class CommandMethod:
                     path.unlink(missing_ok=True)
 
     def _require_whole(self, place: Place, product: Mapping[str, Any]) -> None:
-        """What the commands so far have written must be there, unchanged."""
+        """Raise DataError unless the files of all earlier commands are there and unchanged."""
         for command in self.file.train:
             record = product.get(command.name)
             if record is not None:
@@ -145,7 +150,7 @@ class CommandMethod:
 
 
 class CommandStage:
-    """A command of training as a stage: its only step is taken when the command has ended well."""
+    """A command of training as a stage with a single step, which is done when the command has succeeded."""
 
     iterations = 1
 
@@ -156,9 +161,9 @@ class CommandStage:
         self._attempt: Attempt | None = None
 
     def step(self) -> dict[str, float]:
-        """Start the command, or wait for it a little. Raises CommandFailed."""
+        """Start the command, or wait for it up to WAIT seconds. Raises CommandFailed."""
         if self._record is None:
-            # The command may have ended after the harness was killed, or while it noted that down.
+            # The command may have finished after the harness was killed, or before its state was stored.
             self._record = self._task.done() if self._attempt is None else None
         if self._record is None:
             if self._attempt is None:
@@ -170,17 +175,17 @@ class CommandStage:
         return {}
 
     def close(self) -> None:
-        """End the command with all its children, if it runs."""
+        """End the command and all its children, if it is running."""
         if self._attempt is not None:
             self._attempt.end()
             self._attempt = None
 
     def state(self) -> dict[str, Any]:
-        """Whether the command is done."""
+        """The command's record under ``done``, or None before it has succeeded."""
         return {"done": None if self._record is None else self._record.plain()}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a state: what is not done is begun again. Raises DataError if what was done is gone."""
+        """Continue from a state; a command that is not done starts again. Raises DataError if its files are gone."""
         if state["done"] is not None:
             self._record = Record.of(state["done"])
             listing = _listing(self._task.wrote)
@@ -189,23 +194,23 @@ class CommandStage:
             self.iteration = 1
 
     def product(self) -> dict[str, Any]:
-        """Records of all commands so far, by name. Raises UsageError while the command runs."""
+        """Records of this and all earlier commands, by name. Raises UsageError before the command has succeeded."""
         if self._record is None:
             raise UsageError(
-                f"{self._task.place.file.title} cannot be shown before the command '{self._task.name}' has ended",
-                "What a command has found is known when it has ended.",
-                "Leave this method out of what is scored along the way.",
+                f"{self._task.place.file.title} cannot be scored before the command '{self._task.name}' has ended",
+                "A command writes its results when it ends.",
+                "Leave this method out of scores that are taken during training.",
             )
         return {**self._product, self._task.name: self._record.plain()}
 
 
 def read_method(path: Path) -> CommandMethod:
-    """The method of a TOML file. Raises DataError where there is none, UsageError for what is wrong in it."""
+    """The method of a TOML file. Raises DataError if it cannot be read, and UsageError if a value in it is wrong."""
     return CommandMethod(read_file(path), path.absolute().parent)
 
 
 def decisive(file: MethodFile) -> dict[str, Any]:
-    """What of a file decides the outcome, as plain data."""
+    """The fields of a file that decide a method's results, as plain values."""
     plain = asdict(file)
     for name in ("title", "layouts", "traps", "presets"):
         del plain[name]
@@ -219,7 +224,7 @@ def decisive(file: MethodFile) -> dict[str, Any]:
 
 
 def written(place: Place, command: TrainCommand) -> Listing:
-    """What a command of training has written. Raises CommandFailed for a pattern that no file fits."""
+    """The files that a command of training has written. Raises CommandFailed for a pattern that matches no file."""
     found: dict[str, int] = {}
     for pattern in command.writes:
         path = Path(filled(pattern, place.named())).relative_to(place.output)
@@ -246,7 +251,7 @@ def _require_same(place: Place, command: TrainCommand, record: Record) -> None:
 
 def _gone(place: Place, record: Record) -> DataError:
     return DataError(
-        f"what the command '{record.command}' of {place.file.title} has written is gone or changed",
+        f"files that the command '{record.command}' of {place.file.title} has written are missing or changed",
         f"{place.output} should hold {record.file_count} files of it with {record.file_bytes} bytes.",
-        f"Put the folder back; or remove {place.root} and the stored stages of this cell, so that it is trained anew.",
+        f"Restore the folder; or remove {place.root} and the stored stages of this cell, to train it again.",
     )

@@ -1,4 +1,4 @@
-"""Where the commands of a run work: the folders of its workspace, and what the placeholders stand for there."""
+"""The workspace of a run's commands: its folders, and the values of placeholders."""
 
 import os
 import subprocess
@@ -20,35 +20,39 @@ from .placeholders import filled
 
 @dataclass(frozen=True)
 class Place:
-    """The workspace of a run. ``home`` is the folder of the method's file, ``root`` the workspace."""
+    """The workspace of a run."""
 
     file: MethodFile
+    """Content of the method's file."""
     home: Path
+    """Folder of that file."""
     run: Run
+    """The run."""
     root: Path
+    """Folder of the workspace."""
 
     @staticmethod
     def of(file: MethodFile, home: Path, run: Run) -> "Place":
-        """Raises UsageError for a run without a workspace, and for a scene that the code cannot read."""
+        """The workspace of ``run``. Raises UsageError for a run without a folder, or a scene the code cannot read."""
         if run.workspace is None:
             raise UsageError(
-                f"{file.title} needs a folder to work in, and this run has none",
-                "It is run as commands, which leave their results in files; this engine keeps none for them.",
-                "Use an engine that works on this machine.",
+                f"{file.title} needs a folder for its files, and this run has none",
+                "Its commands write their results as files, which this engine does not keep.",
+                "Use an engine that runs on this machine.",
             )
         scene = run.scene
         if scene.folder is None:
             raise UsageError(
                 f"{file.title} cannot read scene '{scene.name}'",
-                "It reads files, and this scene is computed.",
-                "Choose a scene that is a folder, or a method that is run in process.",
+                "Its commands read files, and this scene is computed.",
+                "Choose a scene that is stored in a folder, or a method that is not run as commands.",
             )
         if scene.options.keys() - {"layout"}:
             asked = ", ".join(f"{name} {value}" for name, value in scene.options.items())
             raise UsageError(
-                f"{file.title} cannot read scene '{scene.name}' as it was opened ({asked})",
-                "It reads the files as they are stored: other images and other views.",
-                "Write the scene that is meant first:  radiogs-bench datasets convert",
+                f"{file.title} cannot read scene '{scene.name}' with these options: {asked}",
+                "Its commands read the stored files, which have other images or other views.",
+                "Store the scene with these options first:  radiogs-bench datasets convert",
             )
         if scene.layout not in file.layouts:
             raise UsageError(
@@ -60,33 +64,33 @@ class Place:
 
     @property
     def output(self) -> Path:
-        """What ``{output}`` stands for."""
+        """The folder that ``{output}`` stands for."""
         return self.root / "output"
 
     @property
     def lights(self) -> Path:
-        """What ``{lights}`` stands for."""
+        """The folder that ``{lights}`` stands for."""
         return self.root / "lights"
 
     @property
     def results(self) -> Path:
-        """Where the reader looks."""
+        """The folder from which results are read."""
         return Path(filled(self.file.results, self.named()))
 
     def log(self, command: str) -> Path:
-        """The log of a command."""
+        """Path of a command's log."""
         return self.root / "logs" / f"{command}.log"
 
     def done(self, command: str) -> Path:
-        """The record of a command that ended well."""
+        """Path of the record of a command that has succeeded."""
         return self.root / "done" / f"{command}.json"
 
     def begun(self, command: str) -> Path:
-        """What there was before a command was first begun."""
+        """Path of the list of files that existed before a command was started for the first time."""
         return self.root / "begun" / f"{command}.json"
 
     def named(self) -> dict[str, str]:
-        """What the placeholders stand for that results may be named by."""
+        """Values of the placeholders that may occur in paths of results."""
         run, budget = self.run, self.run.budget
         return {
             "scene": str(Path(run.scene.folder or "").absolute()),
@@ -102,7 +106,8 @@ class Place:
         }
 
     def values(self, light: str = "") -> dict[str, str]:
-        """What all placeholders stand for. Raises UsageError where the code cannot be found."""
+        """Values of all placeholders; ``light``: the light to relight under. Raises UsageError if the code is not
+        found."""
         values = self.named() | {"code": str(self._checkout()), "python": self._python()}
         if light:
             values |= {"light": light, "light_file": str(self.lights / f"{light}{self._light_suffix}")}
@@ -110,22 +115,22 @@ class Place:
 
     @property
     def settings(self) -> Mapping[str, Sequence[str]]:
-        """The file's lists of arguments, as they are for this scene."""
+        """The file's lists of arguments for this scene."""
         return self.file.settings_for(self.run.scene.name)
 
     def environment(self, values: Mapping[str, str]) -> dict[str, str]:
-        """The file's variables."""
+        """The file's environment variables, with placeholders replaced by ``values``."""
         return {name: filled(text, values) for name, text in self.file.environment.items()}
 
     def working_folder(self, values: Mapping[str, str]) -> Path:
-        """Where commands are run; made if it is in the workspace."""
+        """The folder in which commands run; it is created if it lies in the workspace."""
         folder = Path(filled(self.file.working_folder, values)).absolute()
         if folder.is_relative_to(self.root):
             self.make(folder)
         return folder
 
     def write_lights(self) -> None:
-        """Put the scene's lights where commands read them: latitude-longitude, Z up, centre column towards +X."""
+        """Write the scene's lights for the commands that read them: lat-long, Z up, centre column towards +X."""
         if not self.file.reads_lights:
             return
         self.make(self.lights)
@@ -133,18 +138,18 @@ class Place:
             _write_light(self.lights / f"{name}{self._light_suffix}", light)
 
     def make(self, folder: Path) -> None:
-        """Make a folder of the workspace. Raises CommandFailed where the disk refuses."""
+        """Create a folder of the workspace. Raises CommandFailed if the system refuses."""
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise CommandFailed(
-                f"cannot make the folder {folder}: {error.strerror}",
-                "Commands leave their results there.",
-                "Make room, or choose a place that can be written.",
+                f"cannot create the folder {folder}: {error.strerror}",
+                "Commands write their results there.",
+                "Free disk space, or choose a folder that can be written.",
             ) from error
 
     def found_commit(self) -> str | None:
-        """The commit of the checkout, as far as git tells."""
+        """The commit of the checkout; None if git does not know it."""
         try:
             asked = ["git", "-C", str(self._checkout()), "rev-parse", "HEAD"]
             said = subprocess.run(asked, capture_output=True, text=True, timeout=10, check=True)
@@ -165,12 +170,12 @@ class Place:
         get = f"git clone --recursive {code.url} && git checkout {code.commit}"
         if not named and not code.folder:
             raise UsageError(
-                f"{self.file.title}: its code is not here",
-                f"The variable {code.variable} is not set; it holds the folder of a checkout.",
+                f"{self.file.title}: its code is not found",
+                f"The environment variable {code.variable}, which holds the folder of a checkout, is not set.",
                 f"Get it ({get}), install it as its authors say, and set {code.variable} to its folder.",
             )
-        asked = f"The variable {code.variable} names it." if named else "The method's file names it."
-        raise UsageError(f"{self.file.title}: there is no folder {folder}", asked, f"It is of: {get}.")
+        asked = f"The environment variable {code.variable} names it." if named else "The method's file names it."
+        raise UsageError(f"{self.file.title}: there is no folder {folder}", asked, f"Get the code: {get}.")
 
     def _python(self) -> str:
         variable = self.file.code.python
@@ -178,11 +183,11 @@ class Place:
 
 
 def _write_light(path: Path, light: EnvironmentMap) -> None:
-    """Written beside and then renamed: another command may be reading it. Files of light hold nothing negative."""
+    """Write a light with negative values set to zero; the file is replaced at once, as another command may read it."""
     temporary = path.with_name(f".{path.stem}.new{path.suffix}")
     radiance = light.radiance.detach().cpu().float().clamp(min=0).numpy()
     try:
         (write_hdr if path.suffix == ".hdr" else write_exr)(temporary, radiance)
         temporary.replace(path)
     except OSError as error:
-        raise CommandFailed(f"cannot write {path}: {error.strerror}", "", "Make room, and run again.") from error
+        raise CommandFailed(f"cannot write {path}: {error.strerror}", "", "Free disk space, and run again.") from error

@@ -1,4 +1,5 @@
-"""Placeholders in the arguments of a command: which there are, where each may stand, and what they become."""
+"""Placeholders in the texts of a method's file: their names, the fields where each is allowed, and their
+replacement."""
 
 import string
 from collections.abc import Mapping, Sequence
@@ -17,57 +18,62 @@ EVERYWHERE: Mapping[str, str] = {
     "threads": "how many threads a command may use",
     "device": "the device of the run, such as cpu or cuda",
     "iterations": "the preset's iterations of the first stage",
-    "further": "the preset's iterations of what follows",
-    "total": "iterations and further together",
+    "further": "the preset's iterations of the later stages",
+    "total": "the sum of iterations and further",
 }
+"""Placeholders that are allowed in all fields but results, with their meanings."""
 
 IN_RESULTS: Mapping[str, str] = {name: what for name, what in EVERYWHERE.items() if name not in ("code", "python")}
-"""In names of results: they are read where the code need not be."""
+"""Placeholders that are allowed in paths of results, which are read on machines without the code."""
 
 ONE_LIGHT: Mapping[str, str] = {
     "light": "the name of the light to relight under",
     "light_file": "that light's file: latitude-longitude, Z up, centre column towards +X",
 }
-"""Only where a command relights under one light."""
+"""Placeholders of a relighting command that runs once for each light."""
 
 LISTS: Mapping[str, str] = {
     "arguments": "further arguments of the variant",
-    "resume": "the command's arguments for going on with a run that was cut short",
+    "resume": "the command's arguments for continuing an interrupted run",
 }
-"""Stand for any number of arguments, and so for an argument of their own."""
+"""Placeholders for a list of arguments; each has to be an argument of its own."""
 
 ITERATIONS = frozenset({"iterations", "further", "total"})
+"""Placeholders whose values are the iterations of a preset."""
 
 
 def placeholders(text: str) -> list[str]:
-    """Names of the placeholders in a text, in order; ``{{`` is a brace. Raises ValueError for a lone brace."""
+    """Names of the placeholders in a text, in order; ``{{`` is a brace. Raises ValueError for an unmatched brace."""
     found = []
     for _, name, form, conversion in string.Formatter().parse(text):
         if name is None:
             continue
         if form or conversion:
-            raise ValueError(f"'{{{name}' is followed by a format: a placeholder is a name between braces")
+            raise ValueError(f"'{{{name}' has a format, but a placeholder is only a name between braces")
         found.append(name)
     return found
 
 
 def check(text: str, known: Mapping[str, str], where: str) -> None:
-    """Raise UsageError for a placeholder that is not known there, or braces that are none."""
+    """Raise UsageError for a placeholder that is not in ``known``, or for braces that are not a placeholder.
+
+    ``where`` names the field in the message.
+    """
     try:
         names = placeholders(text)
     except ValueError as error:
         raise UsageError(
-            f"{where}: '{text}' cannot be read: {error}", "Braces stand around placeholders.", "Write {{ for a brace."
+            f"{where}: '{text}' cannot be read: {error}", "Braces enclose placeholders.", "Write {{ for a brace."
         ) from error
     for name in names:
         if name in known:
             continue
         near = get_close_matches(name, known, 1)
-        why = "It stands for nothing here."
+        why = "It has no value in this field."
         if name in ONE_LIGHT:
-            why = "A light is known to a [relight] without all_lights alone."
+            why = "It is allowed only in [relight] without all_lights."
         elif name in LISTS:
-            why = "It stands for several arguments: it is an argument of its own, of a command that has any."
+            why = "It stands for several arguments, so it has to be an argument of its own in a list of arguments."
         raise UsageError(
             f"{where}: there is no placeholder '{{{name}}}'",
             why + (f" Did you mean '{{{near[0]}}}'?" if near else ""),
@@ -76,7 +82,7 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
 
 
 def filled(text: str, values: Mapping[str, str]) -> str:
-    """The text with its placeholders replaced; checked texts have no others."""
+    """The text with its placeholders replaced by ``values``. The text has to pass ``check`` first."""
     parts = []
     for literal, name, _, _ in string.Formatter().parse(text):
         parts.append(literal)
@@ -88,7 +94,7 @@ def filled(text: str, values: Mapping[str, str]) -> str:
 def filled_list(
     texts: Sequence[str], values: Mapping[str, str], lists: Mapping[str, Sequence[str]] | None = None
 ) -> tuple[str, ...]:
-    """Every text filled; one that is the name of a list becomes the list's texts, as they are."""
+    """The texts with placeholders replaced; a text that is the placeholder of a list is replaced by the list."""
     lists = lists or {}
     result: list[str] = []
     for text in texts:

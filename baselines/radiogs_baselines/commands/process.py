@@ -1,6 +1,6 @@
-"""One command while it runs: its log, its time, its memory, and its end, with all of its children.
+"""A running command: its log, time and memory, and how it is ended with all its children.
 
-The log holds what the command says, bounded in size, and is written while it says it.
+The log holds the command's output, up to a maximum size, and is written while the command runs.
 """
 
 import atexit
@@ -17,64 +17,69 @@ from .errors import CommandFailed
 from .family import MARK, SUPPORTED, Family
 
 LIMIT = 64 * 2**20
-"""Bytes of a log that are kept: half from its beginning, half from its end. A progress bar of a long training writes
-ten times as much."""
+"""Largest size of a log in bytes: its first and its last half of that size are kept. The progress bar of a long
+training writes ten times as much."""
 
 RECENT = 64 * 2**10
-"""Bytes that are kept in memory as well, for the message of a failure: the disk may be full."""
+"""Bytes at the end of the log that are also kept in memory, for messages: the disk may be full."""
 
 GRACE = 10.0
-"""Seconds between being asked to end and being made to."""
+"""Seconds between SIGTERM and SIGKILL."""
 
 SAMPLE = 0.2
-"""Seconds between two looks at the memory; the first come sooner, for commands that end at once."""
+"""Seconds between two samples of the memory."""
 
 FIRST_SAMPLE = 0.01
+"""Seconds until the first sample; the interval doubles up to SAMPLE, so that short commands are sampled too."""
 
 FOREIGN = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "__PYVENV_LAUNCHER__")
-"""Variables of our own interpreter that would lead another one to our packages."""
+"""Environment variables of this interpreter that would make another one find the packages of this one."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """How a command ended.
-
-    ``exit_code`` is negative for a signal. ``peak_bytes`` is the largest sum of resident memory over its processes
-    that was seen, None where none was: it cannot be on this system, or the command ended before the first look.
-    ``too_long`` says that it was ended for its time limit, ``survivors`` which of its processes could not be ended.
-    """
+    """How a command ended."""
 
     exit_code: int
+    """Exit code; the negative number of the signal that ended the command."""
     seconds: float
+    """Duration, seconds."""
     peak_bytes: int | None
+    """Largest sampled sum of resident memory over all processes; None if no sample was possible."""
     too_long: bool = False
+    """Whether it was ended because of its time limit."""
     survivors: tuple[int, ...] = ()
+    """Numbers of its processes that could not be ended."""
 
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be run: arguments, working folder, variables beyond ours, log, and the folder it works for.
-
-    ``time_limit`` is in seconds, None for none.
-    """
+    """A command to run."""
 
     arguments: Sequence[str]
+    """The program and its arguments."""
     folder: Path
+    """Working folder."""
     environment: Mapping[str, str]
+    """Environment variables, beside those of this process."""
     log: Path
+    """Path of the log."""
     works_for: Path
+    """Workspace that the command writes to, which marks its processes (``family.MARK``)."""
     time_limit: float | None = None
+    """Longest duration in seconds; None: no limit."""
     log_limit: int = LIMIT
+    """Largest size of the log in bytes."""
 
 
 class Running:
-    """A command that has been started. Raises CommandFailed if it cannot be."""
+    """A command that has been started. Raises CommandFailed if it cannot be started."""
 
     def __init__(self, order: Order, grace: float = GRACE) -> None:
         self.order, self.grace = order, grace
         self._peak, self._sample = 0, FIRST_SAMPLE
         mark = str(order.works_for.absolute())
-        # A harness that was killed leaves its command behind, which would write into the same folder.
+        # The command of a harness that was killed may still run and write into the same folder.
         Family(0, mark).end(grace)
         try:
             self.log = BoundedLog(order.log, order.log_limit)
@@ -101,7 +106,7 @@ class Running:
         atexit.register(self.end)
 
     def poll(self, seconds: float) -> Ended | None:
-        """Wait at most so long; returns how it ended, or None while it runs."""
+        """Wait at most ``seconds``; returns how the command ended, or None while it runs."""
         until = time.monotonic() + seconds
         while self._ended is None:
             self._peak = max(self._peak, sum(self._family.living().values()))
@@ -120,15 +125,15 @@ class Running:
         return self._ended
 
     def end(self, too_long: bool = False) -> Ended:
-        """End it with all its children, if it has not ended; what outlives a command that has ended is ended too."""
+        """End the command if it runs, and all its children, also those that outlive it; returns how it ended."""
         if self._ended is None:
             seconds = time.monotonic() - self._begun
-            # Without /proc the group's number may be another's once the command is gone.
+            # Without /proc the group's number may belong to another process once the command has gone.
             reachable = SUPPORTED or self._process.poll() is None
             survivors = self._family.end(self.grace) if reachable else []
             try:
                 code = self._process.wait(1)
-            except subprocess.TimeoutExpired:  # it sleeps in the kernel and cannot be ended
+            except subprocess.TimeoutExpired:  # it waits in the kernel and cannot be ended
                 code = -9
             self._reader.join(5)
             self.log.close()
@@ -144,7 +149,7 @@ class Running:
 
 def _environment(order: Order) -> dict[str, str]:
     ours = {name: value for name, value in os.environ.items() if name not in FOREIGN}
-    # Python would keep what it prints until it ends: the log of one that is killed would be empty.
+    # Python buffers its output: without this the log of a process that is killed would be empty.
     return {**ours, "PYTHONUNBUFFERED": "1", **order.environment}
 
 
@@ -152,16 +157,20 @@ def _cannot_start(order: Order, why: str) -> CommandFailed:
     return CommandFailed(
         f"cannot start {order.arguments[0]}",
         f"{why} (in {order.folder}).",
-        "Name the code's checkout and its interpreter in the variables that the method's file asks for.",
+        "Set the environment variables of the method's file to the code's checkout and its interpreter.",
     )
 
 
 class BoundedLog:
-    """A file that holds the beginning and the end of what is written to it.
+    """A file of bounded size that keeps the beginning and the end of a command's output.
 
-    The end lies in a ring behind the beginning and is put in order by ``close``: a harness that is killed leaves both.
-    A disk that is full does not stop the writer, who would wait for ever: what does not fit is dropped, and
-    ``trouble`` says so.
+    The end is written to a ring buffer behind the beginning, and ``close`` puts it in order; if the harness is killed,
+    both are in the file. If the disk is full, further output is dropped and ``trouble`` says so, because a reader that
+    stopped would block the command.
+
+    Args:
+        path: Path of the file.
+        limit: Largest size in bytes.
     """
 
     def __init__(self, path: Path, limit: int = LIMIT) -> None:
@@ -176,7 +185,7 @@ class BoundedLog:
         self._file = path.open("wb+", buffering=0)
 
     def write(self, data: bytes) -> None:
-        """Append; never raises for a disk that refuses. What comes after ``close`` is dropped."""
+        """Append data; errors of the disk set ``trouble``. Data after ``close`` are dropped."""
         with self._lock:
             self._remember(data)
             if not self.trouble and not self._file.closed:
@@ -185,15 +194,15 @@ class BoundedLog:
     def _append(self, data: bytes) -> None:
         try:
             while data:
-                place, room = self._place()
-                written = os.pwrite(self._file.fileno(), data[:room], place)
+                offset, room = self._offset()
+                written = os.pwrite(self._file.fileno(), data[:room], offset)
                 self.size += written
                 data = data[written:]
         except OSError as error:
             self.trouble = f"the rest of the log could not be written ({error.strerror})"
 
     def close(self) -> None:
-        """Put the end behind the beginning, with a line that says how much is left out between them."""
+        """Put the ring buffer in order, after a line that says how many bytes are left out."""
         with self._lock, self._file:
             left_out = self.size - self._head - self._ring
             if left_out <= 0 or self.trouble:
@@ -208,13 +217,15 @@ class BoundedLog:
                 self.trouble = f"the end of the log could not be put in order ({error.strerror})"
 
     def last_lines(self, count: int) -> str:
-        """The last lines that say anything; of lines that overwrite themselves, as progress bars do, the last state."""
+        """The last ``count`` lines that are not empty; a progress bar that overwrites its line counts as its last
+        state.
+        """
         lines = b"".join(self._recent).decode("utf-8", "replace").split("\n")
         shown = [line.rstrip("\r").rsplit("\r", 1)[-1].rstrip() for line in lines]
         return "\n".join([line for line in shown if line][-count:])
 
-    def _place(self) -> tuple[int, int]:
-        """Where the next byte goes, and how many fit there."""
+    def _offset(self) -> tuple[int, int]:
+        """Offset of the next byte in the file, and how many bytes fit there."""
         if self.size < self._head:
             return self.size, self._head - self.size
         within = (self.size - self._head) % self._ring

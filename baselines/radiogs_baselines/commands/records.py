@@ -1,4 +1,4 @@
-"""What a command has done, kept beside its output: files that are there completely or not at all."""
+"""Records of finished commands, stored beside their output; they are written atomically."""
 
 import hashlib
 import json
@@ -11,51 +11,57 @@ from typing import Any
 from .errors import CommandFailed
 
 Listing = Mapping[str, int]
-"""Sizes of files in bytes by their paths, relative to the workspace."""
+"""Sizes of files in bytes, by their paths relative to the workspace."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """A command that has ended well.
-
-    ``order`` is a digest of what was run, ``files`` one of the listing of what it wrote. Paths are relative to the
-    workspace. ``peak_bytes`` is resident memory over all its processes; memory on a GPU is not measured.
-    """
+    """A command that has succeeded."""
 
     command: str
+    """Name of the command."""
     order: str
+    """Digest of everything that decides the command's result (``digest_of_order``)."""
     output: str
+    """Folder of its output, relative to the workspace."""
     log: str
+    """Path of its log, relative to the workspace."""
     files: str
+    """Digest of the files that it wrote (``digest_of``)."""
     file_count: int
+    """Number of these files."""
     file_bytes: int
+    """Sum of their sizes."""
     exit_code: int
+    """Exit code."""
     seconds: float
+    """Duration, seconds."""
     peak_bytes: int | None
+    """Peak of resident memory over all its processes; GPU memory is not measured. None: not measured."""
 
     @staticmethod
     def of(values: Mapping[str, Any]) -> "Record":
-        """From plain values, as ``plain`` gives them."""
+        """The record from plain values: the inverse of ``plain``."""
         return Record(**{field.name: values[field.name] for field in fields(Record)})
 
     def plain(self) -> dict[str, Any]:
-        """Plain values, to be stored."""
+        """The record as plain values, for storage."""
         return asdict(self)
 
 
 def digest_of(listing: Listing) -> str:
-    """SHA-256 of names and sizes."""
+    """SHA-256 of the names and sizes of files."""
     lines = "".join(f"{name}\0{size}\n" for name, size in sorted(listing.items()))
     return hashlib.sha256(lines.encode("utf-8", "surrogateescape")).hexdigest()
 
 
 def digest_of_order(*parts: Sequence[str]) -> str:
-    """SHA-256 of what is run."""
+    """SHA-256 of the texts that decide a command's result."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
 
 
 def listing_of(root: Path, files: Iterable[Path]) -> dict[str, int]:
-    """Sizes of the files, and of all files in those that are folders."""
+    """Sizes of files; a folder stands for all files in it. Paths are relative to ``root``."""
     found = {}
     for entry in files:
         inside = entry.rglob("*") if entry.is_dir() else (entry,)
@@ -64,7 +70,7 @@ def listing_of(root: Path, files: Iterable[Path]) -> dict[str, int]:
 
 
 def read_record(path: Path) -> Record | None:
-    """None where there is none, and for one of another version."""
+    """The record at ``path``; None if there is none, or if it is of another version."""
     values = read_json(path)
     try:
         return None if values is None else Record.of(values)
@@ -73,7 +79,7 @@ def read_record(path: Path) -> Record | None:
 
 
 def read_json(path: Path) -> Any:
-    """None where there is none that can be read."""
+    """The content of a JSON file; None if it cannot be read."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -81,7 +87,7 @@ def read_json(path: Path) -> Any:
 
 
 def write_json(path: Path, values: Any) -> None:
-    """Whole or not at all. Raises CommandFailed where the disk refuses."""
+    """Write a JSON file atomically. Raises CommandFailed if the system refuses."""
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -93,6 +99,6 @@ def write_json(path: Path, values: Any) -> None:
     except OSError as error:
         raise CommandFailed(
             f"cannot write {path}: {error.strerror}",
-            "What has been done could not be noted down; all that was finished before is kept.",
-            "Make room, and run the same command again.",
+            "The command's record could not be stored; earlier records are kept.",
+            "Free disk space, and run the same command again.",
         ) from error

@@ -1,4 +1,4 @@
-"""A command of a run, from its first attempt to the record of its good end."""
+"""A command of a run, from its first attempt to the record of its success."""
 
 import os
 import re
@@ -24,34 +24,42 @@ from .records import (
 )
 
 LAST_LINES = 12
-"""Lines of a log that stand in the message of a failure."""
+"""Number of lines of the log in the message of a failure."""
 
 NO_SPACE = re.compile(r"no space left|disk quota exceeded|file too large|errno 28\b|errno 122\b", re.IGNORECASE)
+"""Messages of a full disk."""
+
 LITTLE_SPACE = 2**20
+"""Free bytes below which a disk counts as full."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """One command and what it must leave behind.
-
-    ``order`` is a digest of what is run. ``arguments`` gives them filled in, told whether it goes on with a run that
-    was cut short. ``wrote`` lists what it has written, relative to the workspace, and raises for what is missing;
-    ``inspect`` looks into those files, once. ``before`` makes ready what the command reads.
-    """
+    """One command and the files that it has to write."""
 
     place: Place
+    """Workspace."""
     name: str
+    """Name of the command."""
     order: str
+    """Digest of everything that decides the command's result."""
     arguments: Callable[[bool], Sequence[str]]
+    """Returns the program and its arguments; the parameter says whether it continues an interrupted run."""
     wrote: Callable[[], Listing]
+    """Lists the files that the command has written; raises an error if one is missing."""
     light: str = ""
+    """Name of the light that the command relights under."""
     time_limit: float | None = None
+    """Longest duration in seconds; None: no limit."""
     resumes: bool = False
+    """Whether the command can continue an interrupted run."""
     before: Callable[[], None] = lambda: None
+    """Writes the files that the command reads."""
     inspect: Callable[[], None] = lambda: None
+    """Checks the content of the files once, after the command has ended."""
 
     def done(self) -> Record | None:
-        """The record of its good end, if what it wrote is still there and the same."""
+        """The record of its success, if its files are still there and unchanged."""
         record = read_record(self.place.done(self.name))
         if record is None or record.order != self.order:
             return None
@@ -61,7 +69,7 @@ class Task:
             return None
 
     def begin(self) -> "Attempt":
-        """Start it: in a clean folder, or in the folder as it is where it resumes."""
+        """Start the command: in a clean folder, or, if it resumes, in the folder of the interrupted run."""
         place = self.place
         place.make(place.output)
         values = place.values(self.light)
@@ -79,7 +87,7 @@ class Task:
         return Attempt(self, Running(order))
 
     def _prepare_folder(self) -> bool:
-        """Whether it goes on: there is an attempt that was cut short, something came of it, and the code can."""
+        """Remove the files of an interrupted run, unless the code can continue it; returns whether it continues."""
         place = self.place
         place.done(self.name).unlink(missing_ok=True)
         there = files_in(place.output)
@@ -97,13 +105,13 @@ class Task:
 
 
 class Attempt:
-    """A task that is running."""
+    """A running command of a task."""
 
     def __init__(self, task: Task, running: Running) -> None:
         self.task, self._running = task, running
 
     def poll(self, seconds: float) -> Record | None:
-        """Wait at most so long; returns the record of its good end, None while it runs. Raises CommandFailed."""
+        """Wait at most ``seconds``; returns the record of success, or None while it runs. Raises CommandFailed."""
         ended = self._running.poll(seconds)
         if ended is None:
             return None
@@ -113,11 +121,11 @@ class Attempt:
             listing = self.task.wrote()
             self.task.inspect()
         except ExplainedError as error:
-            raise self._failed("ended well, but not all that it should have written is there", str(error)) from error
+            raise self._failed("ended without an error, but did not write all its files", str(error)) from error
         return self._recorded(ended, listing)
 
     def end(self) -> None:
-        """End it with all its children, if it runs."""
+        """End the command and all its children, if it is running."""
         self._running.end()
 
     def _recorded(self, ended: Ended, listing: Listing) -> Record:
@@ -141,31 +149,31 @@ class Attempt:
         task, log = self.task, self._running.log
         last = log.last_lines(LAST_LINES)
         full = _full_disk(task.place.root, last + log.trouble + why)
-        parts = [why, full, log.trouble, f"The last it said:\n{last}" if last else "It said nothing.", LIMITS]
-        again = "it goes on where it was" if task.resumes else "this command begins again, those before it are kept"
+        parts = [why, full, log.trouble, f"Its last output:\n{last}" if last else "It printed nothing.", LIMITS]
+        again = "it continues from its last state" if task.resumes else "it starts again, and earlier commands are kept"
         return CommandFailed(
             f"{task.place.file.title}: the command '{task.name}' {how}",
             "\n".join(part for part in parts if part),
-            f"All it said: {log.path}\n" + ("Make room and run" if full else "Run") + f" the same again: {again}.",
+            f"Its log: {log.path}\n" + ("Free disk space and run" if full else "Run") + f" the same again: {again}.",
         )
 
 
 def files_in(folder: Path) -> list[Path]:
-    """All files below a folder; links are files of their own and are not followed."""
+    """All files below a folder; symbolic links count as files and are not followed."""
     return [Path(parent) / name for parent, _, names in os.walk(folder) for name in names]
 
 
 def _how(ended: Ended, limit: float | None) -> tuple[str, str]:
     if ended.survivors:
         numbers = ", ".join(map(str, ended.survivors))
-        return "left processes that cannot be ended", f"They hang in the system: {numbers}. End them before all else."
+        return "left processes that cannot be ended", f"They wait in the kernel: {numbers}. End them first."
     if ended.too_long:
         return f"was ended after {limit:g} seconds, its time limit", "The method's file sets it (time_limit)."
     if ended.exit_code > 0:
         return f"ended with exit code {ended.exit_code}", ""
     number = -ended.exit_code
     name = next((each.name for each in signal.Signals if each == number), str(number))  # real-time ones have none
-    why = "The system does that where memory runs out." if name == "SIGKILL" else ""
+    why = "The system sends it when memory runs out." if name == "SIGKILL" else ""
     return f"was ended by the signal {name}", why
 
 

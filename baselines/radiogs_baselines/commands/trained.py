@@ -1,4 +1,5 @@
-"""What a public code has learned: rendered and relit by its commands, read by the reader of its layout."""
+"""The trained model of a public code: its commands render and relight it, and the reader of its layout reads the
+files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -44,57 +45,61 @@ KINDS: Mapping[str, MapKind] = {
     "indirect": MapKind("linear"),
     "incident": MapKind("linear"),
 }
-"""How maps of every reader are given: as they appear on black."""
+"""Kinds of the maps that readers return; all maps are on black."""
 
 SHOWN = 6
-"""Files that are named where many are missing."""
+"""Largest number of missing files that a message names."""
 
 
 @dataclass(frozen=True)
 class PreparedCommand:
-    """Images that are there as files. ``views`` gives what is read for a view."""
+    """A rendered model, whose maps are files. A ``contract.Prepared``."""
 
     title: str
+    """Name of the method in messages."""
     offers: Mapping[str, MapKind]
+    """Kinds of the maps, by name."""
     views: Sequence[tuple[View, Callable[[], Maps]]]
+    """Rendered views, and functions that read their maps."""
     timed: bool = False
+    """Whether ``render`` may be timed: no, because it reads files."""
 
     @property
     def default(self) -> frozenset[str]:
-        """All maps: they are files already."""
+        """Names of all maps, because all of them are files already."""
         return frozenset(self.offers)
 
     def render(self, camera: Camera, *further: str) -> Maps:
-        """The maps of the view with that camera. Raises DataError where the scene has none, or a file is damaged."""
+        """The maps of the view with that camera. Raises DataError if no view has it, or if a file is damaged."""
         for view, read in self.views:
             if same_camera(view.camera, camera):
                 return read()
         raise DataError(
             f"{self.title} was not rendered from this camera",
-            f"It is run as commands, which render the scene's own views: {len(self.views)} of them are here.",
-            "Leave out what needs other cameras.",
+            f"Its commands render the views of the scene; {len(self.views)} of them are available.",
+            "Leave out metrics that need other cameras.",
         )
 
 
 @dataclass(frozen=True)
 class TrainedCommand:
-    """A trained model in the workspace of a run.
-
-    ``product`` is the record of each command of training by its name, ``order`` a digest of what they were.
-    """
+    """A trained model in the workspace of a run. A ``contract.Trained``."""
 
     place: Place
+    """Workspace."""
     product: Mapping[str, Any]
+    """Records of the commands of training, by name."""
     order: str
+    """Digest of everything that decides the model."""
 
     @property
     def light(self) -> EnvironmentMap | None:
-        """The recovered light, of the layouts that have a file of it, once the test views are rendered."""
+        """The recovered light; None before the test views are rendered, or if the layout has no file of it."""
         found = self._found()
         return None if found is None else found.read_light()
 
     def facts(self) -> dict[str, Any]:
-        """What was run and what it took; what one must know of this code; what of its output is not read."""
+        """The code and its commands with their cost, remarks on the code, and files of its output that are not read."""
         code, found = self.place.file.code, self.place.found_commit()
         commands = dict(self.product)
         for path in sorted(self.place.done("").parent.glob("*.json")):
@@ -106,7 +111,7 @@ class TrainedCommand:
         if found is not None and not found.startswith(code.commit):
             remarks.append(f"The commands are for commit {code.commit}; the checkout is at {found}.")
         if self.place.file.relight is None:
-            remarks.append("Nothing is relit: its file has no command for that.")
+            remarks.append("It is not relit, because its file has no command that relights.")
         return {
             "code": {"url": code.url, "commit": code.commit, "licence": code.licence, "found": found},
             "commands": commands,
@@ -117,7 +122,7 @@ class TrainedCommand:
         }
 
     def export(self, folder: Path) -> list[Path]:
-        """A small file that says where all is. Raises OSError."""
+        """Write ``where.json``, which names the folders and facts of the model; returns its path. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True)
         path = folder / "where.json"
         where = {
@@ -137,10 +142,10 @@ class TrainedCommand:
         albedo_scale: Float[Tensor, "3"] | None = None,
         after_step: Callable[[], None] = lambda: None,
     ) -> PreparedCommand:
-        """Run the command that renders the test views, or relights them, unless that is done.
+        """Run the command that renders the test views, or relights them, unless it has been run.
 
-        ``albedo_scale`` is not used: what these codes do of that kind they do themselves. Raises CommandFailed, and
-        DataError for a light that is none of the scene's, NotOffered where there is no command that relights.
+        ``albedo_scale`` is ignored: public codes scale albedo themselves, if at all. Raises CommandFailed; DataError
+        for a light that is not one of the scene's; NotOffered if the method has no command that relights.
         """
         if light is None:
             if self.place.file.render is not None:
@@ -211,7 +216,7 @@ class TrainedCommand:
         return PreparedCommand(self.place.file.title, {"image": KINDS["image"]}, readings)
 
     def _views_written(self) -> Listing:
-        """The files of the test views. Raises CommandFailed for a map that some views lack, or that must be there."""
+        """The files of the test views. Raises CommandFailed if a map is missing for some views, or a required map."""
         found, command = self._read(), self.place.file.render
         missing = [each for each in found.missing if not each.startswith("relit ")]
         there = {name for maps in found.maps.values() for name in maps}
@@ -220,7 +225,7 @@ class TrainedCommand:
         return self._listed(found for maps in found.maps.values() for found in maps.values())
 
     def _relit_written(self, lights: Sequence[str]) -> Listing:
-        """The files of the views under some lights. Raises CommandFailed for views that have none."""
+        """The files of the views under some lights. Raises CommandFailed if a view has none."""
         files: dict[tuple[str, str], Found] = {}
         missing = []
         for light in lights:
@@ -239,10 +244,10 @@ class TrainedCommand:
         return found
 
     def _lit_views(self) -> dict[str, list[Scene]]:
-        """By light, the scene with only the views that it has under that light: test views, and views elsewhere.
+        """For each light, scenes whose test views are the views under that light.
 
-        Test views are all kept where any is lit: files are told by their place among them. Views elsewhere have a
-        light each, and are told by their names.
+        If a test view exists under the light, all test views are kept, because files are numbered by them. Views of the
+        object in other surroundings (``Scene.relight``) have one light each, and their files are named by the view.
         """
         scene = self.place.run.scene
         lit: dict[str, list[Scene]] = {light: [scene] for light in relightable(scene)}
@@ -257,7 +262,7 @@ class TrainedCommand:
         return read_predictions(self.place.results, scene or self.place.run.scene, self.place.file.reader)
 
     def _found(self) -> Predictions | None:
-        """What there is to be read, None before anything was rendered."""
+        """The predictions that can be read; None before the test views are rendered."""
         try:
             return self._read()
         except DataError:
@@ -275,14 +280,14 @@ class TrainedCommand:
             if torch.equal(each.radiance.cpu(), light.radiance.cpu()):
                 return name
         raise DataError(
-            f"{self.place.file.title} cannot be relit by a light that is none of the scene's",
-            f"Its results are compared under the scene's own: {', '.join(lights) or 'it has none'}.",
+            f"{self.place.file.title} cannot be relit by a light that is not one of the scene's",
+            f"Its command reads the scene's lights: {', '.join(lights) or 'it has none'}.",
             "Relight it by one of them.",
         )
 
 
 def same_camera(one: Camera, other: Camera) -> bool:
-    """Whether they see the same, pixel by pixel."""
+    """Whether two cameras have the same lens, image size and pose."""
     lens = [(each.fx, each.fy, each.cx, each.cy, each.width, each.height) for each in (one, other)]
     return lens[0] == lens[1] and torch.equal(one.camera_to_world.cpu(), other.camera_to_world.cpu())
 
@@ -302,15 +307,15 @@ def _relit_of(found: Predictions, light: str, view: View) -> Maps:
 
 
 def _inspect(files: Any) -> None:
-    """Raise DataError for an image that is cut off."""
+    """Raise DataError for an image file that is truncated."""
     for path in sorted({found.path for found in files}):
         if path.suffix != ".npy":
             image_size(path, read_bytes(path))
 
 
 def _require_none(missing: Sequence[str], unread: Sequence[str] = ()) -> None:
-    """Raise CommandFailed for what is missing; what is there and not read may be the reason."""
+    """Raise CommandFailed if any file is missing; the message names files that are there but not read."""
     if missing:
         more = f" and {len(missing) - SHOWN} more" if len(missing) > SHOWN else ""
-        beside = f"There and not read: {'; '.join(unread[:SHOWN])}." if unread else ""
+        beside = f"Files that are not read: {'; '.join(unread[:SHOWN])}." if unread else ""
         raise CommandFailed(f"{len(missing)} missing: {', '.join(missing[:SHOWN])}{more}", beside)

@@ -1,1 +1,1 @@
-"""The folders that public codes write their results into: read as maps on black, and written in their place."""
+"""Readers and writers of the folders into which public codes write their results; maps are on black."""

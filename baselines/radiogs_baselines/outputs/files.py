@@ -1,4 +1,4 @@
-"""Finding the files of a rule."""
+"""Finds the files of a rule."""
 
 import glob
 import re
@@ -10,31 +10,36 @@ from radiogs_core.errors import DataError
 from .rules import Rule
 
 SUFFIXES = (".exr", ".npy", ".png")
-"""Looked for in this order where a rule names no suffix: the most digits first."""
+"""Suffixes that are tried, in this order, for a rule without a suffix: the most precise format first."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """A file and how it reads."""
+    """A file that was found, and the rule by which it is read."""
 
     path: Path
+    """Path of the file."""
     rule: Rule
+    """Map, encoding and part of the file."""
 
 
 def resolved(folder: Path, path: str) -> str:
-    """The path with each ``*`` replaced by the entry that is last in numerical order; as it is where none exists."""
+    """The path with each ``*`` replaced by the entry that is last in numerical order; unchanged if there is none."""
     parts = path.split("/")
-    for place, part in enumerate(parts):
+    for index, part in enumerate(parts):
         if "*" in part:
-            entries = sorted((entry.name for entry in folder.joinpath(*parts[:place]).glob(part)), key=_numerical)
+            entries = sorted((entry.name for entry in folder.joinpath(*parts[:index]).glob(part)), key=_numerical)
             if not entries:
                 return path
-            parts[place] = entries[-1]
+            parts[index] = entries[-1]
     return "/".join(parts)
 
 
 def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Found | None:
-    """The rule's file for a view, if it is there; view and light go by any of their usual spellings."""
+    """The rule's file for a view, under any spelling of view and light; None if it does not exist.
+
+    ``index``: index of the view among the test views. ``name``: its name.
+    """
     for path in spellings(rule, index, name, light):
         for suffix in ("",) if Path(path).suffix in SUFFIXES else SUFFIXES:
             file = _inside(folder, path + suffix)
@@ -44,7 +49,7 @@ def find(folder: Path, rule: Rule, index: int, name: str, light: str = "") -> Fo
 
 
 def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
-    """Paths that the rule's file may have, relative to the folder."""
+    """Paths that the rule's file may have, relative to the folder of results."""
     last = name.rsplit("/", 1)[-1]
     names = (name, name.replace("/", "_"), last, f"{last}_rgba") if "{name}" in rule.path else (name,)
     written = [rule.path.format(index=index, name=spelt, light=lit) for spelt in names for lit in _lights(rule, light)]
@@ -52,7 +57,7 @@ def spellings(rule: Rule, index: int, name: str, light: str = "") -> list[str]:
 
 
 def last_index(folder: Path, rule: Rule, light: str = "") -> int:
-    """The largest ``{index}`` that the rule has a file for; -1 where it has none or does not count views."""
+    """The largest ``{index}`` of the rule's files; -1 if there is none, or if the rule has no index."""
     largest = -1
     for lit in _lights(rule, light) if "{index" in rule.path else ():
         written = rule.path.format(index=_AnyIndex(), name="", light=lit)
@@ -64,7 +69,7 @@ def last_index(folder: Path, rule: Rule, light: str = "") -> int:
 
 
 class _AnyIndex:
-    """Stands in a path for an index with however many digits."""
+    """A placeholder in a path for an index with any number of digits."""
 
     MARK = "\0"
 
@@ -80,8 +85,8 @@ def _inside(folder: Path, path: str) -> Path:
     file = folder / path
     if ".." in Path(path).parts or Path(path).is_absolute():
         raise DataError(
-            f"a view's name leads out of {folder}: '{path}'",
-            "Nothing outside the folder of predictions is read.",
+            f"the name of a view leads out of {folder}: '{path}'",
+            "Only files in the folder of predictions are read.",
             "Correct the scene's list of views.",
         )
     return file

@@ -1,6 +1,6 @@
-"""The predictions that a folder holds of a scene: files by view and map.
+"""The predictions of a scene in a folder of results, by view and map.
 
-A stored map is turned into numbers with the right part, colour space and ground.
+Reading a map selects its part of the file, converts its colour space and removes a white ground.
 """
 
 from collections.abc import Mapping
@@ -25,27 +25,30 @@ from .files import Found
 
 @dataclass(frozen=True)
 class Predictions:
-    """Files by view and map; they are read when asked for.
-
-    ``maps[view][map]`` and ``relit[light][view]`` hold what is there. ``missing`` names what belongs to a map that
-    other views have; ``absent`` maps and lights that no view has, each with an example of the file looked for;
-    ``ignored`` what is there and not read, with the reason where it has one; ``remarks`` what one must know before
-    reading a score.
-    """
+    """The files of a scene's predictions; ``read`` and its siblings read them at each call."""
 
     folder: Path
+    """Folder of the results."""
     code: str
+    """Name of the layout, a key of ``CODES``."""
     maps: Mapping[str, Mapping[str, Found]]
+    """Files by view and map."""
     relit: Mapping[str, Mapping[str, Found]]
+    """Files of relit images, by light and view."""
     light: Path | None
+    """File of the recovered light; None if there is none."""
     missing: tuple[str, ...]
+    """Files of single views that are missing, for maps that other views have."""
     absent: tuple[str, ...]
+    """Maps and lights that no view has, each with the paths that were tried."""
     ignored: tuple[str, ...]
+    """Files that are there but not read, with the reason if it is known."""
     remarks: tuple[str, ...]
+    """Sentences on the layout that matter for its scores."""
 
     @property
     def files(self) -> dict[str, dict[str, str]]:
-        """Paths relative to the folder: by map and view, then by ``relit/<light>`` and view, then the light."""
+        """Paths relative to the folder, by map (or ``relit/<light>``, or ``environment``) and view."""
         named: dict[str, dict[str, str]] = {}
         for view, maps in self.maps.items():
             for name, found in maps.items():
@@ -57,7 +60,7 @@ class Predictions:
         return named
 
     def read(self, view: View, coverage: Float[Tensor, "height width 1"]) -> dict[str, Tensor]:
-        """Every map of a view as it appears on black. Raises DataError (see ``read_map``)."""
+        """All maps of a view, on black. ``coverage``: true coverage. Raises DataError (see ``read_map``)."""
         files = self.maps[view.name]
         alpha = {"alpha": read_map(files["alpha"], view, coverage)} if "alpha" in files else {}
         own = alpha.get("alpha", coverage)
@@ -79,16 +82,16 @@ class Predictions:
 
 
 def relightable(scene: Scene) -> dict[str, list[View]]:
-    """The test views that the scene gives under each light."""
+    """The test views for which the scene has an image under each light."""
     lit = {light: [view for view in scene.test if view.has(f"relit/{light}")] for light in scene.lights}
     return {light: views for light, views in lit.items() if views}
 
 
 AS_NUMBERS = (".exr", ".npy")
-"""Files whose normals and radiance are stored as they are, not encoded for display."""
+"""Suffixes of files that store normals and radiance as floating-point values, not encoded for display."""
 
 NO_DIRECTION = 3**0.5 / 255
-"""A zero normal is stored as grey, which 8 bits hold half a level too low or high: a length of sqrt(3) / 255."""
+"""Length of a zero normal after 8-bit encoding: grey is half a level too low or too high in each channel."""
 
 
 def read_map(
@@ -97,11 +100,16 @@ def read_map(
     coverage: Float[Tensor, "height width 1"],
     alpha: Float[Tensor, "height width 1"] | None = None,
 ) -> Float[Tensor, "height width _"]:
-    """The map as it appears on black, in the units of ``radiogs_core.scene.scene.MapName`` (normals in the world).
+    """A map on black, in the units of ``radiogs_core.scene.scene.MapName`` (normals in the world).
 
-    ``coverage`` is the true one: it takes the white of the ground away, which leaves differences from a truth on white
-    as they were. ``alpha`` is the predicted one, where there is a file of it: normals are zero outside. Raises
-    DataError for a damaged file, one of another size than the view, or one with too few channels.
+    Raises DataError for a file that is damaged, has another size than the view, or has too few channels.
+
+    Args:
+        found: The file and its rule.
+        view: View of the map.
+        coverage: True coverage. A white ground is removed with it, which does not change the difference from a truth on
+            white.
+        alpha: Predicted coverage, if there is a file of it: normals outside it are zero.
     """
     rule = found.rule
     stored = _part(found, _read(found.path), (view.camera.height, view.camera.width))
@@ -116,7 +124,7 @@ def read_map(
         return _directions(values, numbers) * (covered > 0)
     if rule.ground == "white":
         values = values - (1 - coverage)
-        # An image keeps what is darker than its ground, so that a white ground can be put back as it was.
+        # Images keep negative values (darker than their ground), so that a white ground can be restored exactly.
         values = values if rule.encoding == "display" else values.clamp(min=0)
     if own is not None:
         values = values * own
@@ -126,19 +134,20 @@ def read_map(
 
 
 def read_environment(path: Path) -> EnvironmentMap:
-    """Recovered light, linear RGB, Z up, centre column towards +X. Raises DataError for a damaged or negative map."""
+    """The recovered light: linear RGB, Z up, centre column towards +X. Raises DataError for a damaged or negative
+    map."""
     radiance = torch.from_numpy(_read(path)[..., :3].copy())
     if radiance.shape[2] != 3 or bool((radiance < 0).any()):
         raise DataError(
-            f"{path} is no map of light",
-            "Three channels of radiance, none of it negative, are needed.",
-            "Export it anew.",
+            f"{path} is not a light map",
+            "A light map has three channels of radiance, and no negative value.",
+            "Export it again.",
         )
     return EnvironmentMap(radiance)
 
 
 def _directions(stored: Tensor, numbers: bool) -> Tensor:
-    """Unit directions; zero where the file holds none: grey, or black in a file of encoded normals."""
+    """Unit normals; zero where the file has none: zero, or grey or black in a file of encoded normals."""
     directions = stored if numbers else 2 * stored - 1
     length = directions.norm(dim=-1, keepdim=True)
     none = (length == 0) if numbers else (length <= NO_DIRECTION * (1 + 1e-4)) | (stored == 0).all(-1, keepdim=True)
@@ -146,16 +155,16 @@ def _directions(stored: Tensor, numbers: bool) -> Tensor:
 
 
 def _part(found: Found, image: NDArray[np.float32], size: tuple[int, int]) -> Tensor:
-    place, parts = found.rule.part
+    index, parts = found.rule.part
     height, width = image.shape[:2]
     if (height, width) != (size[0], parts * size[1]):
         raise DataError(
             f"{found.path} is {width} x {height} pixels",
             f"The scene's view is {size[1]} x {size[0]}"
-            + (f", and {parts} images stand side by side in this file." if parts > 1 else "."),
-            "Score results of the scene's resolution: a resized image is another image.",
+            + (f", and {parts} images are side by side in this file." if parts > 1 else "."),
+            "Score results of the scene's resolution: resizing an image would change its metrics.",
         )
-    return torch.from_numpy(image[:, place * size[1] : (place + 1) * size[1]].copy())
+    return torch.from_numpy(image[:, index * size[1] : (index + 1) * size[1]].copy())
 
 
 def _read(path: Path) -> NDArray[np.float32]:
@@ -164,7 +173,8 @@ def _read(path: Path) -> NDArray[np.float32]:
     values = read_numpy(path)
     if not np.issubdtype(values.dtype, np.floating) or values.ndim not in (2, 3) or not values.size:
         raise DataError(
-            f"{path} is no image",
-            f"It holds {values.dtype} of shape {values.shape}; finite floats [height, width(, channels)] are needed.",
+            f"{path} is not an image",
+            f"It has the type {values.dtype} and the shape {values.shape}; an image is [height, width(, channels)] of"
+            " finite floating-point numbers.",
         )
     return as_float32(path, np.atleast_3d(values))

@@ -1,4 +1,4 @@
-"""Which files of a folder are a prediction of which map of which view."""
+"""Finds the predictions of a scene in a folder: which file belongs to which map and view."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,17 +18,19 @@ from .unread import unread_files
 
 
 def likely_codes(folder: Path) -> list[str]:
-    """Codes that the folder bears a mark of, without those whose marks another of them explains."""
+    """Codes whose marks the folder has, without those whose marks another of these codes also writes
+    (``Code.over``)."""
     marked = [name for name, code in CODES.items() if any(_exists(folder, mark) for mark in code.marks)]
     explained = {other for name in marked for other in CODES[name].over}
     return [name for name in marked if name not in explained]
 
 
 def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Predictions:
-    """What the folder predicts of the scene's test views, in the layout of ``code`` or of the one that it bears.
+    """The predictions of a scene's test views in a folder.
 
-    Raises UsageError for an unknown code, DataError for a folder that cannot be told, that holds nothing for this
-    scene, or that counts more views than it has.
+    ``code``: name of the layout; None recognises it by its marks. Raises UsageError for an unknown code. Raises
+    DataError if the layout is not recognised, if the folder has no prediction of this scene, or if it has files for
+    more views than the scene.
     """
     if not folder.is_dir():
         raise DataError(f"there is no folder {folder}", "", "Give the folder that the code wrote its results into.")
@@ -56,8 +58,11 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
     if not read:
         raise DataError(
             f"{folder} holds no prediction of scene '{scene.name}' as {layout.title} writes it",
-            "Looked for: " + "; ".join(search.absent) + "." + "".join(f" {reason}." for reason in search.left_out),
-            "Name the code with --from, and the scene that was trained on with --scene.",
+            "It has none of these files: "
+            + "; ".join(search.absent)
+            + "."
+            + "".join(f" {reason}." for reason in search.left_out),
+            "Name the code with --from, and the scene that it was trained on with --scene.",
         )
     return Predictions(
         folder=folder,
@@ -73,7 +78,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
 
 
 class _Search:
-    """Looks for files of a scene's views, and keeps account of what is not there."""
+    """Searches for the files of a scene's views, and records those that are missing."""
 
     def __init__(self, folder: Path, scene: Scene) -> None:
         self.folder, self.scene = folder, scene
@@ -81,10 +86,13 @@ class _Search:
         self.absent: list[str] = []
         self.left_out: list[str] = []
         self.wrong_size: set[Path] = set()
-        self._place = {view.name: place for place, view in enumerate(scene.test)}
+        self._index = {view.name: index for index, view in enumerate(scene.test)}
 
     def first(self, what: str, rules: Sequence[Rule], views: Sequence[View], light: str = "") -> dict[str, Found]:
-        """Files by view of the first rule that has any; names the views that lack theirs, or all rules' example."""
+        """Files, by view, of the first rule that has any.
+
+        Views without a file are added to ``missing``; if no rule has any file, their paths are added to ``absent``.
+        """
         examples = []
         for rule in (replace(rule, path=resolved(self.folder, rule.path)) for rule in rules):
             self._require_no_more_views(rule, light)
@@ -98,19 +106,19 @@ class _Search:
         return {}
 
     def _find(self, rule: Rule, view: View, light: str) -> Found | None:
-        return find(self.folder, rule, self._place[view.name], view.name, light)
+        return find(self.folder, rule, self._index[view.name], view.name, light)
 
     def _example(self, rule: Rule, view: View, light: str) -> str:
-        return spellings(rule, self._place[view.name], view.name, light)[0]
+        return spellings(rule, self._index[view.name], view.name, light)[0]
 
     def _require_no_more_views(self, rule: Rule, light: str) -> None:
         count, last = len(self.scene.test), last_index(self.folder, rule, light)
         if last >= count:
             raise DataError(
                 f"{self.folder} counts views up to {last}, scene '{self.scene.name}' has {count} test views",
-                f"Files of {rule.path} are named by place in the list of test views; with another list each would be "
-                "compared with another view.",
-                "Give the scene that the code was evaluated on, with all its test views.",
+                f"Files of {rule.path} are numbered by the list of test views; with another list each is compared "
+                "with a wrong view.",
+                "Name the scene that the code was evaluated on, with all its test views.",
             )
 
     def _has_the_views_size(self, what: str, rule: Rule, files: dict[str, Found], views: Sequence[View]) -> bool:
@@ -132,11 +140,11 @@ class _Search:
 def _recognised(folder: Path) -> str:
     candidates = likely_codes(folder)
     if len(candidates) != 1:
-        seen = f"It bears marks of {', '.join(candidates)}." if candidates else "It bears the marks of none."
+        seen = f"It has files of {', '.join(candidates)}." if candidates else "It has the files of no known code."
         raise DataError(
             f"cannot tell which code wrote {folder}",
             seen,
-            f"Say it with --from: {', '.join((*CODES, 'stanford-orb'))}.",
+            f"Name the code with --from: {', '.join((*CODES, 'stanford-orb'))}.",
         )
     return candidates[0]
 

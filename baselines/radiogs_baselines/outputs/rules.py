@@ -1,66 +1,73 @@
-"""How one kind of file of a public code reads: where it lies, what it holds, and how it is encoded."""
+"""Rules that describe the files of a public code: their paths, maps and encodings."""
 
 from dataclasses import dataclass
 from typing import Literal
 
 Encoding = Literal["display", "linear", "srgb", "normal", "value", "radiance"]
-"""What the numbers of a file mean:
+"""Encoding of a file's values:
 
-display   sRGB colour that is compared as it is (a rendered image)
+display   sRGB colour that is compared without conversion (a rendered image)
 linear    linear colour, as stored (albedo)
 srgb      linear colour stored as sRGB (albedo)
-normal    world normals n / 2 + 1 / 2; from .exr and .npy as they are
-value     one number a pixel (roughness, coverage, depth)
-radiance  linear radiance stored as display sRGB; from .exr and .npy as it is
+normal    world normals stored as n / 2 + 1 / 2; in .exr and .npy files as n
+value     one number for each pixel (roughness, coverage, depth)
+radiance  linear radiance stored as display sRGB; in .exr and .npy files as linear radiance
 """
 
 Ground = Literal["black", "white", "own coverage"]
-"""What a file shows where nothing is covered. A fourth channel says nothing about "black" and "white" (some codes put
-the true mask there); with "own coverage" colours are straight if there is a fourth channel, and on black if not."""
+"""Background of a file. For "black" and "white" a fourth channel is ignored (some codes store the true mask there); for
+"own coverage" colours are straight if there is a fourth channel, and on black otherwise."""
 
 
 @dataclass(frozen=True)
 class Rule:
-    """Files of one map.
-
-    ``path`` is relative to the folder, with ``{index}`` (place in the scene's list of test views, ``{index:05d}`` for
-    leading zeros), ``{name}`` (a view's name, its last part, or that with ``_rgba``) and ``{light}``. A part of it may
-    hold ``*`` (an iteration): the last in numerical order is read. ``part`` (k, n) takes the k-th of n images side by
-    side. Of several rules for one map the first that any file is found for is used. ``other_size`` says why the code
-    may have written this map at another size than the scene's: such files are left out with that reason, where
-    otherwise a wrong size is an error.
-    """
+    """The files of one map. If a map has several rules, the first one with any file is used."""
 
     map: str
+    """Name of the map."""
     path: str
+    """Path relative to the folder, with ``{index}`` (index among the scene's test views; ``{index:05d}`` with leading
+    zeros), ``{name}`` (the view's name, its last part, or that with ``_rgba``) and ``{light}``. A part may contain
+    ``*``, such as an iteration: the last entry in numerical order is read."""
     encoding: Encoding
+    """Encoding of the values."""
     ground: Ground = "black"
+    """Background."""
     part: tuple[int, int] = (0, 1)
+    """(k, n): the map is image k of n images side by side in the file."""
     other_size: str = ""
+    """Reason why the code may have written this map at another size than the scene's. Such files are ignored, with this
+    reason; without a reason, a wrong size is an error."""
 
 
 @dataclass(frozen=True)
 class Unread:
-    """Files that look like predictions and are not read; ``pattern`` is relative to the folder, as of ``glob``."""
+    """Files that look like predictions but are not read."""
 
     pattern: str
+    """Glob pattern, relative to the folder."""
     reason: str
+    """Reason why they are not read."""
 
 
 @dataclass(frozen=True)
 class Code:
-    """A public code: its layout, what marks a folder as its own, and what one must know before reading a score.
-
-    ``environment`` are files of the recovered light: linear radiance, latitude-longitude, Z up, centre column towards
-    +X. Public codes write none: their pictures of it are clipped, and their checkpoints are not opened. ``over`` names
-    codes whose marks its folders bear as well.
-    """
+    """The layout of a public code's results."""
 
     title: str
+    """Name of the code in messages."""
     rules: tuple[Rule, ...]
+    """Rules of the maps of test views."""
     relit: tuple[Rule, ...]
+    """Rules of relit images."""
     marks: tuple[str, ...]
+    """Glob patterns of files by which a folder of this code is recognised."""
     remarks: tuple[str, ...] = ()
+    """Sentences on the layout that matter for its scores."""
     unread: tuple[Unread, ...] = ()
+    """Files that look like predictions but are not read."""
     environment: tuple[str, ...] = ()
+    """Files of the recovered light: linear radiance, lat-long, Z up, centre column towards +X. Public codes write none:
+    their pictures of the light are clipped, and their checkpoints are not opened."""
     over: tuple[str, ...] = ()
+    """Codes whose marks the folders of this code have too."""

@@ -1,8 +1,8 @@
-"""Stanford-ORB's own way of handing results in: a JSON of pairs of files, and nvdiffrec's validation images.
+"""Results in the formats of Stanford-ORB: a JSON of pairs of files, and nvdiffrec's validation images.
 
-The JSON (``info[scene]`` with ``view``, ``light``, ``geometry``, ``material``, ``shape``) names each output beside its
-target. Its paths are relative to somewhere; they are looked for below the JSON's folder and all folders above it, with
-as many of their parts as lead to a file. nvdiffrec writes ``val_<k>_opt.png`` beside the reference it compared with,
+The JSON (``info[scene]`` with ``view``, ``light``, ``geometry``, ``material``, ``shape``) names each output and its
+target. The JSON does not say to which folder its paths are relative, so they are searched for in its folder and all
+parent folders, also without their first parts. nvdiffrec writes ``val_<k>_opt.png`` beside the reference
 ``val_<k>_ref.png``.
 """
 
@@ -17,62 +17,72 @@ from radiogs_datasets.bounded_reading import read_json
 from .unread import unread_files
 
 Task = Literal["nvs", "relight", "albedo", "depth", "normal", "shape"]
+"""Tasks of the benchmark."""
+
 IMAGES: Mapping[str, Task] = {"view": "nvs", "light": "relight", "material": "albedo"}
+"""Tasks by the JSON's keys of lists of images."""
 
 
 @dataclass(frozen=True)
 class Pair:
-    """An output and its target, as far as the files exist; ``wanted`` are the paths as they were named."""
+    """An output and its target."""
 
     capture: str
+    """Name of the captured scene."""
     task: Task
+    """Task of the pair."""
     output: Path | None
+    """File of the output; None if it does not exist."""
     target: Path | None
+    """File of the target; None if it does not exist."""
     mask: Path | None
+    """File of the target's mask; None if there is none."""
     wanted: tuple[str, str]
+    """Paths of output and target as the JSON names them."""
 
     @property
     def lacking(self) -> tuple[str, ...]:
-        """Paths of output and target that lead to no file."""
+        """Named paths of output and target that do not exist."""
         found = (self.output, self.target)
         return tuple(path for path, file in zip(self.wanted, found, strict=True) if file is None)
 
 
-def read_pairs(place: Path) -> list[Pair]:
-    """All pairs of a JSON, or of a folder that holds such a JSON or validation images, at any depth.
+def read_pairs(path: Path) -> list[Pair]:
+    """All pairs of a JSON, or of a folder that contains such a JSON or validation images at any depth.
 
-    Raises DataError for a file that is no such JSON, and for a folder without either.
+    Raises DataError for a file that is not such a JSON, and for a folder without pairs.
     """
-    if not place.exists():
-        raise DataError(f"there is no {place}", "", "Give a JSON of pairs, or an output folder.")
-    place = place.absolute()
-    if place.is_file():
-        return list(_pairs_of(place))
-    files = [file for file in sorted(place.rglob("*.json")) if _is_handed_in(file)]
+    if not path.exists():
+        raise DataError(f"there is no {path}", "", "Give a JSON of pairs, or an output folder.")
+    path = path.absolute()
+    if path.is_file():
+        return list(_pairs_of(path))
+    files = [file for file in sorted(path.rglob("*.json")) if _is_handed_in(file)]
     pairs = [pair for file in files for pair in _pairs_of(file)]
     named = {pair.output for pair in pairs}
-    pairs += [pair for pair in _validation_pairs(place) if pair.target is not None or pair.output not in named]
+    pairs += [pair for pair in _validation_pairs(path) if pair.target is not None or pair.output not in named]
     if not pairs:
         raise DataError(
-            f"{place} holds no Stanford-ORB results",
-            "Looked for a JSON with 'info', and for val_<k>_opt.png beside val_<k>_ref.png.",
-            "Give the JSON that the benchmark's script takes, or nvdiffrec's output folder.",
+            f"{path} holds no Stanford-ORB results",
+            "Such results are a JSON with 'info', or val_<k>_opt.png beside val_<k>_ref.png.",
+            "Give the JSON that the benchmark's script reads, or nvdiffrec's output folder.",
         )
     return pairs
 
 
-def unread(place: Path, pairs: Iterable[Pair]) -> list[str]:
-    """What lies in the folder and is neither output, target nor mask of a pair (see ``unread_files``)."""
-    if place.is_file():
+def unread(path: Path, pairs: Iterable[Pair]) -> list[str]:
+    """Files in the folder that are neither output, target nor mask of a pair (see ``unread_files``)."""
+    if path.is_file():
         return []
     read = {file.absolute() for pair in pairs for file in (pair.output, pair.target, pair.mask) if file is not None}
-    return unread_files(place.absolute(), read, ())
+    return unread_files(path.absolute(), read, ())
 
 
-def holds_pairs(place: Path) -> bool:
-    """Whether it is, or holds at any depth, a JSON of pairs or validation images beside their references."""
-    files = [place] if place.is_file() else place.rglob("*.json")
-    return any(map(_is_handed_in, files)) or any(pair.target is not None for pair in _validation_pairs(place))
+def holds_pairs(path: Path) -> bool:
+    """Whether ``path`` is a JSON of pairs, or contains such a JSON or validation images with references at any
+    depth."""
+    files = [path] if path.is_file() else path.rglob("*.json")
+    return any(map(_is_handed_in, files)) or any(pair.target is not None for pair in _validation_pairs(path))
 
 
 def _validation_pairs(folder: Path) -> Iterator[Pair]:
@@ -98,7 +108,7 @@ def _pairs_of(file: Path) -> Iterator[Pair]:
                 yield _pair(file, capture, "shape", (shape["output_mesh"], shape["target_mesh"]), None)
     except (KeyError, TypeError, AttributeError) as error:
         raise DataError(
-            f"{file} is not what Stanford-ORB's script takes",
+            f"{file} is not in the format of Stanford-ORB's script",
             f"An entry cannot be read: {type(error).__name__} {error}.",
             "See docs/scoring.md for the keys.",
         ) from error
@@ -110,7 +120,7 @@ def _pair(file: Path, capture: str, task: Task, named: tuple[str, str], mask: st
 
 
 def _mask_of(target: str) -> str:
-    """Masks lie in ``<folder>_mask/<name>.png`` beside the target's folder."""
+    """Path of a target's mask: ``<folder>_mask/<name>.png`` beside the target's folder."""
     path = Path(target)
     return str(path.parent.with_name(path.parent.name + "_mask") / f"{path.stem}.png")
 

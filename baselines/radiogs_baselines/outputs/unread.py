@@ -1,4 +1,4 @@
-"""What lies in a folder of results and is not read, so that nothing is passed over in silence."""
+"""Lists the files in a folder of results that are not read, so that users see what was ignored."""
 
 import re
 from collections import defaultdict
@@ -8,14 +8,16 @@ from pathlib import Path
 from .rules import Unread
 
 IMAGES = (".png", ".exr", ".npy", ".hdr", ".jpg", ".jpeg")
+"""Suffixes of images."""
+
 CHECKPOINTS = (".pth", ".pt", ".ckpt", ".th", ".map")
-"""Files of pickled Python: opening one may run its author's code."""
+"""Suffixes of pickled Python objects: opening such a file may run its author's code."""
 
 
 def unread_files(folder: Path, read: Set[Path], known: Iterable[Unread]) -> list[str]:
-    """A sentence for each kind of image or checkpoint that is not in ``read``: where, how many, and why not.
+    """A line for each kind of image or checkpoint that is not in ``read``: path, number of files, and reason.
 
-    Files of one kind have names that differ in digits alone.
+    The names of files of one kind differ only in digits. ``known``: rules that give reasons.
     """
     reasons = {file: rule.reason for rule in known for file in folder.glob(rule.pattern)}
     kinds: dict[tuple[str, str], list[Path]] = defaultdict(list)
@@ -34,6 +36,6 @@ def unread_files(folder: Path, read: Set[Path], known: Iterable[Unread]) -> list
 
 def _sentence(kind: str, reason: str, files: list[Path]) -> str:
     parents = {file.parent for file in files}
-    place = kind if len(parents) > 1 else (files[0].parent / kind.rsplit("/", 1)[-1]).as_posix()
-    what = files[0].as_posix() if len(files) == 1 else f"{place} ({len(files)} files)"
+    pattern = kind if len(parents) > 1 else (files[0].parent / kind.rsplit("/", 1)[-1]).as_posix()
+    what = files[0].as_posix() if len(files) == 1 else f"{pattern} ({len(files)} files)"
     return f"{what}: {reason}" if reason else what

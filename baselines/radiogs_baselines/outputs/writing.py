@@ -1,4 +1,4 @@
-"""Writing maps as a public code writes them: the inverse of ``reading``, by the same rules."""
+"""Writes maps in the layout of a public code: the inverse of ``reading``, by the same rules."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,26 +17,32 @@ from .codes import CODES
 from .rules import Rule
 
 Maps = Mapping[str, Float[Tensor, "height width _"]]
+"""Maps of a view by name."""
 
 
 @dataclass(frozen=True)
 class LayoutWriter:
-    """Writes a scene's test views into ``folder`` in the layout of ``code``, as PNG files of 8 or 16 bits.
+    """Writes a scene's test views as PNG files in the layout of a public code.
 
-    Maps are those of ``radiogs_core.scene.scene.MapName`` on black: images in display sRGB, albedo, indirect and
-    incident light linear, normals in the world. What a layout has no place for is left out; parts of a file that it
-    fills with other things, such as the truth, are black. Folders that it numbers by iterations have the number 0.
-    Every view has a file of its own, whatever the code would call it.
+    Maps are those of ``radiogs_core.scene.scene.MapName``, on black: images in display sRGB; albedo, indirect and
+    incident light linear; normals in the world. Maps that a layout does not have are left out, and parts of a file that
+    it fills with other images, such as the truth, are black. The number of an iteration in a folder's name is 0. Every
+    view has its own file, also if the code would give several views the same name.
     """
 
     folder: Path
+    """Folder to write into."""
     code: str
+    """Name of the layout, a key of ``CODES``."""
     scene: Scene
+    """Scene of the views."""
     bits: int = 8
+    """Bits of a channel, 8 or 16."""
     written: list[Path] = field(default_factory=list)
+    """Files that have been written."""
 
     def write(self, view: View, maps: Maps, coverage: Float[Tensor, "height width 1"]) -> None:
-        """Write the maps of a view under its own light. ``coverage``: stands for alpha where there is none."""
+        """Write the maps of a view under its own light. ``coverage``: used if there is no map ``alpha``."""
         rules = _first_of_each_map(CODES[self.code].rules)
         for path, parts in groupby(sorted(rules, key=lambda rule: rule.path), key=lambda rule: rule.path):
             together = [rule for rule in parts if rule.map in maps]
@@ -45,7 +51,7 @@ class LayoutWriter:
                 self._file(path, view, parts_of_file, maps.get("alpha", coverage))
 
     def write_relit(self, light: str, view: View, maps: Maps, coverage: Float[Tensor, "height width 1"]) -> None:
-        """Write a view under another light: the map ``image``, as ``write`` does."""
+        """Write the map ``image`` of a view under another light; see ``write``."""
         rule = CODES[self.code].relit[0]
         self._file(rule.path, view, [(rule, maps["image"])], maps.get("alpha", coverage), light)
 
@@ -55,10 +61,10 @@ class LayoutWriter:
         channels = max(part.shape[2] for part in encoded.values())
         height, width = alpha.shape[:2]
         whole = torch.zeros(height, count * width, channels)
-        for place, part in encoded.items():
-            whole[:, place * width : (place + 1) * width] = part
+        for index, part in encoded.items():
+            whole[:, index * width : (index + 1) * width] = part
         named = path.replace("*", "0").format(
-            index=self._place[view.name], name=view.name.replace("/", "_"), light=light
+            index=self._index[view.name], name=view.name.replace("/", "_"), light=light
         )
         file = self.folder / (named if named.endswith(".png") else f"{named}.png")
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -66,17 +72,22 @@ class LayoutWriter:
         self.written.append(file)
 
     @property
-    def _place(self) -> dict[str, int]:
-        return {view.name: place for place, view in enumerate(self.scene.test)}
+    def _index(self) -> dict[str, int]:
+        return {view.name: index for index, view in enumerate(self.scene.test)}
 
 
 def encode(
     rule: Rule, image: Float[Tensor, "height width _"], alpha: Float[Tensor, "height width 1"]
 ) -> Float[Tensor, "height width _"]:
-    """The values of a file before they are clipped to [0, 1] and rounded; ``image`` is on black, ``alpha`` its own.
+    """The values of a file before they are clipped to [0, 1] and rounded.
 
-    ``predictions.read_map`` reads them as ``image``. On white it takes away the white beside the *true* coverage: the
-    difference from the truth is then that of both on white, which is how such a code compares them.
+    This is the inverse of ``predictions.read_map``. That function removes a white ground with the *true* coverage, so
+    the difference from the truth is that of both on white, which is how such a code compares them.
+
+    Args:
+        rule: Rule of the file.
+        image: The map, on black.
+        alpha: Its own coverage.
     """
     if rule.encoding == "normal":
         return image / 2 + 0.5
@@ -85,7 +96,7 @@ def encode(
 
 
 def _first_of_each_map(rules: tuple[Rule, ...]) -> list[Rule]:
-    """The rule that a map is read by where a folder holds all of them."""
+    """The first rule of each map, by which a folder that has the files of all rules is read."""
     first: dict[str, Rule] = {}
     for rule in rules:
         first.setdefault(rule.map, rule)

@@ -1,4 +1,4 @@
-"""Published figures as data: one TOML file a table, and the only place where they stand."""
+"""Published values as data, one TOML file for each table; no other file repeats them."""
 
 import tomllib
 from dataclasses import dataclass, field
@@ -11,60 +11,66 @@ from radiogs_core.errors import UsageError
 
 @dataclass(frozen=True)
 class Column:
-    """Unit of a published column, and whether larger ("up") or smaller ("down") is better; "none" for a setting.
-
-    A column of one scene names it; without a scene it is the mean over the table's data.
-    """
+    """A column of a published table."""
 
     unit: str
+    """Unit of the values."""
     direction: Literal["up", "down", "none"]
+    """Whether larger ("up") or smaller ("down") values are better; "none" for a setting."""
     scene: str | None = None
+    """Scene of the values; None: their mean over the table's data."""
 
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a table's values are of: a layout's scenes, their images' width in pixels (least, most), the protocol.
-
-    The budget is that of preset ``paper``, times the factors of a suite's row.
-    """
+    """The data and protocol of a table's values; the budget is the preset ``paper`` times the factors of a row."""
 
     layout: str
+    """Layout of the scenes."""
     scenes: tuple[str, ...]
+    """Names of the scenes."""
     width: tuple[int, int]
+    """Smallest and largest width of the images, pixels."""
     protocol: str
+    """Name of the metric protocol."""
 
 
 @dataclass(frozen=True)
 class PublishedTable:
-    """A table of the paper: ``figures[row][column]``, and ``printed``, the same with the paper's very digits.
-
-    ``label`` is its LaTeX label, ``source`` where it is printed, ``data`` what it averages over, in words, and
-    ``conditions`` the same as values. Column keys read
-    ``task/measure`` (``task/measure/scene``), ``labels`` says what the paper calls each row. A row may lack a column:
-    ``absent[row][column]`` says why. ``remarks`` by row say where the paper's tables do not agree with each other.
-    """
+    """A table of the paper. Column keys are ``task/measure`` or ``task/measure/scene``."""
 
     title: str
+    """Title of the table."""
     label: str
+    """LaTeX label of the table."""
     source: str
+    """Where the table is printed."""
     data: str
+    """The data that it averages over, in words."""
     conditions: Conditions
+    """The same data as values, with the protocol."""
     columns: dict[str, Column]
+    """Columns by key."""
     labels: dict[str, str]
+    """The paper's name of each row."""
     figures: dict[str, dict[str, float]]
+    """Values by row and column."""
     printed: dict[str, dict[str, str]]
+    """The same values with the digits that the paper prints."""
     absent: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Reasons why a row lacks a column, by row and column."""
     remarks: dict[str, str] = field(default_factory=dict)
+    """Sentences, by row, on tables of the paper that contradict each other."""
 
 
 def published_tables() -> tuple[str, ...]:
-    """Keys of the tables that are stored."""
+    """Keys of the stored tables."""
     folder = resources.files(__package__)
     return tuple(sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")))
 
 
 def published(table: str) -> PublishedTable:
-    """The published table of that key. Raises UsageError for an unknown one."""
+    """The published table of a key. Raises UsageError for an unknown key."""
     if table not in published_tables():
         near = get_close_matches(table, published_tables(), 1)
         raise UsageError(

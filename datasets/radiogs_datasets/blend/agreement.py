@@ -157,7 +157,7 @@ class Part:
     instances: tuple[tuple[Point, float], ...] = ()
 
     def solids(self) -> tuple[Solid, ...]:
-        """What there is in the world."""
+        """The solids of the scene."""
         if self.instances:
             ball = self.solid
             assert isinstance(ball, Sphere)
@@ -273,7 +273,7 @@ def write_own_file(name: str, folder: Path, blender: Blender) -> Path:
 
 
 def description(parts: Sequence[Part]) -> dict[str, Any]:
-    """What ``in_blender.authoring`` is told."""
+    """The parts as plain values, for ``in_blender.authoring``."""
     return {"parts": [part.description() for part in parts]}
 
 

@@ -16,7 +16,7 @@ from ..generate.recipe import Rig
 from .request import Request
 
 RADIUS, FIELD_OF_VIEW = 4.0311289, math.degrees(0.6911112)
-"""Of NeRF-synthetic's cameras, and so of TensoIR's: world units, and degrees."""
+"""Distance from the origin (world units) and field of view (degrees) of the cameras of NeRF-synthetic and TensoIR."""
 
 ELEVATION = (3.0, 87.0)
 """Degrees: the upper hemisphere without its rim and its pole."""

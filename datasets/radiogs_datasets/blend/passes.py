@@ -1,4 +1,4 @@
-"""What Cycles wrote of a picture: its passes by name, and the maps that follow from them."""
+"""The passes that Cycles writes for a picture, by name, and the maps that are computed from them."""
 
 from collections import defaultdict
 from collections.abc import Mapping
@@ -29,7 +29,8 @@ Map = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class Maps:
-    """What one picture holds, [height, width, channels]; light is linear and multiplied by alpha, the rest straight.
+    """The maps of one picture, [height, width, channels]; light is linear and multiplied by alpha, the others are
+    straight.
 
     direct: light that met one surface, with what surfaces emit; indirect: all other. incident_indirect: the
     cosine-weighted mean of the indirect radiance that arrives at the surface (its irradiance / pi), zero where nothing
@@ -68,7 +69,7 @@ def read_passes(path: Path) -> dict[str, Map]:
 
 
 def maps_of(passes: Mapping[str, Map]) -> Maps:
-    """What the passes say; see ``Maps``."""
+    """The maps that are computed from the passes; see ``Maps``."""
     image, alpha = passes["Combined"][..., :3], passes["Combined"][..., 3:]
     direct, indirect = (
         sum((passes[f"{lobe} Color"] * passes[f"{lobe} {order}"] for lobe in LOBES), passes[f"Volume {order}"])

@@ -15,7 +15,7 @@ PYTHON_VARIABLE = "RADIOGS_BENCH_BLENDER_PYTHON"
 """Names another Python that has ``bpy``: its wheels are for one version of Python each, and pin NumPy."""
 
 LAST_LINES = 3
-"""Of what Blender printed, said when its process ends by itself."""
+"""Number of lines of Blender's output in the message when its process ends unexpectedly."""
 
 _SERVE = "import sys; sys.path.insert(0, sys.argv[1]); from in_blender.worker import serve; serve(int(sys.argv[2]))"
 
@@ -50,7 +50,7 @@ def blender_failure() -> str | None:
 
 
 class Blender:
-    """One process; leave its context to end it. What Blender prints is kept in ``log``."""
+    """A Blender process, which ends when its context is left. Its output is written to ``log``."""
 
     def __init__(self, log: Path) -> None:
         self._log = log

@@ -1,4 +1,4 @@
-"""What is to be made of a .blend file."""
+"""A request to render a .blend file into a scene."""
 
 import hashlib
 from collections.abc import Mapping

@@ -116,7 +116,7 @@ def _begin(request: Request, folder: Path, state: Path) -> None:
 
 
 def _write_lights(request: Request, folder: Path, state: Path) -> dict[str, Path]:
-    """Write the scene's lights; returns each as Blender reads it. What is rendered is what is stored, 8-bit RGBE."""
+    """Write the scene's lights; returns the file of each for Blender, which renders the stored 8-bit RGBE values."""
     folder.mkdir(exist_ok=True)
     lights = {}
     for place, (name, path) in enumerate(request.light_files.items()):
@@ -173,7 +173,7 @@ NOISY = ("image", "direct", "indirect", "incident_indirect", "albedo", "normal",
 """Maps whose noise floor is told."""
 
 SMALLEST_SHARE = 1e-4
-"""Of a view's energy, below which a feature is not told."""
+"""Share of a view's energy below which a feature is not reported."""
 
 
 def describe(

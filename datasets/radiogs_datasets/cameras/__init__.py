@@ -1,1 +1,1 @@
-"""Cameras as files say them: transforms files, COLMAP's models, and lenses that bend straight lines."""
+"""Cameras from files: transforms files, COLMAP models, and lenses with distortion."""

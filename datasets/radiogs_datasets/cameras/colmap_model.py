@@ -1,4 +1,4 @@
-"""What a sparse model holds, and what must be true of it however it was written."""
+"""The content of a COLMAP sparse model, and checks that hold for its text and binary forms."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +12,7 @@ from radiogs_core.errors import DataError
 from .lens import PARAMETERS
 
 LARGEST_COORDINATE = 1e15
-"""Of a camera or point: beyond it squared distances in float32 are no longer finite."""
+"""Largest coordinate of a camera or point: squares of larger distances are not finite in float32."""
 
 SHORTEST_QUATERNION = 1e-6
 

@@ -30,7 +30,7 @@ DEPTH_UNIT = 1e-3
 
 @dataclass(frozen=True)
 class Frame:
-    """What the file says of one view.
+    """The entry of one view in the file.
 
     ``camera_to_world`` has OpenCV axes, float32; ``lens`` is that of an image of (height, width). ``mask_path`` and
     ``depth_path`` are as written, None where there is none.

@@ -68,8 +68,10 @@ def finite(value: object) -> float:
 
 
 def _of_angle(what: str, fields: Mapping[str, Any], projection: Projection, bent: tuple[float, ...]) -> LensOfSize:
-    """Of a horizontal field of view in radians, for images of any size: square pixels unless there is a vertical one,
-    the principal point in the middle unless it is written for a size."""
+    """The lens with a horizontal field of view in radians, for images of any size.
+
+    Pixels are square unless there is a vertical field of view. The principal point is the image's centre unless the
+    file gives it for a size."""
     across = _ratio(what, "camera_angle_x", fields.get("camera_angle_x"))
     vertical = fields.get("camera_angle_y")
     down = None if vertical is None else _ratio(what, "camera_angle_y", vertical)

@@ -1,4 +1,4 @@
-"""What solids are made of: one material, or two between which a pattern of the world position chooses."""
+"""Materials of solids: one material, or two between which a pattern of the world position chooses."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Solid textures: patterns as functions of the world position, each between zero and one.
 
 Every pattern is written once, in arithmetic that ``torch``, ``numpy`` and ``drjit`` share, so that what is rendered and
-what is given as ground truth are the same formula. It needs no coordinates on the surface. What is printed on one is
-capital letters as straight strokes.
+what is given as ground truth are the same formula. It needs no coordinates on the surface. Printed text has
+capital letters of straight strokes.
 """
 
 import itertools
@@ -73,7 +73,8 @@ class Rings:
 class Noise:
     """A sum of plane waves with random directions and phases, of ``longest`` down to ``shortest`` wavelength.
 
-    Of unit variance before it is scaled by ``contrast`` and clipped around 1/2; a large contrast gives flat patches.
+    It has unit variance before it is scaled by ``contrast`` and clipped around 1/2; a large contrast gives flat
+    patches.
     """
 
     longest: float
@@ -155,7 +156,8 @@ Segment = tuple[tuple[float, float], tuple[float, float]]
 
 GLYPH_WIDTH = 0.6
 GLYPH_SPACING = 0.35
-"""Of letters, and between the middles of the strokes of neighbours."""
+"""Width of a letter, and distance between the middles of the strokes of neighbouring letters, in heights of a
+letter."""
 
 GLYPHS = {
     "A": "00 14 20, 0B 2B",

@@ -1,4 +1,4 @@
-"""What a recipe of a scene consists of: solids with their materials, cameras, lights."""
+"""The parts of a scene's recipe: solids with their materials, cameras, lights."""
 
 from dataclasses import dataclass
 from typing import Literal

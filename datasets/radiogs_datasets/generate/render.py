@@ -32,7 +32,7 @@ SUBPIXELS = 8
 """Surface maps of a scene average SUBPIXELS x SUBPIXELS exact hits a pixel."""
 
 MESH_CELLS = (1024, 96)
-"""Of a knot, along and around: its triangles turn by less than four degrees from one to the next."""
+"""Cells of a knot's mesh, along and around it: neighbouring triangles differ by less than four degrees."""
 
 ENVIRONMENT_AXES = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
 """Turns Mitsuba's Y-up map into the Z-up convention: world x = local z, y = local x, z = local y."""
@@ -42,7 +42,7 @@ OPENGL_TO_MITSUBA = np.diag([-1.0, 1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Surface:
-    """What a view sees, [height, width, channels]: straight values, and the coverage they stand for."""
+    """The surface maps of a view, [height, width, channels]: straight values, and the coverage."""
 
     coverage: NDArray[np.float32]
     albedo: NDArray[np.float32]

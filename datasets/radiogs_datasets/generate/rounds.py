@@ -20,7 +20,7 @@ from .patterns import waves
 from .solids import Relief, Swell, Turned
 
 ROWS_PER_POINT, COLUMNS = 48, 192
-"""Of the mesh of a solid of revolution: rows for each control point of its profile, and columns around it."""
+"""Mesh of a solid of revolution: rows for each control point of its profile, and columns around it."""
 
 RELIEF_MESH = (640, 1024)
 """Rows and columns of the mesh of a relief: several dozen for each of its shortest ripples."""
@@ -53,7 +53,7 @@ def mesh(solid: Turned | Relief) -> tuple[Float[Tensor, "vertices 3"], Int[Tenso
 
 
 def _ring_triangles(rows: int, columns: int) -> Int[Tensor, "triangles 3"]:
-    """Of vertices that are a pole, ``rows`` - 1 rings of ``columns``, and a pole; a ring's triangles face outwards."""
+    """Triangles over a pole, ``rows`` - 1 rings of ``columns`` vertices, and a second pole; triangles face outwards."""
     last = (rows - 1) * columns + 1
     ring = torch.arange(rows - 1)[:, None] * columns + 1 + torch.arange(columns)
     turned = ring.roll(-1, 1)

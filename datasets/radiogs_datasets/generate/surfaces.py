@@ -34,7 +34,7 @@ TOUCHING = 1.5 * GAP
 """Solids this near touch: what lies between them is seen by nobody."""
 
 PLACES = 1024
-"""Of a rig, among which the cameras of a scene are looked for: more than a generated scene has."""
+"""Number of a rig's cameras among which those of a scene are searched; no generated scene has as many."""
 
 NEAR = 1e-4
 """In units of the rig's radius: poses are written with fewer digits than they were computed with."""
@@ -46,7 +46,7 @@ PROBES = 256
 def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
     """The surfaces of a scene in a folder that ``generate`` has made, at any size of its images; None for any other.
 
-    What was generated is read from ``metadata.json``. Other programs write files of that name too: one that does not
+    The recipe is read from ``metadata.json``. Other programs write files of that name too: one that does not
     name a recipe says nothing. Nor does one beside cameras that are not the recipe's: a scene that was scaled, moved or
     turned keeps the file, and its surfaces are elsewhere.
     """
@@ -56,7 +56,7 @@ def surfaces_of_scene(folder: Path, scene: Scene) -> Surfaces | None:
 
 
 def metadata_of(folder: Path) -> Mapping[str, Any]:
-    """What ``metadata.json`` in a scene's folder says; nothing where there is none, or it is no JSON object."""
+    """The content of ``metadata.json`` in a scene's folder; empty if the file is missing or is not a JSON object."""
     try:
         about = read_json(folder / "metadata.json")
     except DataError:

@@ -1,1 +1,1 @@
-"""One loader a layout; all return the same ``Scene``."""
+"""Loaders of scenes, one for each layout; all return the same ``Scene``."""

@@ -61,7 +61,7 @@ def load_blender(folder: Path, options: SceneOptions = AS_STORED) -> Scene:
 SINGLE = "transforms.json"
 
 SCORED = ("test", "val")
-"""What is scored: the test split, or the validation split where there is no other."""
+"""Splits whose views are scored: the test split, or the validation split if there is no test split."""
 
 ENDINGS = (".png", ".jpg", ".jpeg", ".JPG", ".JPEG", ".PNG")
 

@@ -3,7 +3,7 @@
     <scene>/sparse/0/{cameras,images,points3D}.bin|txt      or sparse/ without a 0
     <scene>/images/  images_2/  images_4/  images_8/
 
-Of the folders of images the first of images_2, images_4, images is taken (the papers use images_2 indoors and images_4
+The loader reads the first existing folder of images_2, images_4, images (the papers use images_2 indoors and images_4
 outdoors), and the cameras are scaled to it; lens distortion is undone on reading. In the order of their names every
 eighth image (or ``--hold-out N``) is a test view, from the first on. Photos have no alpha: every pixel counts, unless
 there is a folder of masks. The sparse points come along.

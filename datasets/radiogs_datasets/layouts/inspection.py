@@ -1,4 +1,4 @@
-"""What every layout's loader checks before a scene is worked on: files that are there, whole, and fit together."""
+"""Checks of every layout's loader: files exist, are complete, and fit together."""
 
 import hashlib
 import os

@@ -37,7 +37,7 @@ SIDE = 512
 """Pixels that maps are brought to, where they have a whole multiple of it."""
 
 NOVEL_PARTS = ("image", "mask", "light")
-"""What a view in another capture consists of."""
+"""Parts of a view from another capture."""
 
 
 def looks_like(folder: Path) -> bool:

@@ -1,1 +1,1 @@
-"""The three kernels that cost all the time: rasterize, trace, shade; one Warp source for CPU and CUDA."""
+"""The kernels of rasterization, tracing, shading and image losses; one Warp source for CPU and CUDA."""

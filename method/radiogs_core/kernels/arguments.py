@@ -1,4 +1,4 @@
-"""What kernels are started with: tensors as the arrays that a kernel declares, without a Warp array around each."""
+"""Arguments of kernels: passes tensors as the arrays that a kernel declares, without a Warp array for each."""
 
 import inspect
 from collections.abc import Sequence
@@ -12,29 +12,31 @@ from ..errors import UsageError
 from ..instruments import fire
 
 MOST_ENTRIES = 2**31 - 1
-"""Entries of one list: kernels count them in 32 bits."""
+"""Largest number of entries of a list, because kernels count entries in 32 bits."""
 
 
 def require_countable(entries: int, what: str, remedy: str) -> None:
     """Raise UsageError if a list would have more entries than its kernels can count."""
     if entries > MOST_ENTRIES:
         fire(uncountable_lists=1)
-        raise UsageError(f"{entries} {what} at once", f"A list holds at most {MOST_ENTRIES} of them.", remedy)
+        raise UsageError(f"there are {entries} {what}", f"A list holds at most {MOST_ENTRIES} entries.", remedy)
 
 
 class _Array(NamedTuple):
-    """An array of one axis, as a kernel declares it: the type of its numbers, and how many of them an item has."""
+    """An array of one axis, as a kernel declares it."""
 
     dtype: torch.dtype
+    """Type of the scalars."""
     width: int
+    """Scalars of an item: 3 for an array of vectors of three."""
 
 
 def packed(kernel: wp.Kernel, arguments: Sequence[Any]) -> list[Any]:
-    """The last arguments of a kernel, the memory of contiguous tensors in the place of these; others as they are.
+    """The last arguments of a kernel, with contiguous tensors replaced by descriptors of their memory.
 
-    A kernel's array of vectors takes a tensor whose numbers are theirs. Tensors have to live until the kernel has run.
-    Raises UsageError for a tensor with more entries than a kernel can count, TypeError for one of another type than is
-    declared or with gaps.
+    A kernel's array of vectors takes a tensor of scalars. The tensors have to live until the kernel has finished.
+    Raises UsageError for a tensor with more entries than a kernel can count, and TypeError for a tensor that is not
+    contiguous or not of the declared type.
     """
     declared = _declared(kernel)
     names = declared[len(declared) - len(arguments) :]
@@ -58,7 +60,7 @@ def _described(tensor: torch.Tensor, kernel: wp.Kernel, name: str, array: _Array
 
 @cache
 def _declared(kernel: wp.Kernel) -> tuple[tuple[str, _Array | None], ...]:
-    """The parameters of a kernel: names, and what those that are arrays of one axis hold."""
+    """Names of a kernel's parameters, and for each array of one axis its type; None for other parameters."""
     parameters = inspect.signature(kernel.func).parameters.values()
     return tuple((parameter.name, _array(parameter.annotation)) for parameter in parameters)
 
@@ -71,13 +73,13 @@ def _array(declared: Any) -> _Array | None:
 
 
 def _descriptor(stride: int) -> Any:
-    """A fresh descriptor of Warp's for an array of one axis, in bytes from item to item."""
+    """A new Warp descriptor of an array of one axis; ``stride``: bytes from item to item."""
     kind, content = _empty(stride)
     return kind.from_buffer_copy(content)
 
 
 @cache
 def _empty(stride: int) -> tuple[Any, bytes]:
-    """The type of Warp's descriptors, and the content of one without memory."""
+    """The type of Warp's array descriptors, and the bytes of one without memory."""
     descriptor = wp.array(shape=(0,), strides=(stride,), dtype=wp.uint8, device="cpu").__ctype__()
     return type(descriptor), bytes(descriptor)

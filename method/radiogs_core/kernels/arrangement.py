@@ -1,4 +1,4 @@
-"""How work is cut for a device: blocks that fill a CPU's vector registers, or single items for CUDA's threads."""
+"""How work is divided for a device: blocks that fill a CPU's vector registers, or single items for CUDA's threads."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,13 +9,13 @@ _cpu_too = False
 
 
 def as_on_cuda(device: torch.device) -> bool:
-    """Whether work on a device is arranged for CUDA: an item a thread, one launch, sorted lists, trees in k-d order."""
+    """Whether work on a device is arranged as on CUDA: one item a thread, one launch, sorted lists, k-d trees."""
     return _cpu_too or device.type != "cpu"
 
 
 @contextmanager
 def cpu_as_cuda() -> Iterator[None]:
-    """Arrange work on the CPU for CUDA, too, so that what a GPU runs can be tested without one."""
+    """Arrange work on the CPU as on CUDA within the block, so that a GPU's code can be tested without a GPU."""
     global _cpu_too
     before, _cpu_too = _cpu_too, True
     try:

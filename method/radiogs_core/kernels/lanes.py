@@ -1,7 +1,7 @@
-"""Vectors of numbers in native snippets, so that the CPU's vector code does not depend on what its compiler finds.
+"""Vector types for native snippets, so that the CPU's vector code does not depend on the compiler's auto-vectoriser.
 
-A loop over the lanes of small arrays is turned into vector code by some compilers, in some functions, up to some size:
-blending 13 channels instead of 9 took five times as long. A vector type is vector code by itself. Arranged for CUDA,
+Compilers vectorise loops over the lanes of small arrays only in some functions and up to some size: blending 13
+channels instead of 9 took five times as long. A vector type always compiles to vector instructions. Arranged for CUDA,
 where an item has one lane, ``Lanes`` is a plain number.
 """
 
@@ -10,13 +10,14 @@ import torch
 from .native_text import native_file
 
 LANES = native_file(__package__, "lanes.inl")
+"""Sections of ``lanes.inl``."""
 
 
 def bell_words(dtype: torch.dtype) -> dict[str, str]:
-    """What the words of ``bell`` mean for a scalar type.
+    """The values of the words in ``bell`` for a scalar type.
 
-    Terms of the series of exp on [-log(2) / 2, log(2) / 2] that reach its last digit, how its numbers are laid out, and
-    log(2) in two parts: a product of the first with n up to 8 is exact.
+    They are the number of terms of exp's series on [-log(2) / 2, log(2) / 2] that reach its last digit, the layout of
+    its numbers, and log(2) in two parts, of which the first times n is exact for n up to 8.
     """
     return {
         **layout_words(dtype),
@@ -27,6 +28,6 @@ def bell_words(dtype: torch.dtype) -> dict[str, str]:
 
 
 def layout_words(dtype: torch.dtype) -> dict[str, str]:
-    """How numbers of a scalar type are laid out: the exponent's bits of 1, and how many bits are below them."""
+    """The layout of numbers of a scalar type: the exponent bits of 1, and the number of mantissa bits."""
     double = dtype == torch.float64
     return {"EXPONENT_OF_ONE": "1023" if double else "127", "MANTISSA_BITS": "52" if double else "23"}

@@ -1,7 +1,7 @@
-"""The text of native snippets: files of C++ beside the modules that use them, for a scalar type and its compiler.
+"""The text of native snippets: files of C++ beside the modules that use them, specialised for each kernel.
 
-A file ``NAME.inl`` has sections, the bodies of functions or parts of them. SCALAR, ON_CUDA and the file's own words are
-replaced for each kernel. A compiler's message names the file and its line.
+A file ``NAME.inl`` has sections, which are bodies of functions or parts of them. SCALAR, ON_CUDA and words that the
+module defines are replaced for each kernel. Messages of the compiler name the file and its line.
 """
 
 import re
@@ -17,10 +17,11 @@ _INCLUDE = re.compile(r'#include "([\w.:]+)"')
 
 
 def native_file(package: str, name: str, **others: Mapping[str, str]) -> dict[str, str]:
-    """The sections of a file beside a module, by their names.
+    """The sections of the file ``name`` in a package, by their names.
 
-    A section goes from its line ``// ---- name`` to the next one. A line ``#include "name"`` in it is replaced by an
-    earlier section of the file, ``#include "lanes.inl:name"`` by one of ``others``, given as ``lanes=``.
+    A section extends from its line ``// ---- name`` to the next such line. A line ``#include "name"`` is replaced by
+    an earlier section of the file, and ``#include "lanes.inl:name"`` by a section of another file, which is passed as
+    ``lanes=``.
     """
     lines = files(package).joinpath(name).read_text(encoding="utf-8").splitlines()
     known = {f"{file}.inl:{section}": text for file, sections in others.items() for section, text in sections.items()}
@@ -40,9 +41,9 @@ _STAND_INS = native_file(__package__, "native_text.inl")["stand_ins"]
 
 
 def native_text(snippet: str, dtype: torch.dtype, on_cuda: bool, words: Mapping[str, str]) -> str:
-    """A native snippet for a scalar type (SCALAR) and an arrangement (ON_CUDA is 1 or 0), its words replaced.
+    """A native snippet with its ``words`` replaced, for a scalar type (SCALAR) and an arrangement (ON_CUDA is 1 or 0).
 
-    A snippet that is arranged for CUDA compiles for the CPU as well: its intrinsics have stand-ins there.
+    A snippet that is arranged for CUDA also compiles for the CPU, where CUDA's intrinsics have substitutes.
     """
     text = _STAND_INS + snippet if on_cuda else snippet
     for word, meaning in {

@@ -1,4 +1,4 @@
-"""How kernels are started: Warp's set-up, threads on the CPU, and scalar types."""
+"""Launches kernels: Warp's initialisation, threads on the CPU, and scalar types."""
 
 import os
 import sys
@@ -18,7 +18,7 @@ from .arrangement import as_on_cuda
 
 @cache
 def start_warp() -> None:
-    """Initialise Warp once, silently; a missing CUDA driver is no news on a machine without a GPU."""
+    """Initialise Warp once, without its warning about a missing CUDA driver on a machine without a GPU."""
     wp.config.log_level = wp.LOG_WARNING
     with _silenced_stderr():
         wp.init()
@@ -26,7 +26,7 @@ def start_warp() -> None:
 
 @contextmanager
 def _silenced_stderr() -> Iterator[None]:
-    """Send file descriptor 2 to nowhere: Warp's native library writes its driver warning past sys.stderr."""
+    """Redirect file descriptor 2 to os.devnull: Warp's native library writes its warning there, not to sys.stderr."""
     sys.stderr.flush()
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -40,7 +40,7 @@ def _silenced_stderr() -> Iterator[None]:
 
 
 def scalar_type(dtype: torch.dtype) -> Any:
-    """The Warp scalar of a torch dtype; the kernels exist in float32 and float64."""
+    """The Warp type of float32 or float64. Raises TypeError for another dtype."""
     scalars = {torch.float32: wp.float32, torch.float64: wp.float64}
     if dtype not in scalars:
         raise TypeError(f"kernels run in float32 or float64, not in {dtype}")
@@ -48,25 +48,25 @@ def scalar_type(dtype: torch.dtype) -> Any:
 
 
 NATIVE = {"cpu_compiler_flags": "-march=native -ffp-contract=fast"}
-"""Module options of kernels whose loops the CPU compiler turns into vector code; never -ffast-math, which would
-rule NaN and infinity out."""
+"""Module options of kernels whose loops the CPU compiler vectorises. They do not include -ffast-math, which assumes
+that no value is NaN or infinite."""
 
 
 ITEMWISE = {"cpu_compiler_flags": "-march=native -ffp-contract=on"}
-"""Module options of kernels without loops of their own, which the compiler may run several items of at once: what is
-contracted must not depend on whether an item falls into such a group, or results would depend on the chunks' sizes."""
+"""Module options of kernels without loops of their own, of which the compiler may run several items at once.
+Contraction (fused multiply-add) within expressions only does not depend on such groups, so results do not depend on the
+sizes of chunks."""
 
 
 UNFUSED = {"cpu_compiler_flags": "-march=native -ffp-contract=off", "fuse_fp": False}
-"""Module options of kernels in which nothing is contracted: they round as PyTorch's operations do, on CUDA as well."""
+"""Module options of kernels without contraction: they round as PyTorch's operations do, on CUDA too."""
 
 
 def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
-    """The memory of a contiguous tensor as a Warp array of one axis, without copy or gradient, for a field of a struct.
+    """The memory of a contiguous tensor as a Warp array of one axis, for a field of a struct; no copy, no gradient.
 
-    ``dtype`` groups the tensor's last axis (vectors).
-
-    Raises UsageError for a tensor with more entries than a kernel can count.
+    ``dtype``: a Warp vector type whose items are the tensor's last axis; None: scalars. Raises UsageError for a tensor
+    with more entries than a kernel can count.
     """
     require_countable(tensor.numel(), "entries of an array", "Use fewer surfels, samples or pixels.")
     memory = tensor.detach() if dtype is not None else tensor.detach().view(-1)
@@ -76,17 +76,17 @@ def as_array(tensor: torch.Tensor, dtype: Any = None) -> Any:
 Result = TypeVar("Result")
 
 CHUNKS_PER_WORKER = 8
-"""Enough that a worker with expensive items does not keep the others waiting long."""
+"""Chunks for each worker: enough that a worker with expensive items does not keep the others waiting long."""
 
 _team: int | None = None
 
 
 def use_threads(count: int) -> None:
-    """Run kernels on ``count`` CPU threads and PyTorch itself on one.
+    """Run kernels on ``count`` CPU threads, and PyTorch's operations on one thread.
 
     PyTorch's own threads wait actively after each operation and take the cores from the kernels (measured: a
-    rasterization of 20 ms takes 100 to 200 ms while another process holds one of two cores); its operations here
-    are on arrays of a few thousand surfels, where one thread is as fast.
+    rasterization of 20 ms takes 100 to 200 ms while another process occupies one of two cores). Its operations here
+    process arrays of a few thousand surfels, for which one thread is as fast.
     """
     global _team
     _team = count
@@ -94,9 +94,9 @@ def use_threads(count: int) -> None:
 
 
 def workers(device: torch.device) -> int:
-    """Launches that run side by side: ``use_threads`` on the CPU (else torch's thread count), one on CUDA.
+    """Number of launches that run in parallel: on the CPU that of ``use_threads`` or torch's thread count; 1 on CUDA.
 
-    Each worker owns its gradient buffers, because Warp's atomics on the CPU are plain read-modify-write.
+    Each worker has its own gradient buffers, because Warp's atomics on the CPU are plain read-modify-write operations.
     """
     if as_on_cuda(device):
         return 1
@@ -109,7 +109,7 @@ def _pool(size: int) -> ThreadPoolExecutor:
 
 
 def in_parallel(tasks: Sequence[Callable[[], Result]], device: torch.device) -> list[Result]:
-    """Run tasks that share nothing side by side on the CPU's workers; results in the order of the tasks.
+    """Run independent tasks in parallel on the CPU's workers; returns their results in the order of the tasks.
 
     A task launches its kernels by ``launch``. On CUDA the tasks run one after another.
     """
@@ -120,29 +120,37 @@ def in_parallel(tasks: Sequence[Callable[[], Result]], device: torch.device) -> 
 
 
 def launch(kernel: wp.Kernel, count: int, device: torch.device, arguments: Sequence[Any]) -> None:
-    """Run ``kernel`` for items [0, count) in the calling thread; its first argument is the first item, zero.
+    """Run ``kernel`` for items [0, count) in the calling thread.
 
-    ``arguments``: the others, see ``packed``.
+    The kernel's first argument is the first item, zero; ``arguments`` are the others (see ``packed``).
     """
     if count > 0:
         wp.launch(kernel, dim=count, inputs=[0, *packed(kernel, arguments)], device=wp.device_from_torch(device))
 
 
 def compile_for(device: torch.device, *kernels: wp.Kernel) -> None:
-    """Compile or load kernels now, in one thread: two workers that found one missing would build into one folder."""
+    """Compile or load kernels now, in one thread: two workers that compile the same kernel would write the same
+    files."""
     for kernel in kernels:
         kernel.module.load(wp.device_from_torch(device))
 
 
 class WorkerSums:
-    """Zero-initialised sums, one copy a worker, added up in the workers' order: they repeat for a given team."""
+    """Sums with one zero-initialised copy for each worker, so that they repeat bit for bit for a number of workers.
+
+    The copies are added in the order of the workers.
+
+    Args:
+        like: Tensors with the shapes and types of the sums.
+        device: Device of the kernels.
+    """
 
     def __init__(self, like: Sequence[torch.Tensor], device: torch.device) -> None:
         self.like = like
         self.copies: list[list[torch.Tensor] | None] = [None] * workers(device)
 
     def of(self, worker: int) -> list[torch.Tensor]:
-        """The worker's own copies, made by the thread that will fill them."""
+        """Zeros for a worker to add to; call this in the worker's own thread."""
         copies = [torch.zeros_like(value, memory_format=torch.contiguous_format) for value in self.like]
         self.copies[worker] = copies
         return copies
@@ -165,12 +173,12 @@ class WorkerSums:
 def launch_in_parallel(
     kernel: wp.Kernel, count: int, device: torch.device, arguments: Callable[[int], Sequence[Any]]
 ) -> None:
-    """Run ``kernel`` for items [0, count); it takes the first item of its range, then what ``packed`` makes of
-    ``arguments(worker)``.
+    """Run ``kernel`` for items [0, count) on all workers.
 
-    On CUDA that is one launch. On the CPU the items are cut into equal chunks, dealt to the workers in a fixed
-    order (chunk k to worker k mod n): the sums are repeatable for a given thread count. Warp releases the
-    interpreter lock during a launch, so the workers really run side by side.
+    The kernel's first argument is the first item of its range; ``arguments(worker)`` are the others (see ``packed``).
+    On CUDA this is one launch. On the CPU the items are divided into equal chunks, and chunk k goes to worker k mod n,
+    so that sums repeat for a given number of threads. Warp releases the interpreter lock during a launch, so the
+    workers run in parallel.
     """
     where = wp.device_from_torch(device)
     compile_for(device, kernel)

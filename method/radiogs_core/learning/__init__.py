@@ -1,1 +1,1 @@
-"""Losses, their gradients, and the views that are learnt from."""
+"""Losses, their gradients, training views, and the stages that learn geometry, light and radiance."""

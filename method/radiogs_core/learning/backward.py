@@ -1,4 +1,4 @@
-"""Losses to gradients; a value that is not finite stops training before it spreads."""
+"""The backward pass of a training step; a loss or gradient that is not finite raises an error before it spreads."""
 
 import math
 from collections.abc import Mapping
@@ -12,11 +12,11 @@ from ..instruments import require_finite
 def backward(
     stage: str, iteration: int, losses: Mapping[str, Tensor], parameters: Mapping[str, Tensor]
 ) -> dict[str, float]:
-    """Add the losses up and propagate them; returns them as numbers.
+    """Compute the gradients of the sum of the losses; returns the losses as numbers.
 
-    Losses and gradients are checked before anyone steps on them. A device is waited for once: numbers and checks are
-    read together. Where a loss is not finite because a parameter was not, that parameter and its surfel are named, not
-    the loss. Raises NumericalFailure.
+    Losses and gradients are checked before an optimiser uses them; NumericalFailure names the value that is not finite.
+    If a loss is not finite because a parameter is not, it names that parameter and its surfel. Numbers and checks are
+    read together, so the call waits for the device once.
     """
     torch.stack(list(losses.values())).sum().backward()
     gradients = {name: value.grad for name, value in parameters.items() if value.grad is not None}
@@ -34,7 +34,7 @@ def _name_what_is_not_finite(
     parameters: Mapping[str, Tensor],
     gradients: Mapping[str, Tensor],
 ) -> None:
-    """Raise NumericalFailure, unless all entries are finite and only their sum overflows."""
+    """Raise NumericalFailure for the first value that is not finite, if any (a sum of finite values may overflow)."""
     if not all(bool(torch.isfinite(value)) for value in losses.values()):
         require_finite(stage, iteration, {f"'{name}'": value.detach() for name, value in parameters.items()})
     require_finite(stage, iteration, {f"loss '{name}'": value for name, value in losses.items()})

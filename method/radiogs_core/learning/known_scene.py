@@ -1,4 +1,4 @@
-"""A scene whose truth is known, as surfels: geometry and materials that are exact, and the rendering equation there."""
+"""A generated scene as surfels: its exact geometry and materials, and the rendering equation on them."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,8 @@ from ..transport.splatting import DIFFUSE_DIRECT, DIFFUSE_INDIRECT
 from .radiance_solver import RenderingEquation
 
 OFFSET = 0.1
-"""Ray offset in standard deviations: for surfels exactly on a surface, little more than rounding is needed."""
+"""Distance from its surfel at which a ray starts, in standard deviations: surfels that lie exactly on a surface need
+little more than the rounding error."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,9 @@ class KnownScene:
     """Surfels on the true surfaces with the true materials, before their radiance is solved for; float32."""
 
     surfels: Surfels
+    """The surfels; their radiance is 1/2."""
     equation: RenderingEquation
+    """Light, albedo and emission that determine their radiance."""
 
     def to(self, device: torch.device) -> "KnownScene":
         """A copy on another device."""
@@ -41,10 +44,14 @@ class KnownScene:
 def known_scene(scene: Scene, spacing: float) -> KnownScene:
     """Surfels about ``spacing`` world units apart on the true surfaces of a scene, under its true light.
 
-    Raises DataError if surfaces or light are not known.
+    Raises DataError if the surfaces or the light are not known.
     """
     if scene.training_light is None:
-        raise DataError(f"the light of scene '{scene.name}' is not known", "Radiance cannot be solved for without.")
+        raise DataError(
+            f"the light of scene '{scene.name}' is not known",
+            "The radiance of surfels is solved for under the true light.",
+            "Use a generated scene, which knows its light.",
+        )
     samples = scene.true_surfaces(spacing)
     surfels = surfels_on(samples)
     equation = RenderingEquation(scene.training_light, surfels.albedo)

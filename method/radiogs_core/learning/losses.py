@@ -18,10 +18,10 @@ def reconstruction(
     absolute: float | Float[Tensor, " images"] = ABSOLUTE_WEIGHT,
     similarity: float = SIMILARITY_WEIGHT,
 ) -> Float[Tensor, "*images"]:
-    """``absolute`` L1 + ``similarity`` (1 - SSIM) between display-sRGB images; of a stack, one loss an image.
+    """``absolute`` L1 + ``similarity`` (1 - SSIM) between display-sRGB images; one loss for each image of a stack.
 
-    Where the target is saturated it only says "at least 1": a brighter image is no error there. Elsewhere the
-    image is not clipped, so that what is too bright keeps its gradient. For scoring use
+    A saturated target pixel means "at least 1", so a brighter image is no error there. Elsewhere the image is not
+    clipped, so that pixels that are too bright keep their gradient. For evaluation use
     ``radiogs_bench.scoring.metrics``: the window of its SSIM is not padded.
     """
     distance, alike = compared(image.reshape(-1, *target.shape), target).view(*image.shape[:-3], 2).unbind(-1)
@@ -33,9 +33,9 @@ def normal_consistency(
     alpha: Float[Tensor, "height width"],
     depth_normal: Float[Tensor, "height width 3"],
 ) -> Float[Tensor, ""]:
-    """Mean over pixels of sum_i w_i (1 - n_i . N); ``normal`` is the blended sum_i w_i n_i, N the depth's normal.
+    """Mean over pixels of sum_i w_i (1 - n_i . N): ``normal`` is the blended sum_i w_i n_i, ``depth_normal`` is N.
 
-    Pixels without a depth normal (N = 0) count nothing.
+    Pixels without a depth normal (N = 0) contribute zero.
     """
     known = depth_normal.square().sum(-1) > 0
     return (torch.where(known, alpha, 0.0) - (normal * depth_normal).sum(-1)).mean()

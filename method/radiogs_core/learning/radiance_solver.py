@@ -25,45 +25,56 @@ from ..transport.tracer import SurfelTracer, incident_along
 from .backward import backward
 
 RATE = 0.3
-"""Largest step of degree 0, in units of the scene's mean radiance."""
+"""Learning rate of degree 0 at the start, in units of the scene's mean radiance."""
 RATE_REST = 0.05
-"""Share of it that higher degrees take (3DGS's); at 0.25 the noise of fifteen harmonics costs ``corner`` 5 dB."""
+"""Share of it that is the rate of higher degrees (3DGS); at 0.25 the noise of fifteen harmonics costs ``corner`` 5
+dB."""
 LAST_RATE = 0.02
-"""Share of the rate that is left at the end, after a cosine: the samples' noise has moved the radiance by it."""
+"""Share of the rates that is left at the end of a cosine schedule; it bounds the noise that samples leave in the
+radiance."""
 
 
 @dataclass(frozen=True)
 class RenderingEquation:
-    """What surfels are lit by, and how they scatter it.
-
-    albedo: linear, given apart because relighting scales it. emission: linear radiance that the surfels send out by
-    themselves, in all directions. parts: which of ``shade``'s four parts of the reflected light count (all; a furnace
-    leaves the specular ones out).
-    """
+    """Light, albedo and emission of surfels, which determine their radiance."""
 
     light: EnvironmentMap
+    """Distant light."""
     albedo: Float[Tensor, "surfels 3"]
+    """Linear albedo, used instead of that of the surfels, because relighting scales it."""
     emission: Float[Tensor, "surfels 3"] | None = None
+    """Emitted radiance, linear RGB, the same in all directions; None: no surfel emits."""
     parts: tuple[int, ...] = (0, 1, 2, 3)
+    """Indices of the parts of ``shade`` that are summed: all four, or without the specular ones for a furnace."""
 
 
 @dataclass(frozen=True)
 class SolverBudget:
-    """Steps, surfels drawn for each step, and rays traced from each of those."""
+    """Size of a ``RadianceSolver`` run."""
 
     iterations: int
+    """Optimisation steps."""
     surfels: int
+    """Surfels drawn in each step."""
     samples: int
+    """Rays traced from each drawn surfel."""
 
 
 class RadianceSolver:
     """Solves a rendering equation for the radiance of surfels, step by step.
 
-    The ``surfels`` give geometry, roughness and the radiance to start from; only their radiance is learnt. Each step
-    draws ``budget.surfels`` surfels without replacement, traces ``budget.samples`` rays from each (three quarters over
-    its hemisphere, the rest drawn from the light, joined by the balance heuristic), and takes the l1 residual towards
-    a camera and towards one random direction of its hemisphere. ``tracer``: how rays are traced through
-    surfels. ``floor``: see ``hemisphere_directions``.
+    Each step draws ``budget.surfels`` surfels without replacement, traces ``budget.samples`` rays from each (three
+    quarters over its hemisphere, the others drawn from the light, combined by the balance heuristic), and minimises the
+    l1 residual towards a camera and towards one random direction of its hemisphere.
+
+    Args:
+        surfels: Geometry, roughness and initial radiance; only the radiance is learnt.
+        equation: Light, albedo and emission.
+        cameras: Cameras towards which residuals are taken, one drawn in each step.
+        budget: Number of steps, surfels and rays.
+        seed: Seed of all random draws.
+        tracer: Makes the tracer of the surfels.
+        floor: See ``hemisphere_directions``.
     """
 
     name = "radiance"
@@ -95,7 +106,7 @@ class RadianceSolver:
 
     @property
     def surfels(self) -> Surfels:
-        """The surfels with the radiance learnt so far."""
+        """The surfels with the current radiance, without gradient."""
         coefficients = torch.cat([value.detach() for value in self.sh.values()], 1)
         return Surfels.of(self.fixed.parameters() | {"sh": coefficients})
 
@@ -111,7 +122,7 @@ class RadianceSolver:
         outgoing = torch.stack([to_camera, random_hemisphere_direction(normal, self.generator)], 1)
         facing = ((outgoing * normal[:, None]).sum(-1) > 0)[..., None]
         target = self.reflected(index, outgoing)
-        # Unclamped: a channel that a long step took below zero would stay there, as max(0, .) has no slope.
+        # Unclamped: max(0, .) has no gradient, so a channel that a long step took below zero would stay there.
         own = unclamped_radiance(torch.cat([value[index] for value in self.sh.values()], 1), outgoing)
         loss = torch.where(facing, own - target, 0.0).abs().sum(1).mean()
         backward(self.name, self.iteration, {"consistency": loss}, self.sh)
@@ -123,7 +134,7 @@ class RadianceSolver:
 
     @torch.no_grad()
     def reflected(self, index: Tensor, outgoing: Float[Tensor, "chosen views 3"]) -> Float[Tensor, "chosen views 3"]:
-        """L_PBR (Eq. 8) of the surfels ``index`` towards their own ``outgoing`` directions, plus their emission."""
+        """L_PBR (Eq. 8) of the surfels at ``index`` towards their ``outgoing`` directions, plus their emission."""
         equation, samples = self.equation, self.budget.samples
         normal = self.fixed.frame[index, :, 2]
         direction, weight = relighting_directions(
@@ -138,7 +149,7 @@ class RadianceSolver:
         return sent if equation.emission is None else sent + equation.emission[index][:, None]
 
     def _mean_radiance(self) -> float:
-        """Over a sample of surfels, along their normals: the unit in which steps are taken."""
+        """Mean radiance of a sample of surfels along their normals, the unit of the learning rates."""
         index = torch.randperm(len(self.fixed), generator=self.generator, device=self.fixed.centre.device)
         index = index[: self.budget.surfels]
         along = self.fixed.frame[index, None, :, 2]

@@ -1,6 +1,6 @@
-"""The training views a stage learns from, and the order in which it sees them.
+"""The training views of a stage, and the order in which its steps use them.
 
-Their pixels are held in as little memory as keeps every bit of them: as the whole numbers that image files store.
+Pixels are kept in memory as the integers that image files store, which loses nothing.
 """
 
 from collections.abc import Sequence
@@ -16,27 +16,30 @@ from ..scene.camera import Camera
 from ..scene.scene import Scene, View
 
 DEPTHS: tuple[tuple[int, torch.dtype], ...] = ((255, torch.uint8), (65_535, torch.uint16))
-"""Largest level of PNG's depths, and what holds one."""
+"""Largest level of 8-bit and 16-bit PNG files, and the type that stores a level."""
 
 
 @dataclass(frozen=True)
 class Levels:
-    """Pixels as levels of an image file; ``most`` stands for 1."""
+    """Pixels as integer levels of an image file."""
 
     levels: Integer[Tensor, "*shape"]
+    """The levels."""
     most: int
+    """The level that stands for 1."""
 
     def values(self) -> Float[Tensor, "*shape"]:
-        """The pixels in [0, 1], bit for bit as they were."""
+        """The pixels in [0, 1], float32, bit for bit as the file's reader gives them."""
         table = _values(self.most).to(self.levels.device)
         return table.index_select(0, self.levels.flatten().int()).view(self.levels.shape)
 
 
 @dataclass(frozen=True)
 class Whole:
-    """Pixels that are levels of no file, such as those of a reduced image: float32."""
+    """Pixels that are not levels of an 8-bit or 16-bit file, such as those of a reduced image."""
 
     pixels: Float[Tensor, "*shape"]
+    """The pixels, float32."""
 
     def values(self) -> Float[Tensor, "*shape"]:
         """The pixels."""
@@ -44,7 +47,7 @@ class Whole:
 
 
 def held(pixels: Float[Tensor, "*shape"], device: torch.device) -> Levels | Whole:
-    """Pixels on a device: one or two bytes a value where they are levels of 8 or 16 bits, else four."""
+    """Pixels on a device: one or two bytes a value if all are levels of 8 or 16 bits, otherwise four."""
     for most, dtype in DEPTHS:
         levels = (pixels * most).round().clamp(0, most).int()
         if torch.equal(_values(most).index_select(0, levels.flatten()).view(pixels.shape), pixels):
@@ -53,46 +56,46 @@ def held(pixels: Float[Tensor, "*shape"], device: torch.device) -> Levels | Whol
 
 
 def bytes_of(pixels: Levels | Whole) -> int:
-    """Bytes that they take."""
+    """Bytes that the pixels take in memory."""
     kept = pixels.levels if isinstance(pixels, Levels) else pixels.pixels
     return kept.numel() * kept.element_size()
 
 
 @cache
 def _values(most: int) -> Float[Tensor, " levels"]:
-    """What each level stands for, as the readers of image files compute it; divided on the CPU alone, because a GPU
+    """The value of each level, as the readers of image files compute it. The division runs on the CPU, because a GPU
     multiplies by the reciprocal."""
     return torch.arange(most + 1, dtype=torch.float32) / most
 
 
 HELD_BYTES = 2 * 2**30
-"""Memory that a stage's training views may take: 180 views of 1560 x 1040 take 0.9 GB as bytes. What is beyond is read
-from its files whenever its turn comes."""
+"""Largest memory of a stage's training views, in bytes: 180 views of 1560 x 1040 pixels take 0.9 GB. Further views are
+read from their files at each use."""
 
 
 @dataclass(frozen=True)
 class TrainingView:
-    """One training view on the device: camera, straight display-sRGB image and coverage.
-
-    ``view``: where the pixels come from. ``pixels`` and ``covered``: the image and its coverage where they are held;
-    ``pixels`` is None for a view that is read each time, ``covered`` for one that is covered everywhere, too.
-    """
+    """One training view on a device: camera, image and coverage."""
 
     camera: Camera
+    """Camera on the device, float32."""
     view: View
+    """View that the pixels are read from."""
     pixels: Levels | Whole | None
+    """Straight display-sRGB image in memory; None if it is read from its file at each use."""
     covered: Levels | Whole | None
+    """Coverage in memory; None if it is read from its file at each use, or is 1 in all pixels."""
 
     @property
     def image(self) -> Float[Tensor, "height width 3"]:
-        """Straight display sRGB."""
+        """Straight display-sRGB image in [0, 1]."""
         if self.pixels is None:
             return self.view.read("image").to(self.device)
         return self.pixels.values()
 
     @property
     def mask(self) -> Float[Tensor, "height width"]:
-        """Coverage; 1 everywhere for a view without alpha."""
+        """Coverage in [0, 1]; 1 in all pixels of a view without alpha."""
         if self.covered is not None:
             return self.covered.values()
         if self.view.has("alpha"):
@@ -101,20 +104,20 @@ class TrainingView:
 
     @property
     def device(self) -> torch.device:
-        """Where it is looked at."""
+        """The device that the view is decoded on."""
         return self.camera.camera_to_world.device
 
     def over(self, background: float) -> Float[Tensor, "height width 3"]:
-        """The image composited on a grey background, in display sRGB (as every splatting code does)."""
+        """The image composited in display sRGB on a grey background, as splatting codes do."""
         mask = self.mask[..., None]
         return self.image * mask + background * (1 - mask)
 
     def decoded(self) -> "TrainingView":
-        """The view with its pixels as numbers, for a step that looks at them several times."""
+        """A copy with decoded pixels, for a step that reads them several times."""
         return replace(self, pixels=Whole(self.image), covered=Whole(self.mask))
 
     def reread(self) -> View:
-        """The view with the maps that are held in the place of files, on the CPU."""
+        """The view with ``image`` and ``alpha`` from memory instead of files, on the CPU."""
         sources = {"image": lambda: self.image.cpu()}
         if self.view.has("alpha"):
             sources["alpha"] = lambda: self.mask.cpu()[..., None]
@@ -122,18 +125,26 @@ class TrainingView:
 
 
 def chosen_views(scene: Scene, share: float, seed: int) -> tuple[View, ...]:
-    """A seeded random subset of the training views: ceil(share * count) of them, at least one."""
+    """A random subset of ceil(share * count) training views, at least one, in the order of the scene.
+
+    Raises DataError for a scene without training views.
+    """
     if not scene.train:
-        raise DataError(f"scene '{scene.name}' has no training views", "Nothing can be learnt from it.")
+        raise DataError(
+            f"scene '{scene.name}' has no training views",
+            "A model is learnt from training views.",
+            f"Check the scene:  radiogs-bench datasets check {scene.name}",
+        )
     count = max(1, -int(-len(scene.train) * share // 1))
     order = torch.randperm(len(scene.train), generator=torch.Generator().manual_seed(seed))
-    return tuple(scene.train[int(place)] for place in order[:count].sort().values)
+    return tuple(scene.train[int(index)] for index in order[:count].sort().values)
 
 
 def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) -> tuple[TrainingView, ...]:
-    """The views on a device, every one read once. A view without alpha is covered everywhere.
+    """The views on a device; every view is read once.
 
-    They are held in the depth of their files, up to ``most`` bytes in all; the others are read again when asked for.
+    Pixels are kept in the bit depth of their files, up to ``most`` bytes in all; further views are read again at each
+    use. A view without alpha is covered in all pixels.
     """
     loaded = []
     for view in views:
@@ -148,10 +159,10 @@ def load(views: Sequence[View], device: torch.device, most: int = HELD_BYTES) ->
 
 
 def view_at(views: tuple[TrainingView, ...], iteration: int, seed: int) -> TrainingView:
-    """The view of an iteration, decoded: each epoch is a fresh permutation, a function of seed and epoch alone."""
-    epoch, place = divmod(iteration, len(views))
+    """The decoded view of an iteration. Each epoch has its own permutation, which depends on seed and epoch only."""
+    epoch, index = divmod(iteration, len(views))
     generator = torch.Generator().manual_seed(seed * 1_000_003 + epoch)
-    return views[int(torch.randperm(len(views), generator=generator)[place])].decoded()
+    return views[int(torch.randperm(len(views), generator=generator)[index])].decoded()
 
 
 def mean_distance(views: tuple[TrainingView, ...], centre: Float[Tensor, "3"]) -> float:

@@ -1,13 +1,13 @@
-"""The materials and the light that stage 2 starts with: the light under which albedo varies least, and that albedo.
+"""The initial materials and light of stage 2: the light under which albedo varies least, and that albedo.
 
-Points that training pixels see send out R = albedo (T E + B): E is the light, texel by texel, T the diffuse transport
-from it (visibility, cosine over pi), and B the indirect irradiance over pi, from the radiance of the surfels.
-Any light explains the images with some albedo R / (T E + B). Most surfaces are of few paints, so the light is sought
-for which this albedo differs least, in l1 of its logarithm, between points. Pairs of another
-chromaticity are probably of another paint and count less. Points far from each other are compared as well: near ones
-alone leave a gradient of the light that no two of them see.
+The radiance of points that training pixels see is R = albedo (T E + B), where E is the light, texel by texel, T the
+diffuse transport from it (visibility times cosine over pi), and B the indirect irradiance over pi, from the radiance of
+the surfels. Any light E explains the images with the albedo R / (T E + B). Most surfaces have few paints, so this
+module searches for the light for which the albedo differs least between points (l1 distance of logarithms). Pairs of
+different chromaticity probably have different paints and count less. Distant points are compared too, because near
+points alone do not determine the low frequencies of the light.
 
-The problem is small (some thousand points, at most ``ROWS`` rows of light) and is solved in seconds.
+The problem is small (some thousand points, at most ``ROWS`` rows of light) and takes seconds.
 """
 
 from dataclasses import dataclass, replace
@@ -33,62 +33,62 @@ from .model import LitSurfels
 from .start_values import LightStart, StartValues
 
 ROWS = 16
-"""Rows of light that are sought at most; a larger map starts as this one, enlarged."""
+"""Largest number of rows of the estimated light; a larger light map is interpolated from it."""
 
 POINTS = 2400
-"""Points that the training views are asked for, all together."""
+"""Number of points that are drawn from all training views together."""
 
 FEWEST_POINTS = 64
-"""Points without which no light is sought: surfels that leave hardly a pixel solid say nothing about it."""
+"""Least number of points for which a light is estimated: with fewer, hardly any pixel is opaque."""
 
 DIRECTIONS = 1024
-"""Rays from each point. With fewer, a sun of some degrees is met by few of them, and the noise of what it sends makes
-albedo vary: a search for the least variation then flees from the sun to a broader light."""
+"""Rays from each point. With fewer, few rays hit a sun of some degrees, and their noise makes the albedo vary: the
+search for the least variation then prefers a broader light to the sun."""
 
 POINTS_AT_ONCE = 128
 """Points whose rays are traced together."""
 
 WHOLE = 0.99
-"""Coverage above which a pixel sees one surface only."""
+"""Mask coverage from which a pixel shows a single surface."""
 
 OPAQUE = 0.9
 """Coverage by surfels above which the depth of a pixel is that of a surface."""
 
 ROUNDING = 1e-4
-"""Square of the difference in log-albedo below which l1 turns into a square."""
+"""Constant under the root of the l1 distance of log-albedo: below its root the distance is quadratic."""
 
 NEVER_SEEN = 1e-6
-"""Weight of the radiance along the normal beside that towards cameras."""
+"""Weight of the radiance along the normal beside the radiance towards cameras."""
 
 SMALLEST_SHARE = 1e-4
-"""Irradiance is kept above this share of its mean inside the logarithm."""
+"""Share of the mean irradiance that is added to it inside the logarithm."""
 
 
 @dataclass(frozen=True)
 class SeenPoints:
-    """Points on surfaces that training pixels see whole.
-
-    centre: world. normal: unit, towards the camera. radiance: linear, what the pixel shows.
-    """
+    """Points on surfaces, each seen by a training pixel that shows nothing else."""
 
     centre: Float[Tensor, "points 3"]
+    """Positions in the world."""
     normal: Float[Tensor, "points 3"]
+    """Unit normals in the world, facing the camera."""
     radiance: Float[Tensor, "points 3"]
+    """Radiance of the pixels, linear RGB."""
 
 
 @dataclass(frozen=True)
 class Transport:
-    """How light reaches points: a white Lambert surface there sends out the radiance ``direct`` E + ``indirect``.
-
-    direct: from each texel (row * columns + column) of a light of ``rows`` rows. indirect: linear radiance.
-    """
+    """Diffuse light transport to points: a white Lambertian surface has the radiance ``direct`` E + ``indirect``."""
 
     rows: int
+    """Rows of the light E; it has twice as many columns."""
     direct: Float[Tensor, "points texels"]
+    """Radiance for a unit of radiance in each texel (row * columns + column) of the light."""
     indirect: Float[Tensor, "points 3"]
+    """Radiance for the light that other surfels send, linear RGB."""
 
     def white(self, light: Float[Tensor, "rows columns 3"]) -> Float[Tensor, "points 3"]:
-        """Linear radiance of white surfaces under a light."""
+        """Radiance, linear RGB, of white Lambertian surfaces at the points under a light."""
         return self.direct @ light.flatten(0, 1) + self.indirect
 
 
@@ -136,9 +136,10 @@ def light_and_albedo(
     generator: torch.Generator,
     two_sided: bool = True,
 ) -> tuple[Float[Tensor, "height width 3"], Float[Tensor, "surfels 3"]] | None:
-    """A light map of ``rows`` rows and the surfels' albedo under it, both linear. ``two_sided``: see ``transport_to``.
+    """A light map of ``rows`` rows and the surfels' albedo under it, both linear RGB.
 
-    None, counted as ``lights_not_sought``, where fewer than ``FEWEST_POINTS`` points are seen whole.
+    Returns None, and counts ``lights_not_sought``, if fewer than ``FEWEST_POINTS`` points are found. ``two_sided``: see
+    ``transport_to``.
     """
     surfels = surfels.take(torch.arange(len(surfels), device=surfels.centre.device))
     points = seen_points(surfels, views, generator)
@@ -153,7 +154,7 @@ def light_and_albedo(
 
 
 def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Tensor, "surfels 3"]:
-    """The surfels' own linear radiance, averaged over the cameras that they face; along the normal where none does."""
+    """The surfels' own radiance, linear RGB, averaged over the cameras that they face; along the normal if none."""
     normal = surfels.frame[..., 2]
     total = surfel_radiance(surfels.sh, normal[:, None])[:, 0] * NEVER_SEEN
     count = torch.full_like(normal[:, :1], NEVER_SEEN)
@@ -167,7 +168,7 @@ def mean_radiance(surfels: Surfels, views: tuple[TrainingView, ...]) -> Float[Te
 
 @torch.no_grad()
 def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: torch.Generator) -> SeenPoints:
-    """Random pixels of all views that show one surface; its place and normal are those of the surfels."""
+    """Points seen by random pixels that show a single surface, with positions and normals blended from the surfels."""
     found = []
     for view in views:
         camera = view.camera
@@ -177,8 +178,8 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
         usable = torch.nonzero((~beside & (seen.alpha > OPAQUE) & (length > 0)).flatten())[:, 0]
         order = torch.randperm(len(usable), generator=generator, device=usable.device)
         chosen = usable[order[: -(-POINTS // len(views))]]
-        place = camera.centre + camera.ray_directions() * seen.depth[..., None]
-        maps = (place, normalize(seen.normal, dim=-1), srgb_decode(view.image))
+        position = camera.centre + camera.ray_directions() * seen.depth[..., None]
+        maps = (position, normalize(seen.normal, dim=-1), srgb_decode(view.image))
         found.append([values.reshape(-1, 3)[chosen] for values in maps])
     return SeenPoints(*(torch.cat(values) for values in zip(*found, strict=True)))
 
@@ -187,9 +188,9 @@ def seen_points(surfels: Surfels, views: tuple[TrainingView, ...], generator: to
 def transport_to(
     points: SeenPoints, surfels: Surfels, rows: int, generator: torch.Generator, two_sided: bool = True
 ) -> Transport:
-    """Trace rays from points to the surfels, beyond the layer that surfels of the points' own surface make up.
+    """Trace rays from points to the surfels, starting beyond the layer of surfels of the points' own surface.
 
-    ``two_sided``: whether surfels are met from behind, too.
+    ``two_sided``: whether rays also hit surfels from behind.
     """
     tracer, count = SurfelTracer(surfels), len(points.centre)
     beyond = BACK_OFFSET * float(surfels.scale.max(-1).values.median())
@@ -216,10 +217,10 @@ def transport_to(
 def least_variation_light(
     points: SeenPoints, transport: Transport, learning: LightStart
 ) -> Float[Tensor, "rows columns 3"]:
-    """The light under which log-albedo varies least between points, near and far; linear radiance.
+    """The light, linear RGB, under which log-albedo varies least between near and distant points.
 
-    Beside the variation it pays for its own roughness, for colour, and for a brightness under which the brightest
-    albedo is not that of white paint: the images determine it only as far as there is indirect light.
+    Beside this variation, the loss has terms for the light's smoothness and colour, and one that keeps the brightest
+    albedo near that of white paint, because images determine the brightness of the light only through indirect light.
     """
     radiance = points.radiance.clamp(min=LINEAR_KNEE)
     near, far = _near_pairs(points, learning), _far_pairs(points, learning)
@@ -246,15 +247,18 @@ def least_variation_light(
 
 
 class _Pairs(NamedTuple):
-    """Pairs of points, and how much each counts (all together: 1, or 0 where there are none)."""
+    """Pairs of points, with weights."""
 
     first: Int[Tensor, " pairs"]
+    """Index of the first point of each pair."""
     second: Int[Tensor, " pairs"]
+    """Index of the second point of each pair."""
     weight: Float[Tensor, " pairs"]
+    """Weights; they sum to 1."""
 
     @classmethod
     def of(cls, first: Tensor, second: Tensor, points: SeenPoints, learning: LightStart) -> "_Pairs":
-        """Pairs that count by how alike their chromaticity is."""
+        """Pairs weighted by the similarity of their chromaticities."""
         logarithm = points.radiance.clamp(min=LINEAR_KNEE).log()
         chroma = logarithm - logarithm.mean(-1, keepdim=True)
         apart = (chroma[first] - chroma[second]).square().sum(-1)
@@ -263,16 +267,16 @@ class _Pairs(NamedTuple):
 
 
 def _near_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
-    """Each point with its nearest ones."""
-    places = points.centre.cpu().numpy()
-    near = cKDTree(places).query(places, k=min(learning.neighbours + 1, len(places)))[1]
-    second = torch.from_numpy(near.reshape(len(places), -1)[:, 1:]).to(points.centre.device)
-    first = torch.arange(len(places), device=second.device).repeat_interleave(second.shape[1])
+    """Pairs of each point and its nearest neighbours."""
+    positions = points.centre.cpu().numpy()
+    near = cKDTree(positions).query(positions, k=min(learning.neighbours + 1, len(positions)))[1]
+    second = torch.from_numpy(near.reshape(len(positions), -1)[:, 1:]).to(points.centre.device)
+    first = torch.arange(len(positions), device=second.device).repeat_interleave(second.shape[1])
     return _Pairs.of(first, second.flatten(), points, learning)
 
 
 def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
-    """Each point with some of all points, the same ones in every search."""
+    """Pairs of each point and random points, drawn with a fixed seed."""
     count, device = len(points.centre), points.centre.device
     drawn = torch.randint(count, (count * learning.far,), generator=torch.Generator().manual_seed(0))
     first = torch.arange(count, device=device).repeat_interleave(learning.far)
@@ -280,12 +284,12 @@ def _far_pairs(points: SeenPoints, learning: LightStart) -> _Pairs:
 
 
 def _differences(log_albedo: Float[Tensor, "points 3"], pairs: _Pairs) -> Float[Tensor, "pairs 3"]:
-    """Magnitudes, rounded off at zero."""
+    """Absolute differences of log-albedo, smoothed at zero."""
     return ((log_albedo[pairs.first] - log_albedo[pairs.second]).square() + ROUNDING).sqrt()
 
 
 def _mean(values: Float[Tensor, "pairs 3"], pairs: _Pairs) -> Float[Tensor, ""]:
-    """Mean over pairs, as they count, and channels."""
+    """Weighted mean over pairs, and mean over channels."""
     return (pairs.weight[:, None] * values).sum() / 3
 
 
@@ -297,20 +301,20 @@ def albedo_under(
     radiance: Float[Tensor, "surfels 3"],
     learning: LightStart,
 ) -> Float[Tensor, "surfels 3"]:
-    """The albedo of each surfel under a light, from its own ``radiance`` and the light on the seen points near it."""
+    """Linear albedo of each surfel under ``light``, from its ``radiance`` and the irradiance at nearby seen points."""
     white = transport.white(light).log()
-    places, normals = points.centre.cpu(), points.normal.cpu()
-    bend = float(places.std(0).norm()) * learning.turned
-    tree = cKDTree(torch.cat([places, bend * normals], -1).numpy())
+    positions, normals = points.centre.cpu(), points.normal.cpu()
+    bend = float(positions.std(0).norm()) * learning.turned
+    tree = cKDTree(torch.cat([positions, bend * normals], -1).numpy())
     own = torch.cat([surfels.centre.detach(), bend * surfels.frame[..., 2].detach()], -1).cpu()
-    near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(places)))[1])
+    near = torch.from_numpy(tree.query(own.numpy(), k=min(learning.neighbours, len(positions)))[1])
     lit = white[near.reshape(len(own), -1).to(white.device)].mean(1).exp()
     low, high = learning.albedo_range
     return (radiance / lit).clamp(low, high)
 
 
 def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor, "height width 3"]:
-    """The light on a map of ``rows`` rows."""
+    """The light, bilinearly interpolated to ``rows`` rows."""
     if len(light) == rows:
         return light
     around = torch.cat([light[:, -1:], light, light[:, :1]], 1).permute(2, 0, 1)[None]
@@ -321,9 +325,9 @@ def enlarged(light: Float[Tensor, "rows columns 3"], rows: int) -> Float[Tensor,
 
 
 def white_light(views: tuple[TrainingView, ...], white: float, brightest: float) -> float:
-    """Constant radiance under which the brightest surfaces of the views are paint of albedo ``white``.
+    """Radiance of the constant light under which the brightest surfaces in the views have the albedo ``white``.
 
-    ``brightest``: quantile of the covered pixels that counts as the brightest.
+    ``brightest``: quantile of the covered pixels' linear brightness that counts as the brightest.
     """
     found = quantile(lambda: (srgb_decode(view.image[view.mask > 0.5]).mean(-1) for view in views), brightest)
     return max(found or 0.0, LINEAR_KNEE) / white

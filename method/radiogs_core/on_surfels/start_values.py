@@ -1,6 +1,6 @@
-"""What materials and light of stage 2 start as, and how the light that they start with is sought.
+"""Starting values of materials and light in stage 2, and settings of the search for the light (``light_start``).
 
-These values are apart from the search itself (``light_start``): a stage that only hands them on does not depend on it.
+They are apart from the search, so that a stage that only stores them does not depend on it.
 """
 
 import math
@@ -10,40 +10,40 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class LightStart:
-    """How the light of least albedo variation is found."""
+    """How the light of least albedo variation is searched for."""
 
     steps: int = 300
     """Steps of Adam."""
     rate: float = 0.05
-    """Its rate in log-radiance; it falls to zero."""
+    """Adam's learning rate for log-radiance; it falls linearly to zero."""
     neighbours: int = 8
-    """Nearest points that each point is compared with."""
+    """Number of nearest points that each point is compared with."""
     far: int = 8
-    """Points that each point is compared with as well, drawn from all of them: what lies apart in space and is lit
-    otherwise says more about the light than what lies beside it."""
+    """Number of random points that each point is compared with too. Distant points have different irradiance, so they
+    constrain the light more than neighbours do."""
     far_share: float = 0.3
-    """Share of the variation that comparisons with these have."""
+    """Share of these random pairs in the variation."""
     other_paint: float = 0.3
-    """Difference in log-albedo towards which they saturate: points farther apart are of another paint, whatever the
-    light."""
+    """Difference in log-albedo at which random pairs saturate: a larger one means different paints under any light."""
     same_paint: float = 0.08
-    """Standard deviation in log-chromaticity up to which neighbours pass for the same paint."""
+    """Standard deviation, in log-chromaticity, of the weight of pairs: pairs of similar chromaticity share a paint."""
     smoothness: float = 0.003
-    """Weight of squared differences of neighbouring texels' log-radiance."""
+    """Weight of the squared differences of neighbouring texels' log-radiance."""
     colour: float = 0.02
     """Weight of the distance of the light's channels from their mean."""
     white_paint: float = 0.05
-    """Weight of the squared distance between the logarithms of the brightest albedo and of white paint's."""
+    """Weight of the squared difference between the logarithms of the brightest albedo and of ``white``."""
     white: float = 0.75
     """Albedo of white paint."""
     brightest: float = 0.95
-    """Quantile of the largest channel of albedo that counts as the brightest."""
+    """Quantile of the points' albedo (its largest channel) that counts as the brightest."""
     mean_albedo: float = 0.4
     """Albedo of all points under the constant light that the search starts from."""
     turned: float = 0.5
-    """Distance, in standard deviations of the points' positions, that a unit of difference in normals counts as."""
+    """Weight of the distance between normals beside the distance between positions, in standard deviations of the
+    positions, when points near a surfel are searched for."""
     albedo_range: tuple[float, float] = (0.02, 0.95)
-    """Albedo that surfels start with at least and at most."""
+    """Smallest and largest initial albedo of surfels."""
 
     @property
     def white_log(self) -> float:

@@ -1,1 +1,1 @@
-"""What a method is given: cameras, views with their maps, distant light, and colour spaces."""
+"""The scene that a method is run on: cameras, views with their maps, distant light, and colour spaces."""

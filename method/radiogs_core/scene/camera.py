@@ -12,34 +12,44 @@ from ..errors import DataError
 from ..instruments import fire
 
 RIGID_TOLERANCE = 1e-3
-"""How far the axes' products may be from orthonormal: it moves what is at the edge of an image of 1000 pixels by half a
-pixel. Poses in files are rounded to six digits or better; a scaled or sheared matrix is off by far more."""
+"""Largest deviation of the axes' inner products from orthonormal: it moves a point at the edge of an image of 1000
+pixels by half a pixel. Poses in files are rounded to six digits or better; a scaled or sheared matrix deviates by far
+more."""
 
 STEEPEST_RAY = 2.0**23
-"""Largest slope of a pixel's ray: beyond it one is less than half a float32 step of the ray's length, and the forward
-axis would be lost."""
+"""Largest slope of a pixel's ray. Beyond it the forward component, 1, is less than half a float32 step of the ray's
+length and would be lost."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera.
+    """A pinhole camera. The centre of pixel (column i, row j) has the image coordinates (i + 0.5, j + 0.5).
 
-    ``camera_to_world`` is a rigid 4x4 matrix (world units); ``fx, fy, cx, cy`` are in pixels;
-    ``width, height`` count pixels. Pixel (column i, row j) is seen through (i + 0.5, j + 0.5).
-    Raises DataError for a lens or a pose that no image could be made with: it would not fail but show nothing.
+    Raises DataError for a lens or a pose that cannot form an image: rendering with it would show nothing.
     """
 
     camera_to_world: Float[Tensor, "4 4"]
+    """Rigid transform from camera axes to the world, world units."""
     fx: float
+    """Horizontal focal length, pixels."""
     fy: float
+    """Vertical focal length, pixels."""
     cx: float
+    """Column of the principal point, pixels from the left edge of the image."""
     cy: float
+    """Row of the principal point, pixels from the upper edge of the image."""
     width: int
+    """Columns of the image."""
     height: int
+    """Rows of the image."""
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1:
-            raise DataError(f"a camera of {self.width} x {self.height} pixels", "An image has at least one.")
+            raise DataError(
+                f"a camera has {self.width} x {self.height} pixels",
+                "An image has at least one.",
+                "Repair the scene's cameras.",
+            )
         lens = {"fx": self.fx, "fy": self.fy, "cx": self.cx, "cy": self.cy}
         reach = max(abs(self.cx), abs(self.width - self.cx), abs(self.cy), abs(self.height - self.cy))
         if not all(map(math.isfinite, lens.values())) or not min(self.fx, self.fy) * STEEPEST_RAY > reach:
@@ -49,7 +59,7 @@ class Camera:
                 "Focal lengths are positive, and all four are finite numbers of pixels.",
                 "Repair the scene's cameras.",
             )
-        # Cameras are read on the CPU; asking a copy on a GPU again would make the CPU wait for it.
+        # Cameras are read on the CPU; checking the copy on a GPU again would make the CPU wait for it.
         if self.camera_to_world.device.type == "cpu":
             self._require_rigid()
 
@@ -61,8 +71,8 @@ class Camera:
             raise DataError(
                 f"a camera's pose is not rigid: its axes are {off:.2g} from orthonormal, its centre is"
                 f" {[float(value) for value in self.centre]}",
-                "Rays would be bent or lost.",
-                "Repair the scene's cameras; a scale belongs into the scene, not into the pose.",
+                "Its rays would have wrong directions.",
+                "Repair the scene's cameras; scale the scene, not the pose.",
             )
 
     @property
@@ -81,9 +91,9 @@ class Camera:
         return self if moved is self.camera_to_world else replace(self, camera_to_world=moved)
 
     def ray_directions(self) -> Float[Tensor, "height width 3"]:
-        """World vectors from the centre through each pixel, of unit depth: point = centre + z * direction.
+        """World vectors from the centre through each pixel, with z-depth 1 (not unit length).
 
-        They are not of unit length; multiply by z-depth to land on the surface.
+        A pixel of z-depth z shows the point ``centre + z * direction``.
         """
         like: dict[str, Any] = {"dtype": self.camera_to_world.dtype, "device": self.camera_to_world.device}
         column = (torch.arange(self.width, **like) + 0.5 - self.cx) / self.fx

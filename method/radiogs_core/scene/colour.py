@@ -1,16 +1,19 @@
-"""The sRGB transfer function (IEC 61966-2-1), the only place where linear and display colour meet."""
+"""The sRGB transfer function (IEC 61966-2-1); all conversions between linear and display colour use it."""
 
 from jaxtyping import Float
 from torch import Tensor, where
 
 LINEAR_KNEE = 0.0031308
+"""Linear value below which the curve is a line."""
+
 DISPLAY_KNEE = 0.04045
+"""Display value of that point."""
 
 
 def srgb_encode(linear: Float[Tensor, "*shape"]) -> Float[Tensor, "*shape"]:
     """Linear RGB to display sRGB, without clipping; below the knee (and below zero) the slope is 12.92.
 
-    The power is taken of ``max(x, knee)``, so that its infinite slope at zero never meets the gradient.
+    The power is taken of ``max(x, knee)``, so that its infinite slope at zero never enters the gradient.
     """
     curve = 1.055 * linear.clamp(min=LINEAR_KNEE) ** (1 / 2.4) - 0.055
     return where(linear <= LINEAR_KNEE, 12.92 * linear, curve)

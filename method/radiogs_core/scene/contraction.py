@@ -1,4 +1,4 @@
-"""The contraction of unbounded space into a ball: near the cameras as it is, far away by disparity (mip-NeRF 360)."""
+"""The contraction of unbounded space into a ball (mip-NeRF 360): near the cameras the identity, far away disparity."""
 
 from dataclasses import dataclass
 
@@ -11,15 +11,16 @@ from .scene import Scene
 
 @dataclass(frozen=True)
 class Contraction:
-    """Space around ``centre``, contracted outside the ball of ``radius`` (both in world units).
+    """A contraction of space outside a ball (Barron et al. 2022, Eq. 10).
 
-    With x = (p - centre) / radius, a point stays at x inside the ball, and lies at (2 - 1 / |x|) x / |x| outside: all
-    of space in a ball of radius 2, in which distance from the unit ball outwards is disparity (Barron et al. 2022,
-    Eq. 10).
+    With x = (p - centre) / radius, a point inside the ball maps to x, and one outside to (2 - 1 / |x|) x / |x|. All of
+    space maps into a ball of radius 2; outside the unit ball, distance from it measures disparity.
     """
 
     centre: Float[Tensor, "3"]
+    """Centre of the ball, world units."""
     radius: float
+    """Radius of the ball, world units."""
 
     @classmethod
     def of(cls, scene: Scene) -> "Contraction":
@@ -28,11 +29,12 @@ class Contraction:
         return cls(scene.centre, float((origins - scene.centre).norm(dim=-1).max()))
 
     def contracted(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, "points 3"]:
-        """World points in the ball of radius 2."""
-        place = (points - self.centre.to(points)) / self.radius
-        distance = place.norm(dim=-1, keepdim=True).clamp(min=1)
-        return place * (2 - 1 / distance) / distance
+        """The contracted positions of world points, inside the ball of radius 2."""
+        relative = (points - self.centre.to(points)) / self.radius
+        distance = relative.norm(dim=-1, keepdim=True).clamp(min=1)
+        return relative * (2 - 1 / distance) / distance
 
     def stretch(self, points: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
-        """How many times larger things may be at world points than inside the ball, to look as large: max(1, |x|)."""
+        """max(1, |x|) at world points: the factor by which a thing there is larger than one inside the ball that looks
+        as large."""
         return ((points - self.centre.to(points)).norm(dim=-1) / self.radius).clamp(min=1)

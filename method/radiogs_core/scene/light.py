@@ -1,7 +1,7 @@
 """Distant light as a latitude-longitude map: Z up, centre column towards +X.
 
 Texel (row j, column i) of an H x W map looks along azimuth pi - 2 pi (i + 0.5) / W and polar angle
-pi (j + 0.5) / H from +Z: u = 1/2 - atan2(y, x) / 2 pi, v = acos(z) / pi (facts of the data sets, section 0).
+pi (j + 0.5) / H from +Z: u = 1/2 - atan2(y, x) / 2 pi, v = acos(z) / pi.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,10 @@ from ..errors import DataError
 
 @dataclass(frozen=True)
 class EnvironmentMap:
-    """Incident radiance from infinity, linear RGB, [height, width, 3]; see the module for the orientation."""
+    """Light from infinity as a latitude-longitude map; see the module for its orientation."""
 
     radiance: Float[Tensor, "height width 3"]
+    """Incident radiance of each texel, linear RGB."""
 
     def __post_init__(self) -> None:
         require_map(self.radiance, "a map of light")
@@ -29,12 +30,15 @@ class EnvironmentMap:
 
 
 def require_map(radiance: object, what: str) -> None:
-    """Raise DataError for what is no tensor [height, width, 3] with a texel: kernels would read beyond its end."""
+    """Raise DataError unless ``radiance`` is a tensor [height, width, 3] with at least one texel.
+
+    Kernels would read beyond the end of any other. ``what`` names the map in the message.
+    """
     shape = tuple(radiance.shape) if isinstance(radiance, Tensor) else type(radiance).__name__
     if not isinstance(radiance, Tensor) or len(radiance.shape) != 3 or radiance.shape[2] != 3 or not radiance.numel():
         raise DataError(
             f"{what} has the shape {shape}",
-            "It is latitude-longitude, [height, width, 3] with a texel at least.",
+            "A latitude-longitude map has the shape [height, width, 3] and at least one texel.",
             "Export it again as RGB; if it is part of a trained model, train the model again.",
         )
 

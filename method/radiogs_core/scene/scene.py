@@ -1,4 +1,4 @@
-"""What a method is given: views with their maps, lights, and how large the scene is."""
+"""A scene: views with their maps, lights for relighting, and the scene's centre and unit of length."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -26,17 +26,20 @@ depth      z-depth in world units, zero where alpha is zero, 1 channel
 direct     linear outgoing radiance after one surface, multiplied by alpha, 3 channels
 indirect   linear outgoing radiance after two or more surfaces, multiplied by alpha, 3 channels
 
-Under another light the names read ``relit/<light>`` (as image) and ``relit/<light>/indirect`` (as indirect).
+Under another light the names are ``relit/<light>`` (as image) and ``relit/<light>/indirect`` (as indirect).
 """
 
 
 @dataclass(frozen=True)
 class View:
-    """One camera and the maps that exist for it; maps are read when asked for."""
+    """One camera and the maps that exist for it; a map is read from its file at each call of ``read``."""
 
     name: str
+    """Name of the view, unique in its scene."""
     camera: Camera
+    """Camera of the view."""
     sources: Mapping[str, Callable[[], Tensor]] = field(repr=False)
+    """Functions that read the maps, by ``MapName``."""
 
     def has(self, name: str) -> bool:
         """Whether the map exists for this view."""
@@ -48,67 +51,75 @@ class View:
             raise DataError(
                 f"view '{self.name}' has no map '{name}'",
                 f"It has: {', '.join(sorted(self.sources))}.",
-                "Leave out what needs this map, or add the file to the scene.",
+                "Leave out the metric that needs this map, or add the file to the scene.",
             )
         return self.sources[name]()
 
 
 @dataclass(frozen=True)
 class Points:
-    """Sparse points of a reconstruction: world positions, and display sRGB colours in [0, 1]."""
+    """Sparse points of a structure-from-motion reconstruction."""
 
     positions: Float[Tensor, "points 3"]
+    """Positions in the world."""
     colours: Float[Tensor, "points 3"]
+    """Colours, display sRGB in [0, 1]."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A captured or synthetic scene, as every layout's loader returns it.
-
-    ``lights`` holds the environment maps for relighting by name; ``training_light`` is the true light of the
-    training views, where it is known. ``checksum`` is a digest of every file that the scene consists of. ``repairs``
-    says, a sentence each, what the loader had to set right or assume. ``relight`` are views of the object elsewhere,
-    each under a light of its own (the map ``relit/<light>`` alone); ``points`` what a reconstruction brought along.
-    ``folder`` is where its files are, None for a scene that is computed. ``loaders`` names the modules that read or
-    computed it: what they make of the files decides every metric, so their sources are part of a cell's key.
-    ``options`` are those that it was opened with, as plain values; empty for a scene taken as it is stored.
-    ``surfaces`` samples the true surfaces where they are known, as those of generated scenes are (``true_surfaces``);
-    ``surfaces_by`` names the modules that do, whose sources are part of the key of a cell that uses them.
-    """
+    """A captured or synthetic scene, as every layout's loader returns it."""
 
     name: str
+    """Name of the scene."""
     layout: str
+    """Name of the layout that its files have."""
     train: tuple[View, ...]
+    """Training views."""
     test: tuple[View, ...]
+    """Test views."""
     lights: Mapping[str, EnvironmentMap]
+    """Environment maps for relighting, by name."""
     training_light: EnvironmentMap | None
+    """True light of the training views; None where it is not known."""
     checksum: str
+    """Digest of every file of the scene."""
     repairs: tuple[str, ...] = ()
+    """Sentences, one for each thing that the loader repaired or assumed."""
     relight: tuple[View, ...] = ()
+    """Views of the object in other surroundings, each under a light of its own (its only map is
+    ``relit/<light>``)."""
     points: Points | None = None
+    """Sparse points of the reconstruction that gave the cameras; None where there are none."""
     folder: Path | None = None
+    """Folder of the files; None for a scene that is computed."""
     loaders: tuple[str, ...] = ()
+    """Modules that read or computed the scene. They decide every metric, so their sources are part of a cell's key."""
     options: Mapping[str, Any] = field(default_factory=dict)
+    """Options that the scene was opened with, as plain values; empty for a scene without changes."""
     surfaces: Surfaces | None = field(default=None, compare=False, repr=False)
+    """Samples the true surfaces (see ``true_surfaces``); None where they are not known. Generated scenes know them."""
     surfaces_by: tuple[str, ...] = ()
+    """Modules that define ``surfaces``. Their sources are part of the key of a cell that uses it."""
 
     def true_surfaces(self, spacing: float) -> SurfaceSamples:
         """Samples of the true surfaces, about ``spacing`` world units apart. Raises DataError where none are known."""
         if self.surfaces is None:
             raise DataError(
                 f"the surfaces of scene '{self.name}' are not known",
-                "Scenes that were generated know theirs; captured ones and other data sets do not.",
+                "Generated scenes know their surfaces; captured scenes and other data sets do not.",
+                "Use a generated scene.",
             )
         return self.surfaces(spacing)
 
     @property
     def surrounded(self) -> bool:
-        """Whether the images show what surrounds the object as well: no training view has alpha to tell them apart."""
+        """Whether the images show the object's surroundings too: no training view has alpha to separate them."""
         return not any(view.has("alpha") for view in self.train)
 
     @property
     def centre(self) -> Float[Tensor, "3"]:
-        """The point that the training cameras look at: least squares nearest to their optical axes, in float64."""
+        """The world point nearest to the optical axes of all training cameras, by least squares; float64."""
         origins = torch.stack([view.camera.centre for view in self.train]).double()
         forward = torch.stack([view.camera.axes[:, 2] for view in self.train]).double()
         projectors = torch.eye(3, dtype=torch.float64) - forward[:, :, None] * forward[:, None, :]
@@ -118,9 +129,9 @@ class Scene:
 
     @property
     def extent(self) -> float:
-        """The scene's unit of length: 1.1 times the largest distance of a training camera from their mean.
+        """The scene's unit of length: 1.1 times the largest distance of a training camera from the cameras' mean.
 
-        It is the unit that density control and the position's learning rate use (as in 3DGS).
+        Density control and the learning rate of positions use this unit (as in 3DGS). World units.
         """
         origins = torch.stack([view.camera.centre for view in self.train]).double()
         return 1.1 * float((origins - origins.mean(0)).norm(dim=-1).max())

@@ -1,4 +1,4 @@
-"""Surfaces of a scene that are known exactly, as samples: ground truth for whatever a method places on them."""
+"""Samples of a scene's true surfaces: the ground truth for geometry and materials."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,25 +9,26 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class SurfaceSamples:
-    """Points on surfaces, each standing for the rectangular cell around it; the cells cover what is sampled once.
-
-    centre: world. frame: orthonormal, columns t_u, t_v, n, with n outwards. size: of the cell along t_u and t_v, world
-    units. albedo: linear, diffuse. roughness: perceptual (alpha_GGX = r^2). emission: linear radiance that the surfaces
-    send out by themselves, the same in all directions; None: none do. specular: whether they have a specular lobe
-    besides Lambert's.
-    """
+    """Points on surfaces, each the centre of a rectangular cell; the cells cover the sampled surfaces once."""
 
     centre: Float[Tensor, "samples 3"]
+    """Positions in the world."""
     frame: Float[Tensor, "samples 3 3"]
+    """Orthonormal frames in the world: columns t_u, t_v, n, with n outwards."""
     size: Float[Tensor, "samples 2"]
+    """Sides of the cells along t_u and t_v, world units."""
     albedo: Float[Tensor, "samples 3"]
+    """Diffuse albedo, linear."""
     roughness: Float[Tensor, " samples"]
+    """Perceptual roughness r (alpha_GGX = r^2)."""
     emission: Float[Tensor, "samples 3"] | None = None
+    """Emitted radiance, linear RGB, the same in all directions; None where no surface emits."""
     specular: bool = True
+    """Whether the surfaces have a specular lobe beside the Lambertian one."""
 
     def __len__(self) -> int:
         return len(self.centre)
 
 
 Surfaces = Callable[[float], SurfaceSamples]
-"""Samples all surfaces of a scene, about so many world units apart; on the CPU, float64."""
+"""Samples all surfaces of a scene at a spacing in world units; the samples are on the CPU, float64."""

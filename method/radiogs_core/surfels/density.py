@@ -1,12 +1,15 @@
-"""Density control: where surfels are added and removed while their geometry is learnt.
+"""Density control adds and removes surfels while their geometry is learnt.
 
-``DensityControl`` is what a stage asks of any strategy. ``AdaptiveDensityControl`` is 3DGS's: clone what is small and
-has a large positional gradient, split what is large and has one, prune the faint. A surfel that no view saw since the
-last round is pruned too: it faces away from every camera or is buried, would never be seen again, and would still stand
-in the way of traced rays. So are, at some steps, those that hardly show in any view: without that they are a third to a
-half of all surfels, which stop rays, send out a radiance that no image has told, and take the room of surfels that the
-images ask for. Two changes make the rules independent of the image's size and of the run's length: the positional
-gradient is measured in half-images at the surfel's centre, and the number of surfels has a ceiling.
+``DensityControl`` is the interface of a strategy. ``AdaptiveDensityControl`` is the strategy of 3DGS: it clones small
+surfels with a large positional gradient, splits large surfels with one, and prunes faint surfels. It also prunes
+
+- surfels that no view has seen since the last round. They face away from every camera or are buried, so no view would
+  see them again, and they would still occlude traced rays;
+- at some steps, surfels that contribute little to every view. Without this a third to a half of all surfels would be
+  such: they stop rays, emit a radiance that no image has constrained, and use up the maximum number of surfels.
+
+Two changes make the rules independent of the image's size and of the run's length: the positional gradient is measured
+in half-images at the surfel's centre, and the number of surfels has a maximum.
 """
 
 from collections.abc import Callable, Mapping
@@ -23,7 +26,7 @@ from .surfels import Surfels
 
 @runtime_checkable
 class DensityControl(Protocol):
-    """A strategy of adding and removing surfels, with whatever statistics it needs."""
+    """A strategy of adding and removing surfels, with its statistics."""
 
     def observe(
         self,
@@ -32,7 +35,14 @@ class DensityControl(Protocol):
         gradient: Float[Tensor, "surfels 3"],
         in_view: Bool[Tensor, " surfels"],
     ) -> None:
-        """Learn from one step: the loss's gradient with respect to the world centres, and which surfels were seen."""
+        """Update the statistics after one step.
+
+        Args:
+            camera: Camera of the step's view.
+            centre: Positions of the surfels, world units.
+            gradient: Gradient of the loss with respect to ``centre``.
+            in_view: Whether the view saw the surfel.
+        """
 
     def due(self, iteration: int, iterations: int) -> bool:
         """Whether to ``act`` after ``iteration`` of ``iterations`` steps."""
@@ -40,8 +50,11 @@ class DensityControl(Protocol):
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        """Where it is ``due``: the new surfels, and for each the index of the old one whose optimiser moments it
-        inherits (-1 for fresh ones)."""
+        """Add and remove surfels; call it only where ``due`` says so.
+
+        Returns the new surfels, and for each the index of the old surfel whose optimiser moments it inherits (-1 for
+        new surfels without moments).
+        """
 
     def state(self) -> dict[str, Any]:
         """Tensors and plain values from which to continue bit for bit."""
@@ -76,7 +89,7 @@ class AdaptiveDensity:
 
 @dataclass
 class PositionalGradient:
-    """How strongly the images want each surfel to move across the screen: sums over the views that saw it."""
+    """The gradient of each surfel's position on the screen, summed over the views that saw it."""
 
     total: Float[Tensor, " surfels"]
     """Norms of the gradients, in loss per half-image."""
@@ -85,7 +98,7 @@ class PositionalGradient:
 
     @classmethod
     def none(cls, count: int, device: torch.device) -> "PositionalGradient":
-        """No view yet."""
+        """Sums over no view, for ``count`` surfels."""
         return cls(torch.zeros(count, device=device), torch.zeros(count, device=device))
 
     def add(
@@ -95,7 +108,7 @@ class PositionalGradient:
         gradient: Float[Tensor, "surfels 3"],
         in_view: Bool[Tensor, " surfels"],
     ) -> None:
-        """Add one view's loss gradient with respect to the world centres, as a gradient on the screen.
+        """Add one view: ``gradient`` with respect to the world ``centre`` is converted to a gradient on the screen.
 
         A shift of one half-image at depth z is z W / (2 fx) world units along the camera's right axis.
         """
@@ -115,13 +128,19 @@ class PositionalGradient:
 
 
 class AdaptiveDensityControl:
-    """3DGS's adaptive density control; see the module.
+    """The adaptive density control of 3DGS; see the module.
 
-    ``interval``: steps between two rounds. ``maximum``: number of surfels that is never exceeded; where it leaves no
-    room for all, the largest positional gradients go first. ``extent``: the scene's, world units. ``surfels``: those at
-    the start. ``contribution``: how many pixels each surfel makes up in the view that shows most of it. ``stretch``: by
-    how much larger surfels at world points are to be judged than near the cameras (``Contraction.stretch``); None for a
-    scene that has nothing beyond them. Where it is above 1, no surfel is too large: a far wall may be one.
+    Args:
+        rules: When and where the control acts.
+        interval: Steps between two rounds.
+        maximum: Largest number of surfels. If it does not allow all clones and splits, surfels with the largest
+            positional gradients are chosen.
+        extent: Extent of the scene, world units (see ``Scene.extent``).
+        surfels: Surfels at the start.
+        contribution: Returns each surfel's sum of blending weights in the view where that is largest, in pixels.
+        stretch: Returns the factor by which surfels at world points may be larger than near the cameras
+            (``Contraction.stretch``). No surfel where it is above 1 is pruned for its size, because a far wall may be a
+            single surfel. None for a scene with masks.
     """
 
     def __init__(
@@ -161,10 +180,9 @@ class AdaptiveDensityControl:
     def act(
         self, surfels: Surfels, iteration: int, iterations: int, generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " surfels"]]:
-        """What is ``due`` after this step.
+        """Run a round, prune surfels that contribute little to every view, or both, as the schedule says.
 
-        That is a round of cloning, splitting and pruning, after which statistics begin anew; to prune surfels that
-        hardly show; or both.
+        A round clones, splits and prunes, and resets the statistics.
         """
         grows, hides = self._grows(iteration, iterations), self._hides(iteration, iterations)
         shows = torch.ones_like(surfels.opacity, dtype=torch.bool)
@@ -181,7 +199,7 @@ class AdaptiveDensityControl:
     def _changed(
         self, surfels: Surfels, shows: Bool[Tensor, " surfels"], generator: torch.Generator
     ) -> tuple[Surfels, Int[Tensor, " changed"]]:
-        """Surfels after a round, and whose optimiser moments each inherits."""
+        """Surfels after a round, and for each the old surfel whose optimiser moments it inherits (-1: none)."""
         rules, extent = self.rules, self.extent
         largest, prunable = surfels.scale.max(-1).values, torch.ones_like(shows)
         if self.stretch is not None:

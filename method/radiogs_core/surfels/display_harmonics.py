@@ -1,4 +1,4 @@
-"""The harmonics that show a surfel's radiance as a display does: what viewers of splats expect."""
+"""Spherical harmonics of a surfel's display colour, as splat viewers expect them."""
 
 import math
 
@@ -11,16 +11,17 @@ from ..scene.colour import srgb_encode
 from .harmonics import COEFFICIENTS
 
 DIRECTIONS = 256
-"""Over the sphere, at which both are compared."""
+"""Directions over the sphere at which harmonics are evaluated for the least-squares fit."""
 
 AT_A_TIME = 1 << 13
+"""Surfels whose harmonics are fitted together, to bound the memory."""
 
 
 def display_harmonics(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfels 16 3"]:
-    """Harmonics whose value, plus 1/2, is the display sRGB of ``sh``'s linear radiance, cut at 1; on the CPU, float32.
+    """Harmonics whose value plus 1/2 is the display sRGB of ``sh``'s linear radiance, clipped at 1; CPU, float32.
 
-    The curve makes other harmonics of these, so it is the least-squares fit over the sphere. It is exact for what looks
-    the same from everywhere.
+    The sRGB curve of harmonics is not a sum of harmonics, so the result is a least-squares fit over the sphere. The fit
+    is exact for a surfel that looks the same from all directions.
     """
     basis = basis_along(spread_directions(DIRECTIONS))
     fit = torch.linalg.pinv(basis)
@@ -33,9 +34,9 @@ def display_harmonics(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfe
 
 def spread_directions(count: int) -> Float[Tensor, "directions 3"]:
     """Unit vectors evenly over the sphere (a Fibonacci lattice), float64."""
-    place = torch.arange(count, dtype=torch.float64)
-    height = 1 - (2 * place + 1) / count
-    turn = place * math.pi * (3 - math.sqrt(5))
+    index = torch.arange(count, dtype=torch.float64)
+    height = 1 - (2 * index + 1) / count
+    turn = index * math.pi * (3 - math.sqrt(5))
     side = (1 - height.square()).sqrt()
     return torch.stack([side * turn.cos(), side * turn.sin(), height], -1)
 

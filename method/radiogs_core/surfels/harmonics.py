@@ -17,7 +17,7 @@ def surfel_radiance(
 ) -> Float[Tensor, "surfels *views 3"]:
     """Radiance L_G that each surfel sends along unit ``outgoing`` directions (away from the surface), linear RGB.
 
-    value = max(0, SH(-outgoing) + 1/2): 3DGS evaluates its harmonics along the direction of travel.
+    L_G = max(0, SH(-outgoing) + 1/2): 3DGS evaluates its harmonics along the direction of travel.
     """
     return unclamped_radiance(sh, outgoing).clamp(min=0)
 
@@ -25,7 +25,7 @@ def surfel_radiance(
 def radiance_of_harmonics(
     sh: Float[Tensor, "surfels coefficients 3"], outgoing: Float[Tensor, "surfels 3"]
 ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
-    """``surfel_radiance``, and the same values with gradient to the harmonics alone."""
+    """``surfel_radiance`` with its full gradient, and the same values with gradient to the harmonics only."""
     both = harmonic_sums(sh, -outgoing[:, None])
     seen, sent = ((each[:, 0] + 0.5).clamp(min=0) for each in both)
     return seen, sent
@@ -34,6 +34,6 @@ def radiance_of_harmonics(
 def unclamped_radiance(
     sh: Float[Tensor, "surfels coefficients 3"], outgoing: Float[Tensor, "surfels *views 3"]
 ) -> Float[Tensor, "surfels *views 3"]:
-    """``surfel_radiance`` before it is cut off at zero: what has fallen below still has a gradient that lifts it."""
+    """``surfel_radiance`` without the clamp at zero, so that negative values keep a gradient."""
     views = outgoing.reshape(len(sh), outgoing.shape[1:-1].numel(), 3)
     return harmonic_sum(sh, -views).view(outgoing.shape) + 0.5

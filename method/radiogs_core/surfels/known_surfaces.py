@@ -1,4 +1,4 @@
-"""Surfels laid on surfaces that are known, with their true materials: geometry that no reconstruction has blurred."""
+"""Surfels on a scene's true surfaces with its true materials: exact geometry, without reconstruction error."""
 
 from dataclasses import dataclass
 
@@ -10,27 +10,28 @@ from .harmonics import COEFFICIENTS
 from .surfels import ROUGHNESS_FLOOR, Surfels, inverse_sigmoid
 
 OPACITY = 0.99
+"""Peak opacity of every surfel."""
+
 OVERLAP = 0.65
-"""Standard deviation in sizes of a sample's cell: inside a face less of a ray's light passes than a solid surface lets
-through (2.7 %, where four cells meet). More would blur: of coplanar surfels the one whose centre is nearer to the
-camera comes first, which moves what is seen by about a third of a cell."""
+"""Standard deviation of a surfel, in sides of its sample's cell. At most 2.7 % of a ray's light then passes inside a
+face (where four cells meet), below the 3 % at which the tracer ends a ray. Wider surfels would blur: coplanar surfels
+are sorted by their centres' distance from the camera, which shifts the image by about a third of a cell."""
 
 
 @dataclass(frozen=True)
 class KnownRadiance:
-    """Surfels on the true surfaces with the radiance that they send out under the true light.
-
-    residual: mean |L_G - L_PBR| over mean L_PBR, from directions that were not used to find it.
-    """
+    """Surfels on the true surfaces with their outgoing radiance under the true light."""
 
     surfels: Surfels
+    """The surfels; ``sh`` is the solved radiance."""
     residual: float
+    """Mean |L_G - L_PBR| over mean L_PBR, towards directions that the solver did not use."""
 
 
 def surfels_on(samples: SurfaceSamples) -> Surfels:
-    """One nearly opaque surfel for each sample, with its albedo and roughness; radiance grey 1/2. Float32.
+    """One nearly opaque surfel for each sample, with its albedo and roughness; radiance 1/2 in all channels; float32.
 
-    Raises ValueError for an albedo or roughness that no surfel has: those lie in (0, 1) and (ROUGHNESS_FLOOR, 1).
+    Raises ValueError for an albedo outside (0, 1) or a roughness outside (ROUGHNESS_FLOOR, 1).
     """
     rough = (samples.roughness - ROUGHNESS_FLOOR) / (1 - ROUGHNESS_FLOOR)
     for name, value in (("albedo", samples.albedo), ("roughness", rough)):

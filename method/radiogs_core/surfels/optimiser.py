@@ -1,4 +1,4 @@
-"""Adam over surfels whose number changes: moments follow their surfel, fresh surfels start with none."""
+"""Adam over surfels whose number changes: moments follow their surfel, and new surfels start without moments."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -14,10 +14,13 @@ ADAM_EPSILON = 1e-15
 
 
 class SurfelOptimiser:
-    """Steps the raw parameters of surfels, and any further named tensors, each at its own learning rate.
+    """Optimises the raw parameters of surfels, and further named tensors, each at its own learning rate.
 
-    ``rates`` maps parameter names to learning rates; ``"sh_rest"`` is the rate of degrees above zero. A rate of
-    zero leaves the parameter alone.
+    Args:
+        surfels: Surfels at the start.
+        further: Further tensors at the start, by name.
+        rates: Learning rates by the name of the parameter or tensor; ``"sh_rest"`` is the rate of the harmonics above
+            degree 0. A parameter with rate zero does not change.
     """
 
     def __init__(self, surfels: Surfels, further: Mapping[str, Tensor], rates: Mapping[str, float]) -> None:
@@ -33,14 +36,14 @@ class SurfelOptimiser:
         )
 
     def _adopt(self, surfels: Surfels) -> None:
-        # Degree 0 and the higher degrees learn at different rates, hence live in separate tensors.
+        # Degree 0 and the higher degrees have different rates, so they are separate tensors.
         for name, value in surfels.parameters().items():
             parts = {"sh": value[:, :1], "sh_rest": value[:, 1:]} if name == "sh" else {name: value}
             self.tensors |= {part: piece.detach().clone().requires_grad_() for part, piece in parts.items()}
 
     @property
     def surfels(self) -> Surfels:
-        """The surfels as they are now, connected to the tensors that are optimised."""
+        """The current surfels, with gradient to the tensors that are optimised."""
         own = {name: value for name, value in self.tensors.items() if name not in self.further}
         own["sh"] = torch.cat([own["sh"], own.pop("sh_rest")], 1)
         return Surfels.of(own)
@@ -57,7 +60,7 @@ class SurfelOptimiser:
         self.adam.zero_grad(set_to_none=True)
 
     def replace(self, surfels: Surfels, origin: Int[Tensor, " surfels"]) -> None:
-        """Put ``surfels`` in the place of the present ones; ``origin`` says whose moments each inherits (-1: none)."""
+        """Replace the surfels; ``origin``: index of the old surfel whose moments each inherits (-1: none)."""
         old = dict(self.tensors)
         self._adopt(surfels)
         kept, inherited = origin >= 0, origin.clamp(min=0)
@@ -74,7 +77,7 @@ class SurfelOptimiser:
                 self.adam.state[self.tensors[name]] = moments
 
     def forget(self, name: str) -> None:
-        """Clear the moments of one parameter (after it was set by hand)."""
+        """Clear the moments of one parameter, after its value was set from outside."""
         self.adam.state.pop(self.tensors[name], None)
 
     def state(self) -> dict[str, Any]:

@@ -3,8 +3,8 @@
 First the 62 attributes of 3DGS in its order: x y z; nx ny nz (the unit normal, for viewers); f_dc_0..2 and f_rest_0..44
 (harmonics of degree 0 and of 1 to 3, all of red first, then green and blue; colour = 1/2 + harmonics, display sRGB);
 opacity (a logit); scale_0..2 (natural logarithms; the third is a thousandth of the smaller of both, as viewers know no
-flat splats); rot_0..3 (w, x, y, z). Then our own: radiance_0..47 (the harmonics of linear radiance, in the same order),
-albedo_logit_0..2 and roughness_logit. ``viewer_files`` writes the attributes of others alone.
+flat splats); rot_0..3 (w, x, y, z). Attributes of this project follow: radiance_0..47 (the harmonics of linear
+radiance, in the same order), albedo_logit_0..2 and roughness_logit. ``viewer_files`` leaves these out.
 """
 
 import math
@@ -24,15 +24,15 @@ from .surfels import Surfels
 HARMONICS = 3 * COEFFICIENTS
 
 FLATNESS = 1e-3
-"""Thickness that viewers are told, in units of the smaller scale."""
+"""Third scale in the file, in units of the smaller of both others."""
 
 OF_3DGS = (
     *("x", "y", "z", "nx", "ny", "nz"),
     *(f"f_dc_{channel}" for channel in range(3)),
-    *(f"f_rest_{place}" for place in range(HARMONICS - 3)),
+    *(f"f_rest_{index}" for index in range(HARMONICS - 3)),
     "opacity",
     *(f"scale_{axis}" for axis in range(3)),
-    *(f"rot_{place}" for place in range(4)),
+    *(f"rot_{index}" for index in range(4)),
 )
 """The attributes that viewers know, in 3DGS's order."""
 
@@ -40,19 +40,20 @@ PARTS = {
     "centre": ("x", "y", "z"),
     "opacity_logit": ("opacity",),
     "log_scale": ("scale_0", "scale_1"),
-    "rotation": tuple(f"rot_{place}" for place in range(4)),
-    "sh": tuple(f"radiance_{place}" for place in range(HARMONICS)),
+    "rotation": tuple(f"rot_{index}" for index in range(4)),
+    "sh": tuple(f"radiance_{index}" for index in range(HARMONICS)),
     "albedo_logit": tuple(f"albedo_logit_{channel}" for channel in range(3)),
     "roughness_logit": ("roughness_logit",),
 }
-"""Columns of each raw parameter."""
+"""Attributes of the file that hold each raw parameter."""
 
 ALL = (*OF_3DGS, *(column for names in PARTS.values() for column in names if column not in OF_3DGS))
 """Every attribute, in the order of the file."""
 
 
 def write_ply(surfels: Surfels, path: Path, attributes: Sequence[str] = ALL) -> None:
-    """Write some attributes as binary little-endian PLY, float32; a link in its place is replaced. Raises OSError."""
+    """Write ``attributes`` of the surfels as binary little-endian PLY, float32; a symbolic link at ``path`` is
+    replaced by a file. Raises OSError."""
     raw = {name: value.detach().cpu().float() for name, value in surfels.parameters().items()}
     shown = _as_stored(display_harmonics(raw["sh"])).unbind(-1)
     raw["sh"] = _as_stored(raw["sh"])
@@ -77,5 +78,5 @@ def write_ply(surfels: Surfels, path: Path, attributes: Sequence[str] = ALL) -> 
 
 
 def _as_stored(sh: Float[Tensor, "surfels 16 3"]) -> Float[Tensor, "surfels 48"]:
-    """Degree 0 of all channels, then the others of red, of green and of blue."""
+    """Coefficients in the file's order: degree 0 of all channels, then the higher degrees of red, green and blue."""
     return torch.cat([sh[:, 0], sh[:, 1:].transpose(1, 2).flatten(1)], -1)

@@ -1,6 +1,6 @@
-"""Stored tensors as parts of a model: their shapes and values are looked at before a kernel reads them.
+"""Checks the shapes and values of a stored model's tensors before a kernel reads them.
 
-A kernel takes sizes on trust. A map of light without texels would be read beyond its end, surfels at NaN render black.
+Kernels do not check sizes: one would read beyond the end of a light map without texels. Surfels at NaN render black.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,10 +22,10 @@ SHAPES: Mapping[str, tuple[int, ...]] = {
     "albedo_logit": (3,),
     "roughness_logit": (),
 }
-"""What follows the number of surfels in the shape of each raw parameter; harmonics may end at a lower degree."""
+"""Shape of each raw parameter after its first axis, the surfels; ``sh`` may have the coefficients of fewer degrees."""
 
 DEGREES = (1, 4, 9, 16)
-"""Coefficients of the harmonics up to degree 0, 1, 2 and 3."""
+"""Numbers of coefficients of the harmonics up to degree 0, 1, 2 and 3."""
 
 
 def restored_surfels(stored: object) -> Surfels:
@@ -42,28 +42,28 @@ def restored_surfels(stored: object) -> Surfels:
             raise _wrong(name, f"has the shape {shape}, for {count} surfels")
     foreign = stored.keys() - SHAPES.keys()
     if foreign:
-        raise _wrong(str(sorted(map(str, foreign))[0]), "is no parameter of surfels")
+        raise _wrong(str(sorted(map(str, foreign))[0]), "is not a parameter of surfels")
     return Surfels.of(stored)
 
 
 def restored_map(stored: Mapping[str, object], name: str) -> Tensor:
-    """A map of light [height, width, 3] of a stored model, as it is learnt. Raises DataError as above."""
+    """A stored light map [height, width, 3]. Raises DataError if it is missing, misshapen or not finite."""
     value = finite_tensor(stored, name)
     require_map(value, f"'{name}' of the stored model")
     return value
 
 
 def require_for_each(surfels: Surfels, name: str, value: Tensor, rest: Sequence[int]) -> None:
-    """Raise DataError for a tensor that has not one entry of the shape ``rest`` for each surfel."""
+    """Raise DataError unless ``value`` has one entry of the shape ``rest`` for each surfel."""
     if tuple(value.shape) != (len(surfels), *rest):
         raise _wrong(name, f"has the shape {tuple(value.shape)}, for {len(surfels)} surfels")
 
 
 def finite_tensor(stored: Mapping[str, object], name: str) -> Tensor:
-    """A tensor of floating point of a stored model. Raises DataError where there is none, or where it is not finite."""
+    """A stored floating-point tensor. Raises DataError if it is missing, of another type, or not finite."""
     value = stored.get(name)
     if not isinstance(value, Tensor) or not value.is_floating_point():
-        raise _wrong(name, "is missing, or no tensor of floating point")
+        raise _wrong(name, "is missing, or is not a floating-point tensor")
     bad = int((~torch.isfinite(value)).sum())
     if bad:
         raise _wrong(name, f"holds {bad} values that are NaN or infinite, of {value.numel()}")
@@ -73,6 +73,6 @@ def finite_tensor(stored: Mapping[str, object], name: str) -> Tensor:
 def _wrong(name: str, what: str) -> DataError:
     return DataError(
         f"'{name}' of the stored model {what}",
-        "It was written by another program, or is damaged; rendering it would show something else, or nothing.",
-        "Train the model again, or put its file back.",
+        "Another program wrote it, or it is damaged; rendering it would show a wrong image, or none.",
+        "Train the model again, or restore its file from a copy.",
     )

@@ -1,4 +1,5 @@
-"""What surfels start as: random points that the silhouettes allow and that look alike from all training views."""
+"""Initial surfels in a scene with masks: on swept depth maps, or at random points in the silhouettes' hull whose colour
+agrees between the training views."""
 
 import math
 from collections.abc import Sequence
@@ -21,31 +22,33 @@ from .swept_depth import DepthSweep
 from .swept_points import swept_points
 
 MINIMUM_NEIGHBOUR_SHARE = 1e-3
-"""Smallest starting scale, as a share of the mean one: duplicated points would start at zero."""
+"""Smallest initial scale, as a share of the mean scale: duplicated points would have scale zero."""
 
 
 SPREAD = 0.8
-"""Standard deviation of surfels on a swept surface, in spacings of their points."""
+"""Standard deviation of surfels on a swept surface, as a share of the distance between neighbouring points."""
 
 DRAWN_AT_ONCE = 1 << 20
-"""Candidates that are drawn together: some 100 MB while they are projected."""
+"""Candidates that are drawn together; they take some 100 MB while they are projected."""
 
 
 @dataclass(frozen=True)
 class SurfelStart:
-    """What surfels start as."""
+    """How surfels are initialised."""
 
     points: Literal["hull", "swept"] = "swept"
-    """Points on the surfaces that swept depth maps agree on, facing as those do (``swept_points``), or in the hull
-    where there are none; or random points of the silhouettes' hull (2DGS)."""
+    """``"swept"``: points on the surfaces that swept depth maps agree on, with the surfaces' normals
+    (``swept_points``); points of the hull if the maps agree on no surface. ``"hull"``: random points of the
+    silhouettes' hull (2DGS)."""
     sweep: DepthSweep = field(default_factory=DepthSweep)
     """How depth maps are swept."""
     candidates: int = 128
-    """Points that are drawn for each surfel at most, to choose from."""
+    """Largest number of candidate points for each surfel, in the hull."""
     consistent_share: float = 1.0
-    """Share of the possible points that are trusted to lie near a surface, in (0, 1]."""
+    """Share of the candidates inside the hull, those of the most consistent colour, that surfels are chosen from, in
+    (0, 1]."""
     opacity: float = 0.1
-    """Peak opacity (3DGS)."""
+    """Peak opacity in the hull (3DGS)."""
     albedo: float = 0.5
     """Linear diffuse albedo of all channels."""
     roughness: float = 0.6
@@ -55,10 +58,11 @@ class SurfelStart:
 def initial_surfels(
     scene: Scene, views: Sequence[View], count: int, start: SurfelStart, linear: bool, generator: torch.Generator
 ) -> Surfels:
-    """At most ``count`` surfels at ``initial_points``, as wide as their neighbours are apart, facing a camera.
+    """At most ``count`` surfels at ``swept_points`` or ``initial_points``, as wide as the distance to their neighbours.
 
-    Those at ``swept_points`` face as the surfaces do instead. Their radiance is the colour that the views see there:
-    ``linear``, or display sRGB as it is. Raises DataError as ``initial_points`` does.
+    Surfels at swept points have the surface's normal; others face the nearest camera. Their radiance is the mean colour
+    that the views show there, converted to ``linear`` RGB or kept as display sRGB. Raises DataError as
+    ``initial_points`` does.
     """
     found = _swept_surfels(scene, views, count, start, generator) if start.points == "swept" else None
     if found is not None:
@@ -74,7 +78,7 @@ def initial_surfels(
 def _swept_surfels(
     scene: Scene, views: Sequence[View], count: int, start: SurfelStart, generator: torch.Generator
 ) -> tuple[Surfels, Float[Tensor, "surfels 3"]] | None:
-    """Surfels on swept surfaces and their colours, display sRGB; None where the views agree on no surface."""
+    """Surfels on swept surfaces and their display-sRGB colours; None if the depth maps agree on no surface."""
     points, normals, colour = swept_points(scene, views, view_radius(scene), count, start.sweep, generator)
     if len(points) == 0:
         return None
@@ -83,7 +87,7 @@ def _swept_surfels(
 
 
 def view_radius(scene: Scene) -> float:
-    """Radius of the largest ball about the scene's centre that lies inside every training camera's frustum."""
+    """Radius, in world units, of the largest ball about the scene's centre that every training camera sees whole."""
     centre = scene.centre
     return min(
         float((view.camera.centre.double() - centre).norm())
@@ -96,14 +100,14 @@ def view_radius(scene: Scene) -> float:
 def initial_points(
     scene: Scene, views: Sequence[View], count: int, generator: torch.Generator, start: SurfelStart
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """World points to start from, and the mean display-sRGB colour that the views see there.
+    """Random points of the silhouettes' hull in the world, and the mean display-sRGB colour that the views show there.
 
-    Candidates are uniform in the ball of ``view_radius``. One stays if some view sees it on or beside the object and
-    no view sees it elsewhere (silhouettes). They are drawn ``DRAWN_AT_ONCE`` at a time, until enough of them stay, or
-    ``start.candidates`` a point were drawn. Of those that stay, ``start.consistent_share`` whose colour varies least
-    between the views is kept, and ``count`` points are drawn from it: a point on a surface looks alike from everywhere,
-    one that floats before it is seen against something else. Raises DataError if the silhouettes leave nothing, which
-    means that cameras and images do not belong together.
+    Candidates are uniform in the ball of ``view_radius``. One is kept if at least one view sees it on the object or one
+    pixel beside it, and no view sees it elsewhere. Candidates are drawn ``DRAWN_AT_ONCE`` at a time, until enough are
+    kept or ``count * start.candidates`` have been drawn. The share ``start.consistent_share`` of them whose colour
+    varies least between the views is selected, and ``count`` points are drawn from it: a point on a surface has the
+    same colour in all views, while a floating point is seen in front of different backgrounds. Raises DataError if no
+    candidate is kept, which means that cameras and images do not belong together.
     """
     silhouettes = [Silhouette.of(view) for view in views]
     points = possible_points(scene, silhouettes, count, generator, start)
@@ -125,8 +129,7 @@ def initial_points(
 def possible_points(
     scene: Scene, silhouettes: Sequence["Silhouette"], count: int, generator: torch.Generator, start: SurfelStart
 ) -> Float[Tensor, "points 3"]:
-    """Candidates that the silhouettes leave possible: no more than it takes to keep ``count`` of them, where not all
-    of them have to be drawn."""
+    """Random points of the silhouettes' hull: ``count / start.consistent_share``, or fewer if fewer are found."""
     centre, radius = scene.centre.float(), view_radius(scene)
     left, found = count * start.candidates, [torch.zeros(0, 3)]
     while left > 0 and start.consistent_share * sum(map(len, found)) < count:
@@ -140,7 +143,7 @@ def possible_points(
 
 
 def inside_all(silhouettes: Sequence["Silhouette"], points: Float[Tensor, "points 3"]) -> Float[Tensor, "possible 3"]:
-    """The points that some view sees on or beside the object, and none elsewhere."""
+    """The points that at least one view sees on or beside the object, and that no view sees elsewhere."""
     seen = torch.zeros(len(points), dtype=torch.bool)
     for silhouette in silhouettes:
         in_frame, on_object = silhouette.shows(*project(points, silhouette.camera))
@@ -151,47 +154,55 @@ def inside_all(silhouettes: Sequence["Silhouette"], points: Float[Tensor, "point
 
 @dataclass(frozen=True)
 class Silhouette:
-    """Where a view shows the object: its coverage and one pixel around it, a bit a pixel; None where all is covered."""
+    """The pixels in which a view shows the object, widened by one pixel."""
 
     camera: Camera
+    """Camera of the view."""
     bits: UInt8[Tensor, " bytes"] | None
+    """One bit for each pixel, row by row, lowest bit first; None for a view without alpha, which is all object."""
 
     @classmethod
     def of(cls, view: View) -> "Silhouette":
         """The silhouette of a view. A view without alpha shows the object everywhere."""
         if not view.has("alpha"):
             return cls(view.camera, None)
-        # A pixel beside the object still admits it: its own coverage may round to nothing.
+        # A pixel beside the object counts too: the object's coverage there may have been rounded to zero.
         widened = torch.nn.functional.max_pool2d(view.read("alpha").permute(2, 0, 1)[None], 3, stride=1, padding=1)
         return cls(view.camera, torch.from_numpy(np.packbits((widened > 0).numpy().ravel(), bitorder="little")))
 
     def shows(self, pixel: Float[Tensor, "points 2"], depth: Float[Tensor, " points"]) -> tuple[Tensor, Tensor]:
-        """Which points lie in the frame, and which of these on the object, both [points]."""
+        """Whether each point lies in the frame, and whether it lies on the object, both [points].
+
+        ``pixel``: image coordinates (column, row), pixel centres at +0.5. ``depth``: z-depth.
+        """
         camera = self.camera
         size = torch.tensor([camera.width, camera.height])
         in_frame = ((pixel >= 0) & (pixel < size)).all(-1) & (depth > 0)
         if self.bits is None:
             return in_frame, in_frame
         column, row = torch.where(in_frame[:, None], pixel, 0.0).long().unbind(-1)
-        place = row * camera.width + column
-        return in_frame, in_frame & (self.bits[place >> 3].int() >> (place & 7) & 1).bool()
+        index = row * camera.width + column
+        return in_frame, in_frame & (self.bits[index >> 3].int() >> (index & 7) & 1).bool()
 
 
 @dataclass
 class Sightings:
-    """How points look from the views added so far: sums over the views whose object they fall on."""
+    """Colours of points in the views, summed over the views in which the point lies on the object."""
 
     count: Float[Tensor, " points"]
+    """Number of these views."""
     total: Float[Tensor, "points 3"]
+    """Sum of the colours, display sRGB times coverage."""
     square: Float[Tensor, "points 3"]
+    """Sum of the squared colours."""
 
     @classmethod
     def none(cls, points: int) -> "Sightings":
-        """No view yet."""
+        """Sums over no view, for a number of points."""
         return cls(torch.zeros(points), torch.zeros(points, 3), torch.zeros(points, 3))
 
     def add(self, points: Float[Tensor, "points 3"], view: View, silhouette: "Silhouette") -> None:
-        """Look at the points from one more view."""
+        """Add the colours that one view shows at the world ``points``."""
         pixel, depth = project(points, view.camera)
         _, on_object = silhouette.shows(pixel, depth)
         some = torch.nonzero(on_object)[:, 0]
@@ -214,7 +225,7 @@ class Sightings:
 
 
 def project(points: Float[Tensor, "points 3"], camera: Camera) -> tuple[Tensor, Tensor]:
-    """Pixel coordinates [points, 2] (centres at +0.5) and z-depths [points] of world points."""
+    """Image coordinates (column, row) [points, 2], pixel centres at +0.5, and z-depths [points] of world points."""
     local = (points - camera.centre) @ camera.axes
     depth = local[:, 2]
     scale = torch.tensor([camera.fx, camera.fy], dtype=points.dtype, device=points.device)
@@ -223,15 +234,15 @@ def project(points: Float[Tensor, "points 3"], camera: Camera) -> tuple[Tensor, 
 
 
 def nearest_camera(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Float[Tensor, "points 3"]:
-    """Centre of the camera nearest to each point, in the world: the side from which it can be seen."""
+    """Centre of the camera nearest to each world point; the point is seen from that side."""
     cameras = torch.stack([view.camera.centre for view in views]).to(points)
     return cameras[torch.cdist(points, cameras).argmin(1)]
 
 
 def neighbour_spacing(points: Float[Tensor, "points 3"]) -> Float[Tensor, " points"]:
-    """Root mean square distance to the three nearest neighbours, world units (3DGS's starting scale)."""
-    places = points.double().cpu().numpy()
-    neighbours = min(4, len(places))
-    distances = cKDTree(places).query(places, k=neighbours)[0].reshape(len(places), neighbours)[:, 1:]
+    """Root mean square distance to the three nearest neighbours, world units (the initial scale of 3DGS)."""
+    positions = points.double().cpu().numpy()
+    neighbours = min(4, len(positions))
+    distances = cKDTree(positions).query(positions, k=neighbours)[0].reshape(len(positions), neighbours)[:, 1:]
     spacing = torch.from_numpy(distances).square().mean(-1).sqrt() if neighbours > 1 else torch.ones(1)
     return spacing.clamp(min=MINIMUM_NEIGHBOUR_SHARE * float(spacing.mean())).to(points)

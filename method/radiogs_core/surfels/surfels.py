@@ -1,4 +1,4 @@
-"""Gaussian surfels: raw parameters, and the one place where they are turned into what they mean."""
+"""Gaussian surfels: their raw parameters, and the quantities that these are activated to."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -24,20 +24,23 @@ GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
 
 @dataclass
 class Surfels:
-    """N surfels by their raw parameters (what the optimiser moves).
-
-    centre: world units. rotation: quaternion w, x, y, z of any non-zero length; its columns are t_u, t_v, n.
-    log_scale: log of (s_u, s_v), world units. sh: linear radiance, 3DGS basis; 16 coefficients, or those of the lower
-    degrees alone. The logits are described by the properties that activate them.
-    """
+    """N surfels by their raw parameters, which the optimiser changes."""
 
     centre: Float[Tensor, "surfels 3"]
+    """Positions in the world, world units."""
     rotation: Float[Tensor, "surfels 4"]
+    """Quaternions w, x, y, z of any non-zero length; the rotation's columns are t_u, t_v, n."""
     log_scale: Float[Tensor, "surfels 2"]
+    """Natural logarithms of the standard deviations (s_u, s_v), in world units."""
     opacity_logit: Float[Tensor, " surfels"]
+    """Logits of the peak opacity (see ``opacity``)."""
     sh: Float[Tensor, "surfels coefficients 3"]
+    """Spherical harmonics of the outgoing radiance L_G, linear RGB, in the basis of 3DGS: 16 coefficients, or fewer if
+    the higher degrees are left out."""
     albedo_logit: Float[Tensor, "surfels 3"]
+    """Logits of the albedo (see ``albedo``)."""
     roughness_logit: Float[Tensor, " surfels"]
+    """Logits of the roughness (see ``roughness``)."""
 
     def __len__(self) -> int:
         return self.centre.shape[0]
@@ -64,25 +67,25 @@ class Surfels:
 
     @property
     def frame(self) -> Float[Tensor, "surfels 3 3"]:
-        """Rotation matrices; columns t_u, t_v, n, in the world. A zero quaternion is no rotation: its frame is zero.
+        """Rotation matrices with columns t_u, t_v, n, in the world.
 
-        A zero frame has no tangents, so no camera or ray ever meets that surfel.
+        The frame of a zero quaternion is zero. It has no tangents, so no pixel shows such a surfel and no ray hits it.
         """
         return frames(self.rotation)
 
     def framed(self) -> "Surfels":
-        """The surfels, connected to these, for all that a step asks of their frames: they are computed once."""
+        """A copy that computes its frames once and keeps them, for one step; gradients flow to these surfels."""
         return _Framed(**self.parameters())
 
     def geometry(self) -> SplatGeometry:
-        """The surfels as the tracer meets them."""
+        """The geometry of the surfels for the ray tracer."""
         tangent_u, tangent_v, normal = self.frame.unbind(-1)
         scale = self.scale
         axes = tangent_u / scale[:, :1], tangent_v / scale[:, 1:]
         return SplatGeometry(self.centre, *axes, normal.contiguous(), self.opacity)
 
     def geometry_for(self, camera: Camera) -> SplatGeometry:
-        """The surfels as a camera draws them: widened by the footprint of a pixel (``kernels.surfel.footprint``)."""
+        """The geometry for rasterization: widened to the footprint of a pixel (``kernels.surfel.footprint``)."""
         return widened(camera, self.centre, self.frame, self.scale, self.opacity)
 
     def parameters(self) -> dict[str, Tensor]:
@@ -114,11 +117,12 @@ class Surfels:
         return replace(self, **changes)
 
     def held(self, *names: str) -> "Surfels":
-        """The surfels, without gradient to the raw tensors of these names: it is neither computed nor stepped on."""
+        """A copy without gradient to the named raw tensors: their gradients are not computed, and no step changes
+        them."""
         return replace(self, **{name: getattr(self, name).detach() for name in names})
 
     def among(self, index: Int[Tensor, " chosen"]) -> "Surfels":
-        """The surfels at ``index``, connected to these."""
+        """The surfels at ``index``, with gradient to these."""
         return Surfels(**{name: value[index] for name, value in self.parameters().items()})
 
     def take(self, index: Int[Tensor, " chosen"]) -> "Surfels":
@@ -127,7 +131,7 @@ class Surfels:
 
 
 class _Framed(Surfels):
-    """Surfels whose rotations stay as they are."""
+    """Surfels that compute their frames once, because their rotations do not change."""
 
     @cached_property
     def frame(self) -> Float[Tensor, "surfels 3 3"]:
@@ -140,10 +144,16 @@ def surfels_at(
     seen_from: Float[Tensor, "surfels 3"],
     generator: torch.Generator,
 ) -> Surfels:
-    """Fresh surfels at world ``points``: scale = spacing, opacity 0.1, grey 0.5 radiance, random orientation.
+    """New surfels with random orientation: opacity 0.1, albedo 0.5, roughness 0.6, radiance 0.5.
 
-    Their visible side faces ``seen_from``: a surfel that faces away from every camera would never learn to turn.
-    Normalised Gaussian quaternions are uniform over rotations (uniform ones in a cube would not be).
+    Normalised Gaussian quaternions are uniform over rotations; normalised samples of a cube are not.
+
+    Args:
+        points: Positions in the world.
+        spacing: Standard deviation of each surfel in both directions, world units.
+        seen_from: Positions in the world that the surfels' front sides face. A surfel that faces away from every camera
+            has no gradient that would turn it.
+        generator: Draws the orientations.
     """
     count = len(points)
     like: dict[str, Any] = {"dtype": points.dtype, "device": points.device}
@@ -169,8 +179,10 @@ def surfels_facing(
     spacing: Float[Tensor, " surfels"],
     normals: Float[Tensor, "surfels 3"],
 ) -> Surfels:
-    """Fresh surfels as ``surfels_at`` makes them, each with a unit normal that is given: turned there from +z the
-    shortest way (about x, where that is half a turn)."""
+    """New surfels as by ``surfels_at``, with given unit ``normals``.
+
+    Each is rotated from +Z to its normal by the shortest rotation (about X for a normal of -Z).
+    """
     surfels = surfels_at(points, spacing, points + normals, torch.Generator(points.device).manual_seed(0))
     x, y, z = normals.unbind(-1)
     turn = torch.stack([1 + z, -y, x, torch.zeros_like(z)], -1)
@@ -185,10 +197,10 @@ def inverse_sigmoid(value: float) -> float:
 
 
 def roughness_to_logit(roughness: float) -> float:
-    """The raw parameter of a roughness between ROUGHNESS_FLOOR and 1."""
+    """The logit of a roughness between ROUGHNESS_FLOOR and 1."""
     return inverse_sigmoid((roughness - ROUGHNESS_FLOOR) / (1 - ROUGHNESS_FLOOR))
 
 
 def radiance_to_sh(radiance: Float[Tensor, "surfels 3"]) -> Float[Tensor, "surfels 3"]:
-    """The degree-0 coefficient of a surfel that sends the same linear radiance everywhere."""
+    """The degree-0 coefficient of a surfel that sends the same linear radiance in all directions."""
     return (radiance - 0.5) / CONSTANT_BASIS

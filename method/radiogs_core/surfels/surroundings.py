@@ -1,8 +1,8 @@
-"""What surfels start as in a scene without masks, whose images show what surrounds the object, near and far.
+"""Initial surfels in a scene without masks, whose images show the object's surroundings too.
 
-Sparse points of a reconstruction come first. The others lie on rays of random training pixels and have their colours.
-Their depths are uniform in disparity, from some share of the camera's distance outwards to almost infinity: every pixel
-gets something to be explained by, however far away what it shows may be.
+Some surfels start at sparse points of the reconstruction. The others lie on the rays of random training pixels and have
+the pixels' colours. Their depths are uniform in disparity, from a share of the camera's distance to almost infinity, so
+that surfels lie behind all parts of the images, however far away the surfaces are.
 """
 
 from collections.abc import Sequence
@@ -22,25 +22,25 @@ from .surfels import Surfels, radiance_to_sh, surfels_at
 
 @dataclass(frozen=True)
 class SurroundingsStart:
-    """Where surfels start, and how wide, in a scene without masks."""
+    """Positions and scales of the initial surfels in a scene without masks."""
 
     sparse_share: float = 0.5
-    """Share of the surfels that start at sparse points at most."""
+    """Largest share of the surfels that start at sparse points."""
     nearest: float = 0.5
-    """Nearest depth on a pixel's ray, as a share of the camera's distance from the scene's centre, where its view shows
-    no sparse points."""
+    """Nearest depth on a pixel's ray, as a share of the camera's distance from the scene's centre, for a view without
+    sparse points."""
     nearest_quantile: float = 0.02
-    """Nearest depth where it does: this quantile of theirs."""
+    """Nearest depth for a view that shows sparse points, as this quantile of their depths."""
     candidates: int = 8
-    """Depths to choose from for each ray."""
+    """Number of depths that are tried on each ray."""
     compared: int = 4
-    """Views that they are compared in: those of the nearest cameras."""
+    """Number of views in which the candidates' colours are compared: those of the nearest cameras."""
     farthest: float = 100.0
-    """Farthest depth, in camera distances from the scene's centre."""
+    """Farthest depth, in units of the camera's distance from the scene's centre."""
     width_quantile: float = 0.9
-    """Quantile of the starting scales, in pixels, that none exceeds: sparse points have outliers."""
+    """Initial scales, in pixels, are clipped at this quantile of theirs, because sparse points have outliers."""
     least_pixels: float = 0.5
-    """Smallest starting scale, in pixels of the view that shows most detail of it."""
+    """Smallest initial scale, in pixels of the view in which a pixel is narrowest there."""
 
 
 def surrounded_surfels(
@@ -52,10 +52,10 @@ def surrounded_surfels(
     linear: bool,
     generator: torch.Generator,
 ) -> Surfels:
-    """``count`` surfels at sparse points and on pixels' rays, facing a camera, with the colours of these.
+    """``count`` surfels at sparse points and on pixels' rays, with their colours, facing the nearest camera.
 
-    They are as wide as their neighbours are apart in contracted space, within bounds (``starting_scale``). Their
-    radiance is ``linear``, or display sRGB as it is.
+    Their scales are the distances to their neighbours in contracted space, within bounds (``starting_scale``). Their
+    radiance is the colour converted to ``linear`` RGB, or display sRGB unchanged.
     """
     sparse = visible_points(scene, views, int(around.sparse_share * count), generator)
     drawn = points_on_rays(scene, views, count - len(sparse.positions), around, generator)
@@ -68,7 +68,8 @@ def surrounded_surfels(
 
 
 def visible_points(scene: Scene, views: Sequence[View], most: int, generator: torch.Generator) -> Points:
-    """At most ``most`` of the scene's sparse points that lie in the frame of some view; none where it has none."""
+    """At most ``most`` of the scene's sparse points, drawn from those in the frame of at least one view; none if the
+    scene has no sparse points."""
     if scene.points is None:
         return Points(torch.zeros(0, 3), torch.zeros(0, 3))
     usable = torch.nonzero(pixel_width(scene.points.positions, views).isfinite())[:, 0]
@@ -81,17 +82,17 @@ def points_on_rays(
 ) -> Points:
     """World points on the rays of random pixels, with the display-sRGB colour of their pixel.
 
-    Of ``around.candidates`` depths, uniform in disparity, that one is taken at which the nearest other views show most
-    nearly the same colour.
+    ``around.candidates`` depths are drawn, uniform in disparity. The chosen depth is the one at which the nearest other
+    views show the most similar colour.
     """
     view_of = torch.randint(len(views), (count,), generator=generator)
-    place = torch.rand(count, 2, generator=generator)
+    pixel = torch.rand(count, 2, generator=generator)
     share = torch.rand(count, around.candidates, generator=generator)
     positions, colours = torch.zeros(count, 3), torch.zeros(count, 3)
     for number, view in enumerate(views):
         mine = torch.nonzero(view_of == number)[:, 0]
         camera = view.camera
-        row, column = (place[mine] * torch.tensor([camera.height, camera.width])).long().unbind(-1)
+        row, column = (pixel[mine] * torch.tensor([camera.height, camera.width])).long().unbind(-1)
         nearest, farthest = depth_range(scene, view, around)
         depth = 1 / (1 / farthest + share[mine] * (1 / nearest - 1 / farthest))
         rays = camera.ray_directions()[row, column]
@@ -103,7 +104,7 @@ def points_on_rays(
 
 
 def nearest_views(view: View, views: Sequence[View], count: int) -> list[View]:
-    """The other views whose cameras are nearest: they see the same sides of things."""
+    """The ``count`` other views whose cameras are nearest: they see the same sides of surfaces."""
     others = [other for other in views if other is not view]
     return sorted(others, key=lambda other: float((other.camera.centre - view.camera.centre).norm()))[:count]
 
@@ -111,8 +112,8 @@ def nearest_views(view: View, views: Sequence[View], count: int) -> list[View]:
 def disagreement(
     points: Float[Tensor, "rays candidates 3"], colours: Float[Tensor, "rays 3"], views: Sequence[View]
 ) -> Float[Tensor, "rays candidates"]:
-    """Mean squared difference between the colour of a ray and what views show at points on it; infinite at a point
-    that none of them shows."""
+    """Mean squared difference, display sRGB, between the colour of a ray and the colours that views show at points on
+    it; infinite at a point outside all views."""
     flat, expected = points.flatten(0, 1), colours.repeat_interleave(points.shape[1], 0)
     total, count = torch.zeros(len(flat)), torch.zeros(len(flat))
     for view in views:
@@ -126,7 +127,7 @@ def disagreement(
 
 
 def depth_range(scene: Scene, view: View, around: SurroundingsStart) -> tuple[float, float]:
-    """Nearest and farthest z-depth that something may have in a view, world units."""
+    """Nearest and farthest z-depth of initial surfels in a view, world units."""
     distance = max(float((view.camera.centre.double() - scene.centre).norm()), scene.extent)
     nearest, farthest = around.nearest * distance, around.farthest * distance
     if scene.points is not None:
@@ -136,15 +137,15 @@ def depth_range(scene: Scene, view: View, around: SurroundingsStart) -> tuple[fl
 
 
 def in_frame(points: Float[Tensor, "points 3"], view: View) -> tuple[Bool[Tensor, " points"], Float[Tensor, " points"]]:
-    """Which points lie in a view's frame, and their z-depths."""
+    """Whether each world point lies in a view's frame, and its z-depth in world units."""
     camera = view.camera
     pixel, depth = project(points, camera)
     return ((pixel >= 0) & (pixel < torch.tensor([camera.width, camera.height]))).all(-1) & (depth > 0), depth
 
 
 def pixel_width(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Float[Tensor, " points"]:
-    """World units that a pixel is wide at each point, in the view that shows most detail of it; infinite where none
-    shows it."""
+    """Width of a pixel at each point, in world units, in the view where it is smallest; infinite at a point outside all
+    views."""
     width = torch.full((len(points),), torch.inf)
     for view in views:
         shown, depth = in_frame(points, view)
@@ -156,7 +157,8 @@ def pixel_width(points: Float[Tensor, "points 3"], views: Sequence[View]) -> Flo
 def starting_scale(
     points: Float[Tensor, "points 3"], views: Sequence[View], space: Contraction, around: SurroundingsStart
 ) -> Float[Tensor, " points"]:
-    """Distance to the nearest neighbours in contracted space, in world units, bounded in pixels from both sides."""
+    """Initial standard deviations, world units: the distance to the nearest neighbours in contracted space, bounded
+    below and above in pixels."""
     spacing = neighbour_spacing(space.contracted(points)) * space.radius * space.stretch(points)
     width = pixel_width(points, views)
     pixels = spacing / width

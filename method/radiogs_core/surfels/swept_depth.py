@@ -1,7 +1,7 @@
-"""Depth maps of the training views by plane sweep, before anything is learnt.
+"""Depth maps of the training views by plane sweep, for the initial surfels.
 
-Each covered pixel is matched with the nearest other views at a row of depths (plane sweep, Collins 1996). Semi-global
-matching (Hirschmueller 2008) brings the costs of neighbouring pixels together, so that depth rarely jumps.
+Each covered pixel is matched with the nearest other views at a sequence of depths (plane sweep, Collins 1996).
+Semi-global matching (Hirschmueller 2008) couples the costs of neighbouring pixels, so that depth rarely jumps.
 """
 
 import math
@@ -19,23 +19,23 @@ from ..scene.camera import Camera
 from ..scene.scene import View
 
 LARGEST_COST = 0.2
-"""Difference of colours that counts no further: two that differ so much are different surfaces."""
+"""Colour difference, display sRGB, at which matching costs are clipped: such colours belong to different surfaces."""
 
 
 @dataclass(frozen=True)
 class DepthSweep:
-    """How depth maps are swept, and what of them surfels start from."""
+    """Settings of the plane sweep, and of the points that are selected from its depth maps."""
 
     side: int = 96
-    """Longest side, in pixels, to which images are averaged: the work does not grow with the images."""
+    """Longest side of the reduced images, in pixels; it bounds the work for images of any size."""
     planes: int = 48
-    """Depths that are tried."""
+    """Number of depths that are tried."""
     neighbours: int = 16
-    """Views that each view is matched with: those that look at the scene's centre from the nearest directions."""
+    """Number of views that each view is matched with: those in the nearest directions from the scene's centre."""
     agreeing: int = 6
-    """How many of them have to agree: a surface may be hidden from the others."""
+    """Number of these views, those with the lowest costs, that decide: a surface may be hidden from the others."""
     window: int = 3
-    """Side, in pixels, of the square whose differences are averaged; odd."""
+    """Side, in pixels, of the square over which colour differences are averaged; odd."""
     step: float = 0.00125
     """Cost of a change of depth by one plane between neighbouring pixels, in display sRGB."""
     jump: float = 0.03
@@ -43,25 +43,29 @@ class DepthSweep:
     tolerance: float = 0.03
     """Distance behind a view's depth, in scene extents, up to which the view sees a point; the unit of ``freest``."""
     freest: float = -0.25
-    """A point stays if the mean of its offsets from the depths of the views that see it, each cut at the tolerance, is
-    at least this many tolerances: far in front of what they see is free space."""
+    """Least mean offset of a point from the depths of the views that see it, in tolerances, each clipped at one. Points
+    farther in front lie in free space and are dropped."""
     fusions: int = 4
-    """How often points move to where the depths of the views that see them lie on average (``swept_points.fused``)."""
+    """Number of moves of each point towards the mean depth of the views that see it (``swept_points.fused``)."""
     opacity: float = 0.8
-    """Peak opacity of the surfels that start there."""
+    """Peak opacity of the surfels at swept points."""
 
 
 @dataclass(frozen=True)
 class SmallView:
-    """A view at the sweep's size: display sRGB times coverage, and where it is covered."""
+    """A view at the reduced size of the sweep."""
 
     camera: Camera
+    """Camera with the reduced number of pixels, on the CPU, float32."""
     colour: Float[Tensor, "3 height width"]
+    """Display sRGB times coverage."""
     covered: Bool[Tensor, "height width"]
+    """Whether the pixel shows the object."""
 
     @classmethod
     def of(cls, view: View, side: int) -> "SmallView":
-        """The view averaged over squares of pixels, as small as needed; a remainder at the right and below is cut."""
+        """The view averaged over the smallest squares of pixels that reduce its longest side to ``side`` or less;
+        remaining pixels at the right and lower border are cut off."""
         camera = view.camera.to("cpu", torch.float32)
         factor = math.ceil(max(camera.width, camera.height) / side)
         alpha = view.read("alpha") if view.has("alpha") else torch.ones(camera.height, camera.width, 1)
@@ -78,14 +82,14 @@ def swept_depths(
 ) -> list[Float[Tensor, "height width"]]:
     """The z-depth of every covered pixel of every view, world units; 0 elsewhere.
 
-    The scene lies within ``radius`` of ``centre``, both in world units.
+    Depths are tried within ``radius`` of the scene's ``centre``, both in world units.
     """
     directions = normalize(torch.stack([view.camera.centre for view in views]) - centre, dim=-1)
     nearest = (directions @ directions.T).argsort(dim=1, descending=True, stable=True)
     textures = Textures(*zip(*((view.camera, view.colour, view.covered) for view in views), strict=True))
     return [
-        _swept(view, textures, [other for other in order if other != place][: sweep.neighbours], centre, radius, sweep)
-        for place, (view, order) in enumerate(zip(views, nearest.tolist(), strict=True))
+        _swept(view, textures, [other for other in order if other != index][: sweep.neighbours], centre, radius, sweep)
+        for index, (view, order) in enumerate(zip(views, nearest.tolist(), strict=True))
     ]
 
 
@@ -113,7 +117,7 @@ def _swept(
 
 
 def _box_of(covered: Bool[Tensor, "height width"]) -> tuple[slice, slice]:
-    """The rows and columns that hold all covered pixels."""
+    """The smallest ranges of rows and columns that hold all covered pixels."""
     first, last = zip(*(torch.aminmax(covered.any(axis).nonzero()) for axis in (1, 0)), strict=True)
     return slice(int(first[0]), int(last[0]) + 1), slice(int(first[1]), int(last[1]) + 1)
 
@@ -121,10 +125,11 @@ def _box_of(covered: Bool[Tensor, "height width"]) -> tuple[slice, slice]:
 def aggregated(
     cost: Float[Tensor, "planes rows columns"], covered: Bool[Tensor, "rows columns"], step: float, jump: float
 ) -> Float[Tensor, "planes rows columns"]:
-    """Semi-global costs: for each pixel and plane, the cheapest path from four sides that ends there, summed.
+    """Semi-global costs: for each pixel and plane, the sum over four directions of the cheapest path that ends there.
 
-    A path pays the cost of each pixel, ``step`` where it changes by one plane and ``jump`` where it changes by more. It
-    begins anew behind pixels that are not covered. Costs along a path are kept small by taking off the least so far.
+    A path adds up the costs of its pixels, ``step`` for each change by one plane, and ``jump`` for each larger change.
+    It starts anew after a pixel that is not covered. The least cost so far is subtracted along the path, so that sums
+    stay small.
     """
     total = torch.zeros_like(cost)
     for axis in (0, 1):
@@ -146,19 +151,19 @@ def _along(
     walled = cost.new_full((length, planes + 2, lines), torch.inf)
     paths = walled[:, 1:-1]
     paths[0] = cost[0]
-    for place in range(1, length):
-        before, sides = paths[place - 1], walled[place - 1]
+    for index in range(1, length):
+        before, sides = paths[index - 1], walled[index - 1]
         least = before.amin(0, keepdim=True)
         beside = torch.minimum(sides[2:], sides[:-2]).add_(step)
         reached = torch.minimum(beside, before).minimum(least + jump).sub_(least)
-        torch.add(cost[place], torch.where(covered[place - 1], reached, 0.0), out=paths[place])
+        torch.add(cost[index], torch.where(covered[index - 1], reached, 0.0), out=paths[index])
     return paths
 
 
 def lowest(
     cost: Float[Tensor, "planes rows columns"], planes: Float[Tensor, " planes"]
 ) -> Float[Tensor, "rows columns"]:
-    """Depth of the least cost, between planes by the parabola through it and its two neighbours."""
+    """Depth of the least cost, refined between planes by the parabola through its cost and those of both neighbours."""
     best = cost.argmin(0).clamp(1, len(planes) - 2)
     before, here, after = (cost.gather(0, (best + shift)[None])[0] for shift in (-1, 0, 1))
     bend = before + after - 2 * here

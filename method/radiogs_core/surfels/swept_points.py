@@ -1,8 +1,8 @@
-"""Points on the surfaces that depth maps of the training views agree on, for surfels to start from.
+"""Initial points on the surfaces that the depth maps of the training views agree on.
 
-Points that fill the silhouettes' hull also fill the hollows of the object. Those nearest to the cameras become opaque
-first, and a surface of one colour hardly tells them to move back: a hollow stays partly filled. What the depth maps see
-through is free space, and nothing starts there.
+Random points in the silhouettes' hull also fill concavities of the object. The points nearest to the cameras become
+opaque first, and images of a surface of uniform colour hardly move them back, so a concavity stays partly filled. The
+depth maps show which space is free, and no point starts there.
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,26 @@ from ..scene.scene import Scene, View
 from .swept_depth import DepthSweep, SmallView, swept_depths
 
 FINEST = 30
-"""How often cubes shrink at most: to a 30,000th. Points nearer than that are one."""
+"""Largest number of times that cubes shrink, to a 30,000th in all. Nearer points count as one."""
 
 NARROWER = 0.7
-"""Factor of the distance within which depths count, from one move of a point to the next."""
+"""Factor from one move of the points to the next of the distance within which depths count."""
 
 STEEPEST = 0.2
-"""Cosine between the normal and the direction to a view from which on its depth counts."""
+"""Least cosine between the normal and the direction to a view for the view's depth to count."""
 
 REACH = 2
-"""Pixels to each side over which the plane through a pixel's point is fitted."""
+"""Half the window, in pixels, over which the plane at a pixel's point is fitted."""
 
 
 def swept_points(
     scene: Scene, views: Sequence[View], radius: float, count: int, sweep: DepthSweep, generator: torch.Generator
 ) -> tuple[Float[Tensor, "points 3"], Float[Tensor, "points 3"], Float[Tensor, "points 3"]]:
-    """At most ``count`` world points, the unit normals of the surface there (towards who sees it), and its colours in
-    display sRGB. The scene lies within ``radius`` of its centre. Points are ``fused``, and evenly spread as far as
-    there are pixels.
+    """At most ``count`` world points on surfaces, their unit normals (towards the view that sees them), and their
+    display-sRGB colours.
+
+    Depths are searched within ``radius`` of the scene's centre, in world units. Points are ``fused`` and evenly
+    ``spread``.
     """
     small = [SmallView.of(view, sweep.side) for view in views]
     depths = swept_depths(small, scene.centre.float(), radius, sweep)
@@ -47,11 +49,15 @@ def swept_points(
 
 
 def _surface(view: SmallView, depth: Float[Tensor, "height width"], tolerance: float) -> tuple[Tensor, Tensor, Tensor]:
-    """Points of the covered pixels, each on the plane through its neighbours of like depth; normals and colours."""
+    """World points, unit normals and colours of a view's covered pixels.
+
+    Each point is the mean of its neighbours, weighted by how similar their depth is; the normal is that of the plane
+    through them.
+    """
     camera, side = view.camera, 2 * REACH + 1
     points = camera.centre + camera.ray_directions() * depth[..., None]
-    place = torch.nonzero(view.covered)
-    near = _windows(torch.cat([points.permute(2, 0, 1), depth[None], view.covered[None].float()]), place, side)
+    pixels = torch.nonzero(view.covered)
+    near = _windows(torch.cat([points.permute(2, 0, 1), depth[None], view.covered[None].float()]), pixels, side)
     like = near[:, 4] * torch.exp(-((near[:, 3] - depth[view.covered][:, None]) / tolerance).square())
     weight = like / like.sum(1, keepdim=True)
     mean = (near[:, :3] * weight[:, None]).sum(-1)
@@ -63,12 +69,12 @@ def _surface(view: SmallView, depth: Float[Tensor, "height width"], tolerance: f
 
 
 def _windows(
-    maps: Float[Tensor, "channels height width"], place: Int[Tensor, "pixels 2"], side: int
+    maps: Float[Tensor, "channels height width"], pixels: Int[Tensor, "pixels 2"], side: int
 ) -> Float[Tensor, "pixels channels window"]:
-    """The squares of pixels about some; zeros beyond the border."""
+    """The values in the square of ``side`` x ``side`` pixels around each pixel (row, column); 0 beyond the border."""
     padded = pad(maps, (side // 2,) * 4)
     step = torch.arange(side)
-    row, column = (place[:, axis, None] + step for axis in (0, 1))
+    row, column = (pixels[:, axis, None] + step for axis in (0, 1))
     return padded[:, row[:, :, None], column[:, None, :]].flatten(2).transpose(0, 1)
 
 
@@ -78,9 +84,12 @@ def offsets(
     depths: Sequence[Float[Tensor, "height width"]],
     tolerance: float,
 ) -> Float[Tensor, " points"]:
-    """Mean offset of each point from the depths of the views that see it, in tolerances: -1 where it floats in front of
-    them all, 0 on what they see. A view sees a point that is at most a ``tolerance`` (world units) behind its depth;
-    offsets are cut there. 0 for a point that no view sees."""
+    """Mean offset of each point from the depths of the views that see it, in units of ``tolerance``.
+
+    The offset is -1 for a point far in front of all these depths, and 0 for a point on the surface. A view sees a point
+    that is at most ``tolerance`` (world units) behind its depth; offsets are clipped at -1. A point that no view sees
+    has the offset 0.
+    """
     total, seen_by = torch.zeros(len(points)), torch.zeros(len(points))
     for view, depth in zip(views, depths, strict=True):
         found, sees = _looked_up(points, view, depth)
@@ -99,10 +108,11 @@ def fused(
     tolerance: float,
     fusions: int,
 ) -> Float[Tensor, "points 3"]:
-    """The points, moved ``fusions`` times along their unit normals to the surface that the depth maps have in common.
+    """World points after ``fusions`` moves along their unit normals to the mean surface of the depth maps.
 
-    Single depths scatter about it, and surfels in front of it would hide it. Each move is the mean distance, along the
-    normal, to the depths of the views that see the point within a ``tolerance`` (world units), weighted by the cosine.
+    Single depths scatter about the surface, and surfels in front of it would hide it. Each move is the mean distance,
+    along the normal, to the depths of the views that see the point within ``tolerance`` (world units; it shrinks by
+    ``NARROWER`` each time), weighted by the cosine between the normal and the direction to the view.
     """
     for fusion in range(fusions):
         reach = tolerance * NARROWER**fusion
@@ -123,7 +133,7 @@ def fused(
 def _looked_up(
     points: Float[Tensor, "points 3"], view: SmallView, depth: Float[Tensor, "height width"]
 ) -> tuple[Float[Tensor, " points"], Bool[Tensor, " points"]]:
-    """The depth at the pixel of each point, and whether it falls on a covered one."""
+    """The depth at the pixel onto which each point projects, and whether that pixel is in the frame and covered."""
     camera = view.camera
     local = (points - camera.centre) @ camera.axes
     ahead = local[:, 2] > 0
@@ -138,9 +148,10 @@ def _looked_up(
 def spread(
     points: Float[Tensor, "points 3"], count: int, extent: float, generator: torch.Generator
 ) -> Int[Tensor, " chosen"]:
-    """At most ``count`` of the points: one from each of enough cubes of the world, and of these a random choice.
+    """Indices of at most ``count`` points, evenly spread: a random choice among one point from each cube of a grid.
 
-    Cubes begin at a tenth of the ``extent`` and shrink until there are enough, or one for nearly each point.
+    The cubes' side starts at a tenth of ``extent`` (world units) and shrinks until there are ``count`` cubes with
+    points, or nearly one for each point.
     """
     order = torch.randperm(len(points), generator=generator)
     size, chosen = 0.1 * extent, order[:0]

@@ -1,12 +1,12 @@
-"""Surfels as files of other programs, with their attributes and no others; colours are what a display shows.
+"""Surfels as PLY files of other programs, with the attributes of those programs only; colours are display sRGB.
 
-| form | what |
+| form | content |
 |---|---|
-| `3dgs-ply` | the 62 attributes of 3DGS; the third scale is a thousandth of the smaller of both |
-| `2dgs-ply` | those of 2DGS: 3DGS's without a third scale |
-| `supersplat` | `3dgs-ply`, turned so that it stands upright in SuperSplat, which takes -Y of a PLY file for up |
+| `3dgs-ply` | the 62 attributes of 3DGS; the third scale is a thousandth of the smaller of both others |
+| `2dgs-ply` | the attributes of 2DGS: 3DGS's without a third scale |
+| `supersplat` | `3dgs-ply`, rotated so that the scene is upright in SuperSplat, where -Y of a PLY file is up |
 
-Turning the world turns the surfels' places, frames, and the directions that their radiance depends on.
+A rotation of the world rotates the surfels' positions and frames, and the directions that their radiance depends on.
 """
 
 from pathlib import Path
@@ -21,15 +21,18 @@ from .ply import OF_3DGS, write_ply
 from .surfels import Surfels
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
+"""Names of the forms; see the module."""
 
 OF_2DGS = tuple(name for name in OF_3DGS if name != "scale_2")
+"""Attributes that readers of 2DGS expect, in its order."""
 
 UP_IN_SUPERSPLAT = torch.tensor([0.0, -1.0, 0.0])
-"""PlayCanvas turns PLY files by half a turn about Z and has Y up: ``Transform.PLY`` of splat-transform."""
+"""Direction in a PLY file that SuperSplat shows upwards. PlayCanvas rotates PLY files by half a turn about Z and has Y
+up (``Transform.PLY`` of splat-transform)."""
 
 
 def write_for_viewer(surfels: Surfels, form: str, up: Float[Tensor, "3"], path: Path) -> None:
-    """Write surfels in one of the ``FORMS``; ``up``: a direction of the scene. Raises OSError."""
+    """Write surfels in one of the ``FORMS``; ``up``: the scene's upward direction, world. Raises OSError."""
     if form == "supersplat":
         surfels = turned(surfels, upright(up, UP_IN_SUPERSPLAT))
     write_ply(surfels, path, OF_2DGS if form == "2dgs-ply" else OF_3DGS)
@@ -38,8 +41,7 @@ def write_for_viewer(surfels: Surfels, form: str, up: Float[Tensor, "3"], path: 
 def turned(surfels: Surfels, turn: Float[Tensor, "4"]) -> Surfels:
     """Surfels after a rotation of the world about its origin by the unit quaternion ``turn`` (w, x, y, z); on the CPU.
 
-    Harmonics of one degree turn into others of that degree, so that radiance stays what it was towards a viewer who
-    turns along.
+    Their radiance rotates too: a viewer who is rotated with the surfels sees the same image.
     """
     raw = {name: value.detach().cpu().double() for name, value in surfels.parameters().items()}
     by = matrix_of(turn.double())
@@ -50,7 +52,10 @@ def turned(surfels: Surfels, turn: Float[Tensor, "4"]) -> Surfels:
 
 
 def upright(up: Float[Tensor, "3"], wanted: Float[Tensor, "3"]) -> Float[Tensor, "4"]:
-    """The quaternion of the shortest turn from one direction to another; float64. Half a turn is about any axis."""
+    """The unit quaternion of the shortest rotation from the direction ``up`` to ``wanted``; float64.
+
+    For opposite directions the axis is any direction perpendicular to them.
+    """
     start, end = normalize(up.double(), dim=0), normalize(wanted.double(), dim=0)
     axis, cosine = torch.linalg.cross(start, end), start @ end
     if 1 + cosine < 1e-12:
@@ -60,20 +65,23 @@ def upright(up: Float[Tensor, "3"], wanted: Float[Tensor, "3"]) -> Float[Tensor,
 
 
 def matrix_of(turn: Float[Tensor, "4"]) -> Float[Tensor, "3 3"]:
-    """The matrix of a unit quaternion, which turns column vectors."""
+    """The rotation matrix of a unit quaternion, for column vectors."""
     scalar, vector = turn[0], turn[1:]
     crossed = torch.linalg.cross(vector.expand(3, 3), torch.eye(3, dtype=turn.dtype)).T
     return torch.eye(3, dtype=turn.dtype) + 2 * scalar * crossed + 2 * crossed @ crossed
 
 
 def product(first: Float[Tensor, "*batch 4"], second: Float[Tensor, "*batch 4"]) -> Float[Tensor, "*batch 4"]:
-    """The quaternion that turns by the second, and then by the first."""
+    """The quaternion of the rotation by ``second`` followed by the rotation by ``first``."""
     a, b = first[..., 1:], second[..., 1:]
     scalar = first[..., :1] * second[..., :1] - (a * b).sum(-1, keepdim=True)
     return torch.cat([scalar, first[..., :1] * b + second[..., :1] * a + torch.linalg.cross(a, b)], -1)
 
 
 def harmonics_after(by: Float[Tensor, "3 3"]) -> Float[Tensor, "16 16"]:
-    """What a turn of the world makes of harmonics: f(d) becomes f(by^T d). Degrees 0 to 3 are closed under it."""
+    """Matrix that rotates SH coefficients by the rotation ``by``: it maps those of f(d) to those of f(by^T d).
+
+    The harmonics of degrees 0 to 3 are closed under rotation, so the least-squares fit is exact.
+    """
     directions = spread_directions(DIRECTIONS)
     return torch.linalg.pinv(basis_along(directions)) @ basis_along(directions @ by)

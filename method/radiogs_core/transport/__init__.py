@@ -1,1 +1,1 @@
-"""Light between surfels: directions, incident light, shading, and images."""
+"""Light transport between surfels: directions, incident light, shading, and images."""

@@ -1,4 +1,4 @@
-"""How much of one image each surfel is."""
+"""The contribution of each surfel to an image."""
 
 import math
 from dataclasses import replace
@@ -12,16 +12,16 @@ from ..scene.camera import Camera
 from ..surfels.surfels import Surfels
 
 MOST_PIXELS = 800 * 800
-"""Pixels of a larger image stand for more than one: a look at all views of a capture of 180 at 1560 x 1040 takes a
-quarter of the time, and no surfel that shows is smaller than such a pixel in all of them."""
+"""Largest number of pixels that are blended; in a larger image each stands for several. A pass over 180 views of
+1560 x 1040 pixels then takes a quarter of the time, and no visible surfel is smaller than such a pixel in all views."""
 
 
 def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfels"]:
-    """Each surfel's blending weights, summed over the pixels of the camera's image; without gradient.
+    """Each surfel's blending weights, summed over the pixels of the camera's image; in pixels, without gradient.
 
-    Of an image of more than ``MOST_PIXELS``, one of each 2 x 2 pixels (3 x 3, ...) counts for all of them. Blending is
-    linear in what is blended: the weights are the gradient of the image's sum. Three channels are blended, as an image
-    has: that kernel is compiled already.
+    In an image of more than ``MOST_PIXELS``, one pixel stands for each square of 2 x 2 pixels (3 x 3, ...). Blending is
+    linear in the blended values, so the weights are the gradient of the image's sum. Three channels are blended,
+    because the kernel for three channels is compiled already.
     """
     fixed = Surfels.of(surfels.plain())
     colour = torch.ones_like(fixed.centre).requires_grad_()
@@ -33,7 +33,7 @@ def blending_weights(camera: Camera, surfels: Surfels) -> Float[Tensor, " surfel
 
 
 def _coarser(camera: Camera, step: int) -> Camera:
-    """The camera with pixels ``step`` times as wide and as high; what is left over at the border is left out."""
+    """The camera with pixels ``step`` times as wide and as high; remaining pixels at the border are left out."""
     return replace(
         camera,
         **{name: getattr(camera, name) / step for name in ("fx", "fy", "cx", "cy")},

@@ -1,4 +1,4 @@
-"""Incident light at surfels: what arrives from a set of directions, traced through the surfels themselves."""
+"""Incident light at surfels from a set of directions, traced through the surfels themselves."""
 
 from dataclasses import dataclass, fields, replace
 
@@ -9,40 +9,40 @@ from torch import Tensor
 
 @dataclass
 class Incident:
-    """Incident light of N surfels from S directions each.
-
-    direction: unit, world, towards the light. weight: solid angle in steradian that each stands for.
-    visibility: V, 1 where the distant light is seen. radiance: L_ind, linear RGB, from other surfels.
-    """
+    """Incident light of N surfels from S directions each."""
 
     direction: Float[Tensor, "surfels samples 3"]
+    """Unit directions in the world, towards the light."""
     weight: Float[Tensor, "surfels samples"]
+    """Solid angle of each direction, in steradian."""
     visibility: Float[Tensor, "surfels samples"]
+    """Visibility V of the distant light: 1 where it is seen, 0 where it is occluded."""
     radiance: Float[Tensor, "surfels samples 3"]
+    """Indirect radiance L_ind from other surfels, linear RGB."""
 
     def of(self, index: Int[Tensor, " chosen"]) -> "Incident":
-        """The entries of some surfels."""
+        """The entries of the surfels at ``index``."""
         return Incident(self.direction[index], self.weight[index], self.visibility[index], self.radiance[index])
 
     def thinned(self, count: int) -> "Incident":
-        """An evenly chosen subset of the directions, with weights scaled to the full solid angle."""
+        """``count`` evenly chosen directions of each surfel, with weights scaled to the full solid angle."""
         samples = self.weight.shape[1]
         some = torch.arange(count, device=self.weight.device) * samples // count
         chosen = Incident(*(getattr(self, each.name)[:, some] for each in fields(self)))
         return replace(chosen, weight=chosen.weight * (samples / count))
 
     def store(self, index: Int[Tensor, " chosen"], fresh: "Incident") -> None:
-        """Overwrite the entries of some surfels, without gradient."""
+        """Overwrite the entries of the surfels at ``index`` with ``fresh``, without gradient."""
         for each in fields(self):
             getattr(self, each.name)[index] = getattr(fresh, each.name).detach()
 
-    def replaced(self, places: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
-        """A copy with the entries at ``places`` taken from ``fresh``, through which gradients flow."""
+    def replaced(self, index: Int[Tensor, " changed"], fresh: "Incident") -> "Incident":
+        """A copy with the entries at ``index`` taken from ``fresh``, to which gradients flow."""
         return Incident(
-            *(getattr(self, each.name).index_copy(0, places, getattr(fresh, each.name)) for each in fields(self))
+            *(getattr(self, each.name).index_copy(0, index, getattr(fresh, each.name)) for each in fields(self))
         )
 
 
 def unoccluded(direction: Float[Tensor, "surfels samples 3"], weight: Float[Tensor, "surfels samples"]) -> Incident:
-    """Incident light of surfels that nothing occludes: V = 1, no indirect light."""
+    """Incident light of unoccluded surfels: V = 1 and L_ind = 0."""
     return Incident(direction, weight, torch.ones_like(weight), torch.zeros_like(direction))

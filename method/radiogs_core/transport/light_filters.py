@@ -1,9 +1,8 @@
-"""Filters that blur a light for diffuse and glossy reflection; linear, so that gradients to the light are exact.
+"""Linear filters of a light map for diffuse and glossy reflection; gradients to the light are exact.
 
-Each is a matrix that keeps a constant light constant and the total energy of every other one. A light that is turned
-about the vertical gives the filtered light, turned; so the matrix falls apart into one for each frequency along the
-azimuth, of the texels at one azimuth (or at the few that a turn of the grid has). For a light of 32 rows that is 1/60
-of the time.
+Each filter is a matrix that keeps a constant light constant and preserves the total energy of any light. Filtering
+commutes with rotations about the vertical, so a Fourier transform along the azimuth splits the matrix into one block
+for each frequency, over the texels within one rotation step. For a light of 32 rows this takes 1/60 of the time.
 """
 
 from functools import cache
@@ -16,23 +15,24 @@ from torch import Tensor
 from ..scene.light import bilinear_texels, texel_directions, texel_solid_angles
 
 GRID_HEIGHT = 16
-"""Rows of the grid that filtered light is stored on: its content is smooth."""
+"""Rows of the grid on which filtered light is stored; filtered light is smooth."""
 
 GRID_WIDTH = 2 * GRID_HEIGHT
-"""Its columns."""
+"""Columns of this grid."""
 
 LEVELS = (0.2, 0.4, 0.6, 0.8, 1.0)
-"""Roughnesses of the glossy filters."""
+"""Perceptual roughness of each glossy filter."""
 
 ENERGY_TOLERANCE = 1e-5
-"""Filtering keeps the energy of every texel to this share (16 rounds would leave 1 % at the sharpest level)."""
+"""Largest relative error of the energy of a texel after filtering (16 rounds would leave 1 % at the sharpest level)."""
 
 MOST_BALANCING_ROUNDS = 1024
-"""The sharpest level of a light of 16 rows takes longest, about 200; each round is two products with its matrix."""
+"""Largest number of balancing rounds, each two products with the filter's matrix. The sharpest level of a light of 16
+rows needs most, about 200."""
 
 
 def turned_spectrum(light: Float[Tensor, "height width channels"]) -> Complex[Tensor, "frequencies texels channels"]:
-    """A light by frequency along the azimuth, in double precision: what filters are applied to. ``width``: 2 height."""
+    """Fourier transform of a light along the azimuth, the input of ``filtered``; complex128. ``width`` is 2 height."""
     height, width = light.shape[:2]
     turns = _turns(height)
     frequencies = torch.fft.rfft(light.double().unflatten(1, (turns, width // turns)), dim=1)
@@ -42,10 +42,10 @@ def turned_spectrum(light: Float[Tensor, "height width channels"]) -> Complex[Te
 def filtered(
     spectrum: Complex[Tensor, "frequencies texels channels"], height: int, first: int, count: int
 ) -> Float[Tensor, "{count} rows columns channels"]:
-    """The light of ``height`` rows whose ``turned_spectrum`` is given, through ``count`` filters from ``first`` on.
+    """Apply ``count`` filters, from number ``first`` on, to the ``turned_spectrum`` of a light of ``height`` rows.
 
-    Filter 0 is diffuse (irradiance over pi by normal); filter k > 0 the average over the GGX lobe of roughness
-    LEVELS[k - 1] by mirrored direction. Float64.
+    Filter 0 is diffuse: irradiance over pi, indexed by the normal. Filter k > 0 is the average over the GGX lobe of
+    roughness LEVELS[k - 1], indexed by the mirrored view direction. Returns maps of GRID_HEIGHT x GRID_WIDTH, float64.
     """
     turns = _turns(height)
     columns = GRID_WIDTH // turns
@@ -56,26 +56,28 @@ def filtered(
 
 
 def filters_bytes(height: int) -> int:
-    """Bytes of the filters of lights of so many rows."""
+    """Bytes that the filters for lights of ``height`` rows take."""
     return 16 * prod(_shape(height))
 
 
 def _turns(height: int) -> int:
-    """Turns about the vertical that map both the texels of a light of ``height`` rows and the grid on themselves."""
+    """Number of rotations about the vertical that map both the texels of a light of ``height`` rows and the grid onto
+    themselves."""
     return gcd(2 * height, GRID_WIDTH)
 
 
 def _shape(height: int) -> tuple[int, int, int]:
-    """Frequencies, rows of all filters, and texels of a light that are at one azimuth."""
+    """Shape of ``_filters``: frequencies, grid points of all filters, and texels within one rotation step."""
     turns = _turns(height)
     return turns // 2 + 1, (1 + len(LEVELS)) * GRID_HEIGHT * GRID_WIDTH // turns, 2 * height * height // turns
 
 
 @cache
 def _filters(height: int, device: torch.device) -> Complex[Tensor, "frequencies grid texels"]:
-    """By frequency: texels of a light to points of the grid, first those of the diffuse filter.
+    """For each frequency, the matrix from texels of a light to points of the grid: first the diffuse filter's points,
+    then those of each glossy filter.
 
-    The glossy kernel is nvdiffrec's: seen and mirrored along the same axis, weight D(h) (n.wi) per solid angle.
+    The glossy kernel is nvdiffrec's: view and normal along the mirrored direction, weight D(h) (n.wi) per solid angle.
     """
     turns = _turns(height)
     columns = 2 * height // turns
@@ -97,24 +99,29 @@ def _filters(height: int, device: torch.device) -> Complex[Tensor, "frequencies 
 def _balanced(
     kernel: Float[Tensor, "grid texels turns"], covered: Float[Tensor, " grid"], area: Float[Tensor, " texels"]
 ) -> Float[Tensor, "grid texels turns"]:
-    """Scaled so that rows sum to one (a constant stays) and columns give away a texel's light (energy stays).
+    """The kernel with rows and columns scaled alternately (Sinkhorn).
 
-    In turns, by Sinkhorn: rows alone would brighten a sun near the pole of the map by 7 %. ``covered`` and ``area``:
-    solid angles of the grid's points and of the texels.
+    Rows then sum to one, so a constant light stays constant, and columns distribute exactly the energy of their texel.
+    Scaling the rows only would brighten a sun near the pole of the map by 7 %.
+
+    Args:
+        kernel: Weight of each texel at each grid point, for all rotations.
+        covered: Solid angles of the grid's points, steradian.
+        area: Solid angles of the texels, steradian.
     """
     around = kernel.sum(-1)
     rows, columns = torch.ones_like(covered), area
     for _ in range(MOST_BALANCING_ROUNDS):
         before, columns = columns, area / ((covered * rows) @ around)
         rows = 1 / (around @ columns)
-        # What the columns still had to change by is what a texel's energy was off by before this round.
+        # The change of a column's factor is the relative error of that texel's energy before this round.
         if float((columns / before - 1).abs().max()) < ENERGY_TOLERANCE:
             break
     return rows[:, None, None] * kernel * columns[:, None]
 
 
 def _grid_solid_angles() -> Float[Tensor, " rows"]:
-    """Solid angle that a point of each row of the grid stands for under bilinear lookup; over all, the sphere."""
+    """Solid angle, in steradian, of a grid point of each row under bilinear lookup; all points sum to 4 pi."""
     fine = 64 * GRID_HEIGHT
     direction = texel_directions(fine, 4)[:, 0]
     texel, share = bilinear_texels(direction, GRID_HEIGHT, GRID_WIDTH)

@@ -1,4 +1,4 @@
-"""The maps of a view that evaluation compares: what shows a model, and no part of training."""
+"""Maps of a view for evaluation and display; training does not use them."""
 
 import torch
 from jaxtyping import Bool, Float
@@ -32,9 +32,19 @@ def shaded_maps(
     specular_at: Bool[Tensor, " surfels"] | None = None,
     straight: bool = True,
 ) -> dict[str, Float[Tensor, "height width _"]]:
-    """All maps of one view under a given light, as ``Renderer.render`` describes them.
+    """All maps of one view under a given light.
 
-    ``albedo`` is given apart, because relighting scales it. ``straight``: see ``displayed``.
+    The maps are ``image`` (display sRGB, clipped, on black), ``direct``, ``indirect``, ``albedo``, ``roughness``,
+    ``alpha``, ``normal`` and ``depth``; see ``MapName``. The first five are multiplied by alpha.
+
+    Args:
+        camera: Camera of the view.
+        surfels: The model.
+        albedo: Linear albedo, used instead of that of ``surfels``, because relighting scales it.
+        incident: Incident light of every surfel.
+        environment: Distant light, linear RGB, lat-long (see ``light``).
+        specular_at: Whether each surfel has a specular lobe; None: all have one.
+        straight: How partly covered pixels are encoded; see ``displayed``.
     """
     parts = shade_surfels(surfels, albedo, incident, towards(camera, surfels)[:, None], environment, specular_at)[:, 0]
     direct = parts[:, DIFFUSE_DIRECT] + parts[:, SPECULAR_DIRECT]
@@ -60,8 +70,8 @@ def _maps(
 def radiance_maps(
     camera: Camera, surfels: Surfels, straight: bool = True
 ) -> dict[str, Float[Tensor, "height width _"]]:
-    """The surfels' own radiance L_G as a camera sees it: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
-    # Half of them look the other way: left out before anything is computed for them.
+    """The surfels' own radiance L_G in a camera: ``image`` (display sRGB, clipped, on black) and ``alpha``."""
+    # About half of the surfels face away; they are dropped before anything is computed for them.
     facing = ((camera.centre - surfels.centre) * surfels.frame[..., 2]).sum(-1) > 0
     surfels = surfels.take(torch.nonzero(facing)[:, 0])
     channels = own_radiance(camera, surfels)
@@ -71,9 +81,9 @@ def radiance_maps(
 
 @torch.no_grad()
 def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[Tensor, "height width 3"]:
-    """Mean over each surfel's hemisphere of the indirect radiance that arrives, linear, on black.
+    """Mean incident indirect radiance over each surfel's hemisphere, as an image; linear RGB, on black.
 
-    What the released RadioGS code writes as ``light_indirect``: no cosine, no albedo.
+    The released RadioGS code writes this map as ``light_indirect``: it has neither cosine nor albedo.
     """
     weight = incident.weight[..., None]
     arriving = (weight * incident.radiance).sum(1) / weight.sum(1)
@@ -84,7 +94,7 @@ def incident_map(camera: Camera, surfels: Surfels, incident: Incident) -> Float[
 def split_sum_maps(
     camera: Camera, surfels: Surfels, environment: Float[Tensor, "rows columns 3"], straight: bool = True
 ) -> dict[str, Float[Tensor, "height width _"]]:
-    """The maps of ``shaded_maps`` with the light of the split sum: unoccluded and without indirect light."""
+    """The maps of ``shaded_maps``, shaded by the split sum: without occlusion and without indirect light."""
     diffuse, specular = split_sum_radiance(
         surfels.frame[..., 2],
         surfels.albedo,

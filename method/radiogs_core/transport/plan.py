@@ -1,4 +1,4 @@
-"""Which effects are simulated, and what stands in the place of those that are not."""
+"""The effect plan: which light-transport effects are simulated, and which substitutes replace the others."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
@@ -13,18 +13,21 @@ from ..errors import UsageError
 EFFECTS = {
     "visibility": "V is 1 above the horizon that neighbours make; without indirect light no ray is traced",
     "indirect": "L_ind is 0",
-    "bounces": "light that has met more than one surface is left out: L_ind is the split sum at what a ray meets",
+    "bounces": "light after more than one bounce is left out: L_ind is the split sum at the surface that a ray hits",
     "specular": "no lobe: its energy is scattered by Lambert's law",
     "light-sampling": "relighting draws no direction from the light",
     "view-dependence": "the surfels' own radiance is of degree 0",
     "samples": "half as many directions a surfel",
-    "refresh": "all surfels are traced anew half as often",
+    "refresh": "all surfels are traced again half as often",
 }
-"""Effects by name, and what off means. ``bounces`` and ``light-sampling`` concern relighting: training reads all
-bounces off the surfels at no cost, and draws nothing from the light."""
+"""Effects by name, and the substitute when an effect is off. ``bounces`` and ``light-sampling`` concern relighting
+only: training reads light after all bounces from the surfels at no cost, and draws no direction from the light."""
 
 HIGHEST_DEGREE = 3
+"""Degree of the harmonics of the surfels' own radiance."""
+
 MOST_REFRESH_FACTOR = 8
+"""Largest ``EffectPlan.refresh``."""
 
 Effects = str | tuple[str, ...]
 """``"all"``, ``"auto"``, or the names of the effects that are on."""
@@ -32,30 +35,35 @@ Effects = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class EffectPlan:
-    """What is simulated; the default is everything.
-
-    traced: surfels whose V and L_ind are traced where either is on; the others have the substitutes of both. None: all.
-    specular_at: surfels that have a specular lobe where it is on. None: all. sh_degree: of the surfels' own radiance.
-    samples: divisor of the number of directions. refresh: factor of the interval at which all surfels are traced anew.
-    kept: instead of substitutes, surfels that are not traced keep the light that was traced when the plan was made, and
-    where L_ind is left out alone, what hides the sky stays as bright as it was.
-    """
+    """The effects that are simulated; by default all of them (see ``EFFECTS``)."""
 
     visibility: bool = True
+    """Whether V is traced."""
     indirect: bool = True
+    """Whether L_ind is traced."""
     bounces: bool = True
+    """Whether relighting simulates more than one bounce."""
     specular: bool = True
+    """Whether surfels have a specular lobe."""
     light_sampling: bool = True
+    """Whether relighting draws directions from the light."""
     sh_degree: int = HIGHEST_DEGREE
+    """Degree of the harmonics of the surfels' own radiance."""
     samples: int = 1
+    """Divisor of the number of directions of each surfel."""
     refresh: int = 1
+    """Factor of the interval at which all surfels are traced again."""
     traced: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
+    """Surfels whose V and L_ind are traced if either effect is on; the others have both substitutes. None: all."""
     specular_at: Bool[Tensor, " surfels"] | None = field(default=None, compare=False)
+    """Surfels that have a specular lobe if ``specular`` is on. None: all."""
     kept: bool = False
+    """Whether surfels that are not traced keep the light that was traced when the plan was made, instead of the
+    substitutes. If only L_ind is off, occluders keep the radiance that they had then."""
 
     @property
     def traces(self) -> bool:
-        """Whether any ray is needed."""
+        """Whether the plan needs any ray."""
         return self.visibility or self.indirect
 
     @property
@@ -65,12 +73,12 @@ class EffectPlan:
 
     @property
     def at_once(self) -> "EffectPlan":
-        """The plan of a tracing whose light is kept: since it is the only one, with rays of all surfels."""
+        """The plan for the first trace if its light is kept: it traces V and L_ind of all surfels."""
         return replace(self, visibility=True, indirect=True, traced=None) if self.kept else self
 
     @property
     def off(self) -> tuple[str, ...]:
-        """The effects that are left out, or simulated in part, by name."""
+        """Names of the effects that are off or simulated only in part."""
         left = {
             "visibility": self.visibility and self.traced is None,
             "indirect": self.indirect and (self.traced is None or not self.visibility),
@@ -97,8 +105,8 @@ class EffectPlan:
         }
         return replace(self, **changes[effect])
 
-    def traced_among(self, index: Int[Tensor, " chosen"]) -> Int[Tensor, " places"]:
-        """The places in ``index`` of the surfels that rays are traced from."""
+    def traced_among(self, index: Int[Tensor, " chosen"]) -> Int[Tensor, " positions"]:
+        """The positions in ``index`` of the surfels from which rays are traced."""
         if not self.traces:
             return index[:0]
         if self.traced is None:
@@ -106,23 +114,23 @@ class EffectPlan:
         return torch.nonzero(self.traced[index])[:, 0]
 
     def without_rays(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"]:
-        """Which of all surfels no ray is traced from. ``like`` says how many they are, and where."""
+        """Whether no ray is traced from each surfel. ``like``: a tensor with as many rows, same device."""
         if self.traces and self.traced is not None:
             return ~self.traced
         return torch.full((len(like),), not self.traces, device=like.device)
 
     def specular_among(self, like: Float[Tensor, "surfels _"]) -> Bool[Tensor, " surfels"] | None:
-        """Which of all surfels have a specular lobe; None: all. ``like`` says how many they are, and where."""
+        """Whether each surfel has a specular lobe; None: all. ``like``: a tensor with as many rows, same device."""
         if self.specular:
             return self.specular_at
         return torch.zeros(len(like), dtype=torch.bool, device=like.device)
 
     def state(self) -> dict[str, Any]:
-        """Plain values and tensors, for checkpoints."""
+        """The fields as plain values and tensors, for checkpoints."""
         return {each.name: getattr(self, each.name) for each in fields(self)}
 
     def plain(self) -> dict[str, Any]:
-        """Plain values alone, for results: of the masks the share of surfels that are on."""
+        """The fields as plain values, for results; a mask becomes the share of surfels that it selects."""
         shares = {
             name: None if mask is None else float(mask.float().mean())
             for name, mask in (("traced", self.traced), ("specular_at", self.specular_at))
@@ -131,7 +139,7 @@ class EffectPlan:
 
 
 def plan_of(effects: Effects) -> EffectPlan:
-    """The plan that a variant begins with: everything, unless it names the effects that are on."""
+    """The plan that a variant starts with: all effects for ``"all"`` and ``"auto"``, or exactly the named ones."""
     if isinstance(effects, str):
         return EffectPlan()
     plan = EffectPlan()
@@ -142,7 +150,7 @@ def plan_of(effects: Effects) -> EffectPlan:
 
 
 def checked_effects(effects: str | Iterable[str]) -> Effects:
-    """The value as a variant keeps it: names in order. Raises UsageError for what is no effect."""
+    """The value as a variant stores it, with names in the order of EFFECTS. Raises UsageError for an unknown effect."""
     if isinstance(effects, str):
         if effects not in ("all", "auto"):
             _refuse(effects)
@@ -157,6 +165,6 @@ def checked_effects(effects: str | Iterable[str]) -> Effects:
 def _refuse(name: str) -> None:
     raise UsageError(
         f"unknown effect '{name}'",
-        "Effects are given as all, auto, or the names of those that are on.",
-        f"Effects: {', '.join(EFFECTS)}.",
+        "The value is all, auto, or the names of the effects that are on.",
+        f"Choose among: {', '.join(EFFECTS)}.",
     )

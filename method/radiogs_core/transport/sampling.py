@@ -1,4 +1,4 @@
-"""Directions to look for light in: spread over a hemisphere, drawn at random, or drawn from the light.
+"""Directions of incident light: spread over a hemisphere, drawn at random, or drawn from the light.
 
 All directions are unit vectors in the world that point away from the surface.
 """
@@ -16,10 +16,13 @@ from ..instruments import fire
 from ..scene.light import EnvironmentMap, texel_solid_angles
 
 GOLDEN_RATIO = (math.sqrt(5) - 1) / 2
+"""Step of the Kronecker lattice."""
+
 GOLDEN_ANGLE = math.pi * (3 - math.sqrt(5))
+"""Azimuth between consecutive directions of a Fibonacci set, radians."""
 
 DIRECTIONS_AT_ONCE = 1 << 21
-"""Made together: each takes some hundred bytes meanwhile, and 16 once it is kept."""
+"""Directions that are computed together: each takes some hundred bytes meanwhile, and 16 in the result."""
 
 
 def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 3"]:
@@ -40,22 +43,25 @@ def tangent_frame(normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3 
 def hemisphere_directions(
     normal: Float[Tensor, "surfels 3"], samples: int, generator: torch.Generator | None, floor: bool = False
 ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
-    """A spherical-Fibonacci set over each hemisphere, and the solid angle (2 pi / S) of each direction.
+    """A spherical-Fibonacci set over each hemisphere, and the solid angle 2 pi / S of each direction, in steradian.
 
-    Sample i lies at height z = 1 - (i + 1/2) / S above the surface: every band of equal solid angle holds one,
-    so the cosine sums to exactly pi for every S (the white furnace has no error; with the released code's floor of
-    10 degrees it is 3.1 % or more). ``generator`` turns the set by a random azimuth per surfel; None leaves it
-    fixed. In height it is the midpoint rule, whose error no turn averages out (irradiance of one surface under random
-    4 x 8 maps: at most 1.9 % with 4 samples, 0.5 % with 8, 0.04 % with 32, 0.012 % with 64).
+    Sample i lies at the height z = 1 - (i + 1/2) / S above the surface. Every band of equal solid angle holds one
+    sample, so the cosine sums to exactly pi for every S (the white furnace has no error; with the released code's floor
+    of 10 degrees the error is 3.1 % or more). In height this is the midpoint rule, whose error random azimuths do not
+    average out (irradiance of one surface under random 4 x 8 maps: at most 1.9 % with 4 samples, 0.5 % with 8, 0.04 %
+    with 32, 0.012 % with 64).
 
-    ``floor`` gives the released code's heights instead, max(1 - 2 i / (2 S - 1), sin 10 degrees). No gradient to the
-    normals.
+    Args:
+        normal: Unit normals; they get no gradient.
+        samples: Directions of each surfel, S.
+        generator: Draws a random azimuth for each surfel; None: all sets have the same azimuth.
+        floor: Use the released code's heights max(1 - 2 i / (2 S - 1), sin 10 degrees) instead.
     """
     like: dict[str, Any] = {"dtype": normal.dtype, "device": normal.device}
-    place = torch.arange(samples, **like)
-    height = 1 - (place + 0.5) / samples
+    index = torch.arange(samples, **like)
+    height = 1 - (index + 0.5) / samples
     if floor:
-        height = (1 - 2 * place / max(2 * samples - 1, 1)).clamp(min=math.sin(math.radians(10)))
+        height = (1 - 2 * index / max(2 * samples - 1, 1)).clamp(min=math.sin(math.radians(10)))
     sine = (1 - height.square()).sqrt()
     turn = torch.zeros(len(normal), 1, **like)
     if generator is not None:
@@ -63,14 +69,14 @@ def hemisphere_directions(
         turn = 2 * torch.pi * drawn.to(normal.dtype)
     direction = torch.empty(len(normal), samples, 3, **like)
     for some in _pieces(len(normal), samples):
-        azimuth = place * GOLDEN_ANGLE + turn[some]
+        azimuth = index * GOLDEN_ANGLE + turn[some]
         local = torch.stack([sine * azimuth.cos(), sine * azimuth.sin(), height.expand_as(azimuth)], -1)
         direction[some] = local @ tangent_frame(normal[some]).mT
     return direction, torch.full((len(normal), samples), 2 * torch.pi, **like) / samples
 
 
 def _pieces(surfels: int, samples: int) -> Iterator[slice]:
-    """As many surfels at a time as have ``DIRECTIONS_AT_ONCE`` directions together."""
+    """Slices of the surfels that have at most ``DIRECTIONS_AT_ONCE`` directions each, or one surfel."""
     together = max(1, DIRECTIONS_AT_ONCE // max(1, samples))
     for begin in range(0, surfels, together):
         yield slice(begin, begin + together)
@@ -92,15 +98,15 @@ def require_finite_light(light: EnvironmentMap) -> None:
         fire(broken_lights=1)
         raise DataError(
             f"{broken} texels of the environment map are not finite",
-            "Every surface that such a texel reaches would have no radiance, either.",
-            "Repair the map's file; saturated texels are written as the format's largest finite value.",
+            "The radiance of every surface that such a texel lights would not be finite.",
+            "Repair the map's file: write saturated texels as the largest finite value of the format.",
         )
 
 
 class LightSampler:
     """Draws directions from an environment map in proportion to the brightest channel of its texels.
 
-    Inside a texel the direction is uniform in solid angle, so the density is piecewise constant and exact.
+    Inside a texel the direction is uniform in solid angle, so the density is piecewise constant, and ``pdf`` is exact.
     Raises DataError for a map with a texel that is not finite.
     """
 
@@ -110,7 +116,7 @@ class LightSampler:
         # Float64: the running sum over the millions of texels of a sky would lose the dark ones in float32.
         area = texel_solid_angles(self.height, self.width).to(light.radiance.device)
         power = light.radiance.detach().double().max(-1).values.clamp(min=0) * area
-        # A black light has nothing to prefer: every direction is as good.
+        # All directions of a black light are equal: they are drawn uniformly.
         black = not bool(power.any())
         fire(black_lights=int(black))
         share = (area / (4 * torch.pi)).expand_as(power) if black else power / power.sum()
@@ -118,8 +124,10 @@ class LightSampler:
         self.density = (share / area).flatten().to(light.radiance.dtype)
 
     def draw(self, sets: int, count: int, generator: torch.Generator) -> Float[Tensor, "sets count 3"]:
-        """Independent sets of ``count`` directions, each set spread evenly: a Kronecker lattice of the golden ratio,
-        shifted at random, through the inverse of the distribution. A single direction has exactly the density ``pdf``.
+        """Independent sets of ``count`` unit directions, each evenly spread; one direction has the density ``pdf``.
+
+        Each set is a randomly shifted Kronecker lattice of the golden ratio, mapped by the inverse of the cumulative
+        distribution.
         """
         like: dict[str, Any] = {"dtype": torch.float64, "device": self.cumulative.device}
         order = torch.arange(count, **like)
@@ -129,20 +137,22 @@ class LightSampler:
         kind = self.density.dtype
         return self._inside(texel, along.to(kind), across.to(kind)).view(sets, count, 3)
 
-    def _found(self, place: Float[Tensor, " count"]) -> tuple[Int[Tensor, " count"], Float[Tensor, " count"]]:
-        """The texels that hold these shares of the whole, and how far into each texel's own share they are."""
+    def _found(self, share: Float[Tensor, " count"]) -> tuple[Int[Tensor, " count"], Float[Tensor, " count"]]:
+        """The texels at shares in [0, 1) of the cumulative distribution, and the position in [0, 1] within each texel's
+        own interval."""
         # The first texel whose running sum exceeds the draw: never one of probability zero.
-        place = place * self.cumulative[-1]
-        texel = torch.searchsorted(self.cumulative, place, right=True)
+        share = share * self.cumulative[-1]
+        texel = torch.searchsorted(self.cumulative, share, right=True)
         texel = texel.clamp(max=len(self.cumulative) - 1)  # a draw that rounds up to the whole sum
         above = self.cumulative[texel]
         before = torch.where(texel > 0, self.cumulative[(texel - 1).clamp(min=0)], 0.0)
-        return texel, ((place - before) / (above - before).clamp(min=torch.finfo(place.dtype).tiny)).clamp(0, 1)
+        return texel, ((share - before) / (above - before).clamp(min=torch.finfo(share.dtype).tiny)).clamp(0, 1)
 
     def _inside(
         self, texel: Int[Tensor, " count"], along: Float[Tensor, " count"], across: Float[Tensor, " count"]
     ) -> Float[Tensor, "count 3"]:
-        """Directions inside texels, from where in [0, 1] they are: down by solid angle, and across."""
+        """Unit directions at positions in [0, 1] inside texels: ``along``, from top to bottom by solid angle, and
+        ``across``, by azimuth."""
         row, column = texel // self.width, texel % self.width
         upper, lower = (torch.cos((row + edge) * (torch.pi / self.height)) for edge in (0, 1))
         z = upper + (lower - upper) * along
@@ -170,10 +180,10 @@ def relighting_directions(
     generator: torch.Generator,
     floor: bool = False,
 ) -> tuple[Float[Tensor, "surfels samples 3"], Float[Tensor, "surfels samples"]]:
-    """Hemisphere directions joined with directions drawn from the light, by the balance heuristic.
+    """Hemisphere directions and directions drawn from the light, with weights of the balance heuristic.
 
-    ``floor``: see ``hemisphere_directions``. Weight of direction i, in steradian: 1 / sum_k n_k p_k(w_i) over the two
-    strategies; zero below the horizon. No gradient to the normals.
+    The weight of direction i, in steradian, is 1 / sum_k n_k p_k(w_i) over both strategies k; it is zero below the
+    horizon. ``floor``: see ``hemisphere_directions``. The normals get no gradient.
     """
     samples = hemisphere_samples + light_samples
     direction, weight = normal.new_empty(len(normal), samples, 3), normal.new_empty(len(normal), samples)

@@ -1,7 +1,7 @@
 """Shading a surfel from its incident light (Eq. 8), with or without a specular lobe.
 
-Without one, what the lobe would have scattered is scattered by Lambert's law: the surface is as bright on the whole,
-and only how that is spread over directions is left out.
+Without a lobe, Lambert's law scatters the light that the lobe would scatter: the reflected energy stays the same, and
+only its dependence on direction is lost.
 """
 
 from functools import cache
@@ -25,9 +25,9 @@ def shade_materials(
     environment: Float[Tensor, "rows columns 3"],
     specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
-    """The four parts of ``kernels.shade``. ``specular_at`` says which surfels have a lobe (None: all).
+    """The four parts of ``kernels.shade``, linear RGB. ``specular_at``: whether each surfel has a lobe (None: all).
 
-    Of the others none is evaluated, and what it would scatter is in their diffuse parts.
+    No lobe is evaluated for the other surfels; their diffuse parts contain the energy that it would scatter.
     """
     return shade(
         normal, lambert_albedo(albedo, roughness, specular_at), roughness, outgoing,
@@ -40,10 +40,10 @@ def lambert_albedo(
     roughness: Float[Tensor, " surfels"],
     specular_at: Bool[Tensor, " surfels"] | None,
 ) -> Float[Tensor, "surfels 3"]:
-    """What each surfel scatters by Lambert's law: its albedo, and where it has no lobe that of the lobe it would have.
+    """Lambertian albedo of each surfel: its albedo, plus ``lobe_albedo`` where it has no specular lobe.
 
-    ``specular_at`` says which have one (None: all). No gradient to roughness: without a lobe it shows by nothing but a
-    brightness that albedo explains as well, and would be moved by the errors of albedo and light.
+    ``specular_at``: whether each surfel has a lobe (None: all). Roughness gets no gradient: without a lobe it only
+    changes the brightness, which albedo explains as well, so errors of albedo and light would move it.
     """
     if specular_at is None:
         return albedo
@@ -53,12 +53,12 @@ def lambert_albedo(
 def lobe_albedo(roughness: Float[Tensor, " surfels"]) -> Float[Tensor, " surfels"]:
     """E(r), the hemispherical albedo of the specular lobe: the share of a white furnace's light that it scatters.
 
-    E = 2 integral of n.wo (F0 A + B) d(n.wo) with A and B of ``brdf_integral``; 0.057 where smooth, 0.017 where rough.
+    E = 2 integral of n.wo (F0 A + B) d(n.wo) with A and B of ``brdf_table``; 0.057 at roughness 0, 0.017 at 1.
     """
     table = _lobe_table().to(roughness)
-    place = roughness * (len(table) - 1)
-    left = place.detach().floor().clamp(0, len(table) - 2).long()
-    return torch.lerp(table[left], table[left + 1], place - left)
+    entry = roughness * (len(table) - 1)
+    left = entry.detach().floor().clamp(0, len(table) - 2).long()
+    return torch.lerp(table[left], table[left + 1], entry - left)
 
 
 @cache
@@ -67,7 +67,7 @@ def _lobe_table() -> Float[Tensor, " roughness"]:
     scale, bias = brdf_table().double().unbind(-1)
     directional = FRESNEL_NORMAL * scale + bias
     step = 1 / (len(directional) - 1)
-    # Integral of 2 n.wo over the hat of each entry: exact for what is linear between entries.
+    # Integral of 2 n.wo times the hat function of each entry: exact for functions that are linear between entries.
     weight = 2 * step * torch.linspace(0, 1, len(directional), dtype=torch.float64)
     weight[0], weight[-1] = step**2 / 3, step - step**2 / 3
     return weight @ directional

@@ -1,4 +1,4 @@
-"""Images of surfels: splatting named channels, shading towards a camera, and normals of a depth map."""
+"""Images of surfels: named channels blended in a camera, shading towards a camera, and normals of a depth map."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -18,30 +18,34 @@ from .incident import Incident
 from .shading import shade_materials
 
 SOLID_ALPHA = 0.5
-"""Coverage above which a pixel has a surface: its depth means something."""
+"""Coverage from which a pixel shows a surface, so that its depth is meaningful."""
 
 DIFFUSE_DIRECT, DIFFUSE_INDIRECT, SPECULAR_DIRECT, SPECULAR_INDIRECT = range(4)
+"""Indices of the four parts of shaded radiance."""
 
 
 @dataclass(frozen=True)
 class Splat:
-    """Named channels blended over the surfels that each pixel sees; all multiplied by coverage.
-
-    ``depth`` is the expected z-depth, world units, zero where nothing is seen; ``normal`` the blended (not unit)
-    world normal; ``distortion`` in units of the camera's distance squared; ``touched`` marks surfels in view.
-    """
+    """Named channels of surfels, blended in each pixel of a camera."""
 
     images: Mapping[str, Float[Tensor, "height width channels"]]
+    """Blended channels by name, multiplied by coverage."""
     normal: Float[Tensor, "height width 3"]
+    """Blended normals in the world, multiplied by coverage; not of unit length."""
     alpha: Float[Tensor, "height width"]
+    """Coverage in [0, 1]."""
     depth: Float[Tensor, "height width"]
+    """Expected z-depth, world units (not multiplied by coverage); 0 in an empty pixel."""
     distortion: Float[Tensor, "height width"]
+    """Depth distortion of 2DGS, with depths in units of ``depth_unit``."""
     touched: Bool[Tensor, " surfels"]
+    """Whether each surfel is in view."""
 
     def depth_normal(self, camera: Camera, one_sided: bool = False) -> Float[Tensor, "height width 3"]:
-        """Unit normals from the depth map; zero where there is no surface.
+        """Unit normals of the depth map, in the world; zero where there is no surface.
 
-        By central differences, zero beside empty pixels too; or ``one_sided``, which keeps creases and silhouettes.
+        They are central differences, and also zero beside empty pixels; or, if ``one_sided``, one-sided differences,
+        which keep creases and silhouettes.
         """
         points = points_of(camera, self.depth)
         if one_sided:
@@ -58,10 +62,15 @@ def splat(
     depth_unit: float,
     detached: Collection[str] = (),
 ) -> Splat:
-    """Blend per-surfel ``channels`` into images, all in one pass; ``depth_unit`` scales the distortion.
+    """Blend channels of surfels into images, all in one pass.
 
-    ``detached``: names of channels whose images give gradient to the channel's values, and none to the surfels' places,
-    rotations, scales and opacities.
+    Args:
+        camera: Camera of the images.
+        surfels: Surfels that are blended.
+        channels: Values of each surfel, by name.
+        depth_unit: Unit of depth in the distortion, world units.
+        detached: Names of channels whose images give gradient to the channel's values only, and none to the surfels'
+            positions, rotations, scales and opacities.
     """
     geometry = surfels.geometry_for(camera)
     columns = [*channels.values(), geometry.normal]
@@ -86,7 +95,7 @@ def shade_surfels(
     environment: Float[Tensor, "rows columns 3"],
     specular_at: Bool[Tensor, " surfels"] | None = None,
 ) -> Float[Tensor, "surfels views 4 3"]:
-    """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its cached incident light; see ``shade_materials``."""
+    """Monte-Carlo outgoing radiance (Eq. 8) of every surfel from its incident light; see ``shade_materials``."""
     return shade_materials(
         surfels.frame[..., 2], albedo, surfels.roughness, outgoing, incident, environment, specular_at
     )
@@ -98,10 +107,10 @@ def towards(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
 
 
 def own_radiance(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
-    """The surfels' own radiance L_G towards the camera, linear RGB, with gradient to the centre too.
+    """The surfels' own radiance L_G towards the camera, linear RGB, with gradient to the harmonics and the centre.
 
-    A surfel that moves is also seen from another side: under strong harmonics that turn is 14 to 40 % of the gradient
-    of its centre. A surfel at the camera's centre is seen from nowhere, and has no such gradient.
+    A surfel that moves is also seen from another direction: with strong harmonics this contributes 14 to 40 % of the
+    gradient of its centre. A surfel at the camera's centre has no direction and no such gradient.
     """
     return surfel_radiance(surfels.sh, _seen_along(camera, surfels))
 
@@ -109,21 +118,22 @@ def own_radiance(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]
 def own_radiance_twice(
     camera: Camera, surfels: Surfels
 ) -> tuple[Float[Tensor, "surfels 3"], Float[Tensor, "surfels 3"]]:
-    """``own_radiance``, and the same values with gradient to the harmonics alone."""
+    """``own_radiance`` with its full gradient, and the same values with gradient to the harmonics only."""
     return radiance_of_harmonics(surfels.sh, _seen_along(camera, surfels))
 
 
 def _seen_along(camera: Camera, surfels: Surfels) -> Float[Tensor, "surfels 3"]:
-    """Unit directions from the surfels to the camera, with gradient; zero at its centre."""
+    """Unit directions from the surfels to the camera, with gradient; zero for a surfel at the camera's centre."""
     towards_camera = camera.centre - surfels.centre
     square = towards_camera.square().sum(-1, keepdim=True)
     return towards_camera * torch.where(square > 0, square, torch.inf).rsqrt()
 
 
 def depth_normals(points: Float[Tensor, "height width 3"], toward: Tensor) -> Float[Tensor, "height width 3"]:
-    """Unit normals of the surface through per-pixel world points, by central differences, facing ``toward``.
+    """Unit normals, in the world, of the surface through the world points of the pixels, by central differences.
 
-    ``toward`` is the camera's centre [3]. The border pixel is zero; so is a pixel whose neighbours coincide.
+    The normals face ``toward``, the camera's centre [3]. They are zero at the image's border, and where neighbouring
+    points coincide.
     """
     across = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]

@@ -1,4 +1,4 @@
-"""Split-sum shading: pre-filtered light times a pre-integrated BRDF (paper, initialisation and relighting)."""
+"""Split-sum shading: prefiltered light times a pre-integrated BRDF (paper, initialisation and relighting)."""
 
 from functools import cache, cached_property
 
@@ -13,14 +13,19 @@ from ..scene.light import texel_solid_angles
 from .light_filters import LEVELS, filtered, turned_spectrum
 
 LARGEST_HEIGHT = 32
+"""Largest number of rows of a light before it is filtered."""
 
 
 class PrefilteredLight:
     """A light map, filtered for diffuse and glossy reflection (see ``light_filters``); differentiable in its texels.
 
-    ``radiance``: linear, lat-long (see ``light``). ``sharp``: the same, averaged down by solid angle to at most 32
-    rows; below the first of LEVELS it stands for the filtered light, as its texels are as wide as that lobe.
+    Args:
+        radiance: Linear RGB, lat-long (see ``light``).
     """
+
+    sharp: Float[Tensor, "rows columns 3"]
+    """The light, averaged by solid angle to at most LARGEST_HEIGHT rows. It is used at roughness 0: its texels are
+    about as wide as the lobe of the first of LEVELS."""
 
     def __init__(self, radiance: Float[Tensor, "height width 3"]) -> None:
         height = min(radiance.shape[0], LARGEST_HEIGHT)
@@ -32,18 +37,18 @@ class PrefilteredLight:
 
     @cached_property
     def diffuse(self) -> Float[Tensor, "rows columns 3"]:
-        """Irradiance over pi by normal."""
-        # Apart from the glossy levels: shading by rays needs it alone.
+        """Irradiance over pi, indexed by the normal."""
+        # Separate from the glossy levels, because shading by rays needs only this map.
         return self._filtered(1)[0]
 
     @property
     def glossy(self) -> Float[Tensor, "levels rows columns 3"]:
-        """Light averaged over the GGX lobe of each of LEVELS, by mirrored direction."""
+        """Light averaged over the GGX lobe of each of LEVELS, indexed by the mirrored view direction."""
         return self.both[1]
 
     @cached_property
     def both(self) -> tuple[Float[Tensor, "rows columns 3"], Float[Tensor, "levels rows columns 3"]]:
-        """``diffuse`` and ``glossy``, found together."""
+        """``diffuse`` and ``glossy``, computed together."""
         every = self._filtered(1 + len(LEVELS))
         return every[0], every[1:]
 
@@ -51,7 +56,7 @@ class PrefilteredLight:
         return filtered(turned_spectrum(self.sharp), len(self.sharp), 0, count).to(self.sharp)
 
     def irradiance(self, normal: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
-        """Unoccluded irradiance over pi: what a white Lambert surface of that normal sends out."""
+        """Unoccluded irradiance over pi, linear RGB: the radiance of a white Lambertian surface with that normal."""
         return look_up(self.diffuse, normal)
 
 
@@ -62,7 +67,7 @@ def split_sum_radiance(
     outgoing: Float[Tensor, "batch 3"],
     light: PrefilteredLight,
 ) -> tuple[Float[Tensor, "batch 3"], Float[Tensor, "batch 3"]]:
-    """Diffuse and specular radiance towards unit ``outgoing``, without occlusion; zero seen from behind."""
+    """Diffuse and specular radiance, linear RGB, towards unit ``outgoing``, without occlusion; zero from behind."""
     table = brdf_table().to(normal)
     diffuse, glossy = light.both
     both = split_sum(normal, albedo, roughness, outgoing, diffuse, glossy, light.sharp, table, LEVELS[0])
@@ -75,7 +80,7 @@ def _pooled(values: Float[Tensor, "height width _"], height: int) -> Float[Tenso
 
 @cache
 def brdf_table(size: int = 32, steps: int = 32) -> Float[Tensor, "view roughness 2"]:
-    """The integrals on a grid of n.wo by roughness, float32.
+    """A and B with F0 A + B = integral of f_s (n.wi), on a grid of n.wo by roughness in [0, 1]; float32.
 
     Half-vectors are stratified in the GGX distribution (density D (n.h)); with wi = reflected wo the integrand is
     4 V (wo.h) (n.wi) / (n.h), split into Fresnel's constant and variable parts.

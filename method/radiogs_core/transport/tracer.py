@@ -1,8 +1,9 @@
-"""Rays from surfels to surfels: what light arrives at them, and from where.
+"""Rays from surfels to surfels: visibility of the distant light and indirect radiance from each direction.
 
-No distant light comes from below a surfel's horizon, the plane that it makes with its neighbours. Trained surfels lie
-askew to the surface that they make together, 20 degrees at the median on a trained ``convex``. Of the hemisphere over
-one alone, a part lies below that surface. Rays find this out; the horizon says so without them.
+No distant light comes from below a surfel's horizon, the plane of the surface that it forms with its neighbours.
+Trained surfels are tilted against that surface, by 20 degrees at the median on a trained ``convex``, so a part of a
+surfel's own hemisphere lies below the surface. Rays are blocked there by the neighbours; without rays the horizon
+replaces them.
 """
 
 import torch
@@ -20,32 +21,36 @@ from .plan import EffectPlan
 from .sampling import hemisphere_directions
 
 SELF_OFFSET = 1.0
-"""Rays start this many standard deviations of their own surfel away from it: neighbours that overlap the surfel
-are the same surface seen twice, not occluders."""
+"""Distance from its own surfel at which a ray starts, in the surfel's larger standard deviation: nearer surfels belong
+to the same surface and are not occluders."""
 
 
 BACK_OFFSET = 4.0
-"""Rays meet surfels from behind, too, this many standard deviations of their own surfel on. What no camera has seen
-of a solid has no surfels: a ray that enters it there must not leave it again on the other side. Nearer, it is the
-surfels of the ray's own surface that are met from behind: they lie as a layer about as thick as they are wide."""
+"""Distance, in the same unit, beyond which a ray also hits surfels from behind. Parts of a solid that no camera has
+seen have no surfels; a ray that enters the solid there must not leave it on the other side. Nearer hits from behind are
+the surfels of the ray's own surface, which form a layer about as thick as they are wide."""
 
 
 EVERYTHING = EffectPlan()
+"""The plan that simulates all effects."""
 
 
 RAYS_AT_ONCE = 1 << 18
-"""Their hits are in memory together: some hundred bytes a ray."""
+"""Rays that are traced together; their hits take some hundred bytes a ray."""
 
 
 class SurfelTracer:
-    """Traces rays from surfels to surfels, or supplies the substitute for rays.
+    """Traces rays from surfels to surfels, or returns the substitute for rays.
 
-    Holds the bounding volumes, built for the first ray, and the surfels' neighbours, found when the first surfel has no
+    The bounding volumes are built for the first ray, and the surfels' neighbours are found for the first surfel without
     rays.
 
-    ``offset``: distance from their own surfel at which rays start, in its standard deviations; ``world_offset``: in
-    world units instead. ``back_offset``: distance from which on rays meet surfels from behind, too, in its standard
-    deviations; None: nowhere.
+    Args:
+        surfels: Surfels that are traced.
+        offset: Distance from its own surfel at which a ray starts, in the surfel's larger standard deviation.
+        world_offset: The same distance in world units, used instead of ``offset`` if it is not None.
+        back_offset: Distance beyond which rays also hit surfels from behind, in the larger standard deviation of the
+            ray's surfel; None: never.
     """
 
     def __init__(
@@ -59,37 +64,37 @@ class SurfelTracer:
         self._bvh: SurfelBVH | None = None
         self._neighbours: Int[Tensor, "surfels neighbours"] | None = None
         self.follow(surfels)
-        # Tree and neighbours are those of these surfels whenever they are asked for, as in a run that is resumed.
+        # Tree and neighbours are always built from these surfels, so that a resumed run builds the same ones.
         self._first = self.geometry
 
     def follow(self, surfels: Surfels) -> None:
-        """Trace these surfels from now on: the same ones, moved a little (else make a new tracer)."""
+        """Trace ``surfels`` from now on: the same surfels after a small move. For others make a new tracer."""
         self.surfels = surfels
         self._geometry: SplatGeometry | None = None
         self._fitted = False
 
     def built(self) -> "SurfelTracer":
-        """The tracer itself, its bounding volumes built: no ray, and no frame that is timed, waits for them."""
+        """This tracer, after building its bounding volumes, so that the first ray or timed frame does not wait."""
         _ = self.bvh
         return self
 
     def recolour(self, surfels: Surfels) -> None:
-        """Trace these surfels from now on: the same ones at the same places, whose harmonics have changed.
+        """Trace ``surfels`` from now on: the same surfels with other harmonics.
 
-        Nothing is fitted anew, and rays have gradient to the harmonics but not to the geometry of ``surfels``.
+        The bounding volumes stay, and rays have gradient to the harmonics but not to the geometry of ``surfels``.
         """
         self.surfels = surfels
 
     @property
     def geometry(self) -> SplatGeometry:
-        """The surfels that are followed, as rays meet them."""
+        """Geometry of the current surfels for the tracing kernel."""
         if self._geometry is None:
             self._geometry = self.surfels.geometry()
         return self._geometry
 
     @property
     def bvh(self) -> SurfelBVH:
-        """The bounding volumes, fitted to the surfels that are followed."""
+        """The bounding volumes, fitted to the current surfels."""
         if self._bvh is None:
             self._bvh = SurfelBVH.build(self._first.detach())
             self._fitted = self._first is self.geometry
@@ -104,7 +109,7 @@ class SurfelTracer:
         direction: Float[Tensor, "chosen samples 3"],
         features: Float[Tensor, "surfels channels"],
     ) -> Hits:
-        """Rays from the centres of the surfels ``index``; flattened to [chosen * samples] rays."""
+        """Trace rays from the centres of the surfels at ``index``; the result has chosen * samples rays."""
         samples = direction.shape[1]
         origin = self.geometry.centre[index].repeat_interleave(samples, 0)
         width = self.surfels.scale.detach().max(-1).values[index].repeat_interleave(samples)
@@ -123,7 +128,10 @@ class SurfelTracer:
         start: Float[Tensor, " rays"],
         back_from: Float[Tensor, " rays"] | None = None,
     ) -> Hits:
-        """Rays from any world ``origin``, beyond ``start``; see ``kernels.trace``. Offsets of surfels do not count."""
+        """Trace rays from any world ``origin``, beyond the distance ``start``; see ``kernels.trace``.
+
+        The offsets of this tracer do not apply.
+        """
         return trace(self.bvh, self.geometry, self.surfels.sh, features, origin, direction, start, back_from=back_from)
 
     def incident(
@@ -135,15 +143,15 @@ class SurfelTracer:
     ) -> Incident:
         """Visibility and indirect radiance (Eq. 5) along given directions, with gradient to all surfels.
 
-        What ``plan`` leaves out is not traced: see ``untraced``.
+        Effects and surfels that ``plan`` leaves out get the substitutes of ``untraced``.
         """
-        places = plan.traced_among(index)
-        if not len(places):
+        traced = plan.traced_among(index)
+        if not len(traced):
             return self.untraced(index, direction, weight)
         none = self.geometry.centre.new_zeros(len(self.geometry), 0)
-        hits = self.trace(index[places], direction[places], none)
+        hits = self.trace(index[traced], direction[traced], none)
         visibility, whole = visibility_of(hits)
-        shape = (len(places), direction.shape[1])
+        shape = (len(traced), direction.shape[1])
         visibility, radiance = visibility.view(shape), (hits.radiance * whole[:, None]).view(*shape, 3)
         if plan.traces_all:
             return Incident(direction, weight, visibility, radiance)
@@ -151,8 +159,8 @@ class SurfelTracer:
         return Incident(
             direction,
             weight,
-            free.visibility.index_copy(0, places, visibility) if plan.visibility else free.visibility,
-            free.radiance.index_copy(0, places, radiance) if plan.indirect else free.radiance,
+            free.visibility.index_copy(0, traced, visibility) if plan.visibility else free.visibility,
+            free.radiance.index_copy(0, traced, radiance) if plan.indirect else free.radiance,
         )
 
     def untraced(
@@ -161,7 +169,7 @@ class SurfelTracer:
         direction: Float[Tensor, "chosen samples 3"],
         weight: Float[Tensor, "chosen samples"],
     ) -> Incident:
-        """What stands for rays: V = 1 above the horizon and 0 below (see ``horizon``), L_ind = 0. No gradient."""
+        """The substitute for rays: V = 1 above the horizon and 0 below (``above_horizon``), L_ind = 0. No gradient."""
         if self._neighbours is None:
             self._neighbours = nearest_surfels(self._first)
         normal = patch_normal(self.surfels, index, self._neighbours)
@@ -169,10 +177,11 @@ class SurfelTracer:
 
 
 def visibility_of(hits: Hits) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"]]:
-    """V = T, and the factor that makes blended values whole.
+    """Visibility V of each ray, and the factor by which its blended values are multiplied.
 
-    A ray that ended early (T < 3 %) met a solid surface: V is 0 and its values are divided by 1 - T, so that
-    the rest neither leaks sunlight through walls nor is missing from the indirect light.
+    V is the transmittance T. A ray that ended early (T < 3 %) hit a solid surface: its V is 0 and its factor is
+    1 / (1 - T), so that the remaining T neither leaks distant light through walls nor is missing from the indirect
+    light. The factor of other rays is 1.
     """
     solid = hits.transmittance < TRACE_TRANSMITTANCE_STOP
     visibility = torch.where(solid, 0.0, hits.transmittance)
@@ -189,9 +198,9 @@ def gather_incident(
     plan: EffectPlan = EVERYTHING,
     index: Int[Tensor, " chosen"] | None = None,
 ) -> Incident:
-    """Trace ``samples`` directions of the surfels ``index`` (None: of all), without gradient.
+    """Trace ``samples`` directions of the surfels at ``index`` (None: all), without gradient.
 
-    ``generator`` None turns the random rotation off. ``floor``: see ``hemisphere_directions``.
+    ``generator`` and ``floor``: see ``hemisphere_directions``. ``plan``: see ``SurfelTracer.incident``.
     """
     normal = surfels.frame[..., 2] if index is None else surfels.take(index).frame[..., 2]
     direction, weight = hemisphere_directions(normal, samples, generator, floor)
@@ -206,10 +215,7 @@ def incident_along(
     plan: EffectPlan = EVERYTHING,
     index: Int[Tensor, " chosen"] | None = None,
 ) -> Incident:
-    """Trace the given directions of the surfels ``index`` (None: of all), as many rays at a time as memory likes.
-
-    Without gradient.
-    """
+    """Trace given directions of the surfels at ``index`` (None: all), RAYS_AT_ONCE rays at a time, without gradient."""
     together = max(1, RAYS_AT_ONCE // direction.shape[1])
     if index is None:
         index = torch.arange(len(direction), device=direction.device)
@@ -222,22 +228,23 @@ def incident_along(
 
 
 NEIGHBOURS = 12
+"""Neighbours of each surfel."""
 
 SAME_SURFACE = 0.1
-"""Least cosine between the normals of neighbours of one surface: across a right angle begins another one."""
+"""Least cosine between the normals of neighbours that belong to one surface: across a right angle they do not."""
 
 
 def nearest_surfels(geometry: SplatGeometry) -> Int[Tensor, "surfels neighbours"]:
-    """Each surfel and the NEIGHBOURS nearest to it, or all where there are fewer.
+    """Indices of each surfel and of the NEIGHBOURS nearest to it, or of all if there are fewer.
 
-    Surfels that no ray can hit are neighbours of themselves only.
+    A surfel that no ray can hit is the only neighbour of itself, and no neighbour of others.
     """
-    solid = torch.nonzero(support_of(geometry).can_be_met)[:, 0]
-    places = geometry.centre.detach()[solid].double().cpu().numpy()
-    count = min(NEIGHBOURS + 1, len(places))
+    solid = torch.nonzero(support_of(geometry).can_be_hit)[:, 0]
+    positions = geometry.centre.detach()[solid].double().cpu().numpy()
+    count = min(NEIGHBOURS + 1, len(positions))
     around = torch.arange(len(geometry), device=solid.device)[:, None].repeat(1, max(1, count))
     if count:
-        found = cKDTree(places).query(places, k=count)[1].reshape(len(places), count)
+        found = cKDTree(positions).query(positions, k=count)[1].reshape(len(positions), count)
         around[solid] = solid[torch.from_numpy(found).to(solid.device)]
     return around
 
@@ -246,7 +253,8 @@ def nearest_surfels(geometry: SplatGeometry) -> Int[Tensor, "surfels neighbours"
 def patch_normal(
     surfels: Surfels, index: Int[Tensor, " chosen"], neighbours: Int[Tensor, "surfels neighbours"]
 ) -> Float[Tensor, "chosen 3"]:
-    """Unit normals, world, of the surface that surfels make with their ``neighbours``: means weighted by opacity."""
+    """Unit normals, in the world, of the surface around each surfel: the mean of its neighbours' normals, weighted by
+    opacity."""
     normal, opacity = surfels.frame[..., 2], surfels.opacity
     about = neighbours[index]
     cosine = (normal[about] * normal[index, None]).sum(-1)
@@ -257,5 +265,5 @@ def patch_normal(
 def above_horizon(
     direction: Float[Tensor, "surfels samples 3"], normal: Float[Tensor, "surfels 3"]
 ) -> Float[Tensor, "surfels samples"]:
-    """1 for the directions above the plane of a patch, 0 for those below."""
+    """1 for directions above the plane with the unit ``normal``, 0 for directions below."""
     return ((direction * normal[:, None]).sum(-1) > 0).to(direction)

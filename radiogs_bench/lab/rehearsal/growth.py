@@ -1,4 +1,4 @@
-"""What a phase takes at another size of the model than those that were measured: a line through the last two."""
+"""Extrapolates the cost of a phase to another size of the model by a line through the last two measured sizes."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -21,8 +21,8 @@ SCHEMA = "radiogs-bench/rehearsal/1"
 
 @dataclass(frozen=True)
 class Asked:
-    """What was rehearsed: name of the suite or scene, preset, the scene, on how many scenes the rows are run, and
-    which seconds are counted, "wall" or "core"."""
+    """The rehearsed run: name of the suite or scene, preset, the scene, number of scenes that the rows are run on, and
+    the kind of seconds, "wall" or "core"."""
 
     name: str
     preset: str

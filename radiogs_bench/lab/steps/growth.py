@@ -24,7 +24,7 @@ SCHEMA = "radiogs-bench/growth/1"
 REPETITIONS = 3
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
-"""Of a kernel while something else grows."""
+"""Defaults for a kernel while another size is varied."""
 
 LEAST_BYTES = 1 << 20
 """Peaks below it are pages and rounding; an exponent is of those above it."""
@@ -34,7 +34,8 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True)
 class Axis:
-    """What grows, while all else stays. at_most: the exponent that seconds should not exceed, where one is expected."""
+    """A size that is varied while all others are fixed. at_most: the exponent that seconds should not exceed, where one
+    is expected."""
 
     what: str
     grows: str
@@ -60,7 +61,7 @@ STEPS = (
 """Everything that ``bench steps`` does, at preset tiny."""
 
 USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
-"""Of a step while something else grows."""
+"""Defaults for a step while another size is varied."""
 
 
 def bench_growth(

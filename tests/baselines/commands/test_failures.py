@@ -129,7 +129,7 @@ def test_an_interruption_ends_the_command_with_its_children(convex: Scene, tmp_p
         waiting.step()
     assert waiting.iteration == 0
     assert waiting.state() == {"done": None}
-    with pytest.raises(UsageError, match="cannot be shown before"):
+    with pytest.raises(UsageError, match="cannot be scored before"):
         waiting.product()
     assert time.monotonic() - begun < 5
     waiting.close()  # type: ignore[attr-defined]
@@ -185,7 +185,7 @@ def test_half_of_the_views_is_an_error_and_the_training_is_kept(
     text = toml([FIRST], f"{shelf}|--share|0.5", f"{shelf}|--light|{{light}}|--share|0.5", "gs-ir")
     bench = Bench(method_of(tmp_path, text), convex, tmp_path / "work")
     trained = bench.train()
-    with pytest.raises(CommandFailed, match="not all that it should have written is there") as failure:
+    with pytest.raises(CommandFailed, match="did not write all its files") as failure:
         trained.prepare()
     assert "missing: image: test/ours_None" in failure.value.why
     name, light = next(iter(convex.lights.items()))
@@ -240,7 +240,7 @@ def test_files_that_are_gone_or_changed_are_named_before_anything_is_made_of_the
     model = bench.workspace / "output" / "model-1.pth"
     for spoil in (lambda: model.write_text("short"), model.unlink):
         spoil()
-        with pytest.raises(DataError, match="'stage-1' of Stand-in has written is gone or changed") as failure:
+        with pytest.raises(DataError, match="'stage-1' of Stand-in has written are missing or changed") as failure:
             bench.method.restore(bench.run, trained.product)
         assert str(bench.workspace) in failure.value.remedy
         with pytest.raises(DataError, match="gone or changed"):
@@ -281,7 +281,7 @@ def test_a_file_that_may_not_grow_is_told_as_a_full_disk(convex: Scene, tmp_path
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "The disk seems to be full" in failure.value.why
-    assert "Make room" in failure.value.remedy
+    assert "Free disk space" in failure.value.remedy
     mended(bench, tmp_path).train()
 
 
@@ -305,7 +305,7 @@ try:
     bench.train()
 except CommandFailed as error:
     assert "The disk seems to be full" in error.why, error
-    assert "Make room" in error.remedy, error
+    assert "Free disk space" in error.remedy, error
 else:
     raise AssertionError("it was not full")
 assert [state["done"] is not None for state in bench.states] == [True, False]

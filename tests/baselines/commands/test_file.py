@@ -1,4 +1,4 @@
-"""What is wrong in a method's file, or does not fit a run, is said with what may stand there."""
+"""A wrong value in a method's file, or one that does not fit a run, raises an error that names the possible values."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -21,33 +21,33 @@ WRONG = {
     "unknown field": (SOUND.replace("reader =", "readr ="), "there is no field 'readr'", "Did you mean 'reader'?"),
     "unknown field within": (SOUND.replace("writes =", "write ="), "train[0]: there is no field 'write'", "'writes'"),
     "missing field": (SOUND.replace('title = "Stand-in"', ""), "the field 'title' is missing", ""),
-    "no TOML": ("name = ", "is no TOML", ""),
+    "no TOML": ("name = ", "is not valid TOML", ""),
     "wrong type": (SOUND.replace('title = "Stand-in"', "title = 3"), "title: 3 is not text", ""),
     "no list": (SOUND.replace('layouts = ["tensoir"]', 'layouts = "tensoir"'), "'tensoir' is not a list", ""),
     "unknown reader": (SOUND.replace('"plain"', '"gsir"'), "there is no reader 'gsir'", "Did you mean 'gs-ir'?"),
     "unknown layout": (SOUND.replace('"tensoir"]', '"tensorir"]'), "no layout 'tensorir'", "Did you mean 'tensoir'?"),
-    "no layout": (SOUND.replace('["tensoir"]', "[]"), "layouts: the list is empty", "which scenes"),
-    "bad name": (SOUND.replace('"stand-in"', '"Stand in"', 1), "'Stand in' is no name", "small letters"),
-    "no code": (SOUND.replace('variable = "STAND_IN_HOME"', ""), "nothing says where the code is", "variable"),
+    "no layout": (SOUND.replace('["tensoir"]', "[]"), "layouts: the list is empty", "layouts of scenes"),
+    "bad name": (SOUND.replace('"stand-in"', '"Stand in"', 1), "'Stand in' is not a name", "small letters"),
+    "no code": (SOUND.replace('variable = "STAND_IN_HOME"', ""), "the location of the code is missing", "variable"),
     "unknown placeholder": (SOUND.replace("{scene}", "{scnee}", 1), "placeholder '{scnee}'", "Did you mean '{scene}'?"),
-    "lone brace": (SOUND.replace("{scene}", "{scene", 1), "cannot be read", "Braces stand around placeholders"),
-    "format": (SOUND.replace("{scene}", "{seed:03}", 1), "followed by a format", ""),
-    "light in training": (SOUND.replace("model-1", "{light}", 1), "placeholder '{light}'", "A light is known to"),
+    "lone brace": (SOUND.replace("{scene}", "{scene", 1), "cannot be read", "Braces enclose placeholders"),
+    "format": (SOUND.replace("{scene}", "{seed:03}", 1), "has a format", ""),
+    "light in training": (SOUND.replace("model-1", "{light}", 1), "placeholder '{light}'", "only in [relight]"),
     "light of all": (SOUND + "\nall_lights = true", "placeholder '{light}'", "without all_lights"),
     "list within text": (SOUND.replace("model-1", "x{arguments}", 1), "placeholder '{arguments}'", "of its own"),
-    "results elsewhere": ("results = '/tmp'\n" + SOUND, "'/tmp' is not in {output}", "in one place"),
+    "results elsewhere": ("results = '/tmp'\n" + SOUND, "'/tmp' is not in {output}", "its own folder"),
     "results up": ("results = '{output}/../x'\n" + SOUND, "is not in {output}", ""),
     "writes nothing": (SOUND.replace("['{output}/model-1.pth']", "[]"), "writes: the list is empty", ""),
     "two of a name": (SOUND + ANOTHER.format("stage-1", "'x'"), "two commands", ""),
-    "reserved name": (SOUND.replace("'stage-1'", "'render'"), "'render' is no name of a command", ""),
+    "reserved name": (SOUND.replace("'stage-1'", "'render'"), "'render' is not a name of a command", ""),
     "no time": (SOUND + "\ntime_limit = 0", "relight.time_limit: 0 is not above zero", "seconds"),
-    "resume": (SOUND.replace("writes =", "resume = ['x']\nwrites ="), "does not say resumes = true", ""),
+    "resume": (SOUND.replace("writes =", "resume = ['x']\nwrites ="), "only with resumes = true", ""),
     "unknown preset": (SOUND + "\n[presets.big]\niterations = 3", "there is no preset 'big'", "smoke"),
     "iterations": (SOUND.replace("model-1", "{total}", 1), "presets.smoke: the field 'further' is missing", "{total}"),
     "setting": (SOUND + "\n[settings]\nseed = []", "'seed' cannot be the name of a setting", ""),
     "setting of a scene": (SOUND + "\n[scenes.lego]\nrough = []", "there is no setting 'rough'", ""),
     "suffix": (SOUND + "\nlight_suffix = '.png'", "there is no suffix '.png'", ".hdr"),
-    "variable": (SOUND + "\n[environment]\n'A B' = 'x'", "'A B' is no name of an environment variable", ""),
+    "variable": (SOUND + "\n[environment]\n'A B' = 'x'", "'A B' is not a name of an environment variable", ""),
     "no arguments": (SOUND + ANOTHER.format("x", ""), "its first", ""),
 }
 
@@ -91,10 +91,10 @@ def test_a_run_that_a_code_cannot_read_is_refused_before_anything_starts(
     run = Bench(method, convex, tmp_path / "work").run
     (stage,) = method.stages(run.variant, run.budget)
     for changed, said in (
-        (replace(run, workspace=None), "needs a folder to work in"),
+        (replace(run, workspace=None), "needs a folder for its files"),
         (replace(run, scene=replace(convex, folder=None)), "this scene is computed"),
         (replace(run, scene=replace(convex, layout="colmap")), "which is in the layout colmap"),
-        (replace(run, scene=replace(convex, options={"reduce": 2})), "as it was opened (reduce 2)"),
+        (replace(run, scene=replace(convex, options={"reduce": 2})), "with these options: reduce 2"),
     ):
         with pytest.raises(UsageError) as error:
             stage.begin(changed, {})
@@ -122,7 +122,7 @@ def test_settings_are_those_of_the_scene(convex: Scene, tmp_path: Path) -> None:
 
 def test_a_light_or_camera_that_is_none_of_the_scenes_is_refused(convex: Scene, tmp_path: Path) -> None:
     trained = Bench(method_of(tmp_path, SOUND), convex, tmp_path / "work").train()
-    with pytest.raises(DataError, match="a light that is none of the scene's"):
+    with pytest.raises(DataError, match="a light that is not one of the scene's"):
         trained.prepare(EnvironmentMap(torch.ones(2, 4, 3)))
     without = Bench(method_of(tmp_path, toml(["--name|model-1"])), convex, tmp_path / "other").train()
     with pytest.raises(NotOffered, match="no command that relights"):

@@ -46,7 +46,7 @@ def scene(convex: Scene) -> Scene:
 
 
 def steps(method: CommandMethod, place: Place, pantry: Path) -> list[Mapping[str, object]]:
-    """What each command of the recipe writes, in order."""
+    """The files that each command of the recipe writes, in order."""
     shelf, results, file = entries(pantry), place.results, method.file
     shown = [(str(pantry / path), str(results / path)) for path in shelf if not is_relit(path)]
     plan: list[dict[str, object]] = [

@@ -92,7 +92,7 @@ def texture(value: Any) -> Socket:
 
 
 def value_of(socket: Any) -> Any:
-    """What an input is given, an output gives, or a constant is."""
+    """The value of an input, an output or a constant."""
     if isinstance(socket, float | tuple):
         return socket
     if socket.name in [each.name for each in socket.node.inputs] and socket in [*socket.node.inputs]:

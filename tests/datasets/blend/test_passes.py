@@ -1,4 +1,4 @@
-"""What Cycles' passes say of a picture."""
+"""The maps that are computed from Cycles' passes."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What Blender renders, by closed forms and by Mitsuba; skipped where one of them is not installed."""
+"""Blender's renders agree with closed forms and with Mitsuba; skipped if one of them is not installed."""
 
 import math
 from pathlib import Path

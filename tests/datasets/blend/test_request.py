@@ -1,4 +1,4 @@
-"""What is asked for, and when two requests are one."""
+"""The fields of a request, and when two requests are the same."""
 
 import shutil
 from dataclasses import replace

@@ -14,14 +14,15 @@ ON_CPU = ["as_on_cpu", "as_on_cuda"]
 
 @pytest.fixture(params=ON_CPU)
 def cpu_arrangement(request: pytest.FixtureRequest) -> Iterator[str]:
-    """What a test uses that holds for both on the CPU; sums by atomics on a card do not repeat bit for bit."""
+    """Arrangements for a test that holds for both on the CPU; sums by atomics on a card do not repeat bit for bit."""
     with cpu_as_cuda() if request.param == "as_on_cuda" else nullcontext():
         yield request.param
 
 
 @pytest.fixture(params=[*ON_CPU, pytest.param("on_card", marks=ON_CARD)])
 def arrangement(request: pytest.FixtureRequest) -> Iterator[str]:
-    """What a test uses that holds for blocks of items on the CPU and for an item a thread, there and on CUDA."""
+    """Arrangements for a test that holds for blocks of items on the CPU, and for an item a thread on the CPU and on
+    CUDA."""
     if request.param == "as_on_cpu":
         yield request.param
     elif request.param == "as_on_cuda":

@@ -1,4 +1,4 @@
-"""What is counted goes to the innermost recording, and to nobody outside of all."""
+"""Counts go to the innermost recording, and are dropped outside all recordings."""
 
 import ast
 import threading

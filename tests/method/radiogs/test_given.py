@@ -1,4 +1,4 @@
-"""What is given to stage 2 is the truth, is held, and means the same in training and in what is shown."""
+"""The parts that stage 2 is given are the true ones, stay fixed, and mean the same in training and in rendering."""
 
 from dataclasses import replace
 from functools import partial

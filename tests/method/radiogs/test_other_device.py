@@ -34,7 +34,7 @@ SHORT = replaced(
     BUDGET, {"geometry.steps": 10, "geometry.densify_interval": 4, "inverse_iterations": 6, "refresh_interval": 4}
 )
 MOST_WAITS = {"initialise": 3, "invert": 7}
-"""Of a step without a density round or a look for hidden surfels; docs/gpu.md says what for."""
+"""Waits of a step without a density round or a search for hidden surfels; docs/gpu.md says what for."""
 
 
 @pytest.mark.parametrize("stage", ["initialise", "invert"])
@@ -57,7 +57,8 @@ def last_loss(device: torch.device, stage: str) -> float:
 
 
 def trained(device: torch.device) -> dict[str, torch.Tensor]:
-    """What both stages learn. The light is not sought: its search amplifies rounding, and has a test of its own."""
+    """The tensors that both stages learn. The light is not searched for: its search amplifies rounding, and has a test
+    of its own."""
     variant = Variant(materials=MaterialLearning(start=MaterialStart(light="constant")))
     first = Initialisation(Run(SCENE, variant, SHORT, 0, device))
     while first.iteration < first.iterations:

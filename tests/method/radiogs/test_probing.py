@@ -1,4 +1,4 @@
-"""What the generated scenes need is found by probes of their own surfaces."""
+"""Probes of their own surfaces find the effects that the generated scenes need."""
 
 import functools
 import json
@@ -195,7 +195,7 @@ def test_under_a_wide_sun_drawn_directions_help_but_as_many_spread_ones_help_mor
 
 
 def test_light_in_a_closed_room_decays_by_its_albedo() -> None:
-    """What every wall sends alike arrives everywhere alike: each bounce has the albedo of the one before."""
+    """Light that all walls send alike arrives everywhere alike: each bounce has the albedo of the one before."""
     walls = surfels_of_room(1.0, 0.2, 0.6)
     direction, weight = hemisphere_directions(walls.frame[..., 2], 32, torch.Generator().manual_seed(0))
     total, decay = scattered(walls, torch.ones_like(walls.albedo), direction, weight, 4)
@@ -238,7 +238,7 @@ def test_surfels_of_a_scene_have_its_materials() -> None:
 
 
 def test_a_probe_is_plain_data_with_an_image_for_each_effect() -> None:
-    """What a command line prints and draws without knowing the method."""
+    """A probe has the values that a command line prints and draws without knowing the method."""
     found = probed(run("patchwork", 0), None, None)
     assert [record.effect for record in found.records] == [*EFFECTS, "plan", "light-sampling"]
     assert json.loads(json.dumps(found.plain(), allow_nan=False)) == found.plain()

@@ -144,7 +144,7 @@ def shaded(
 
 
 def on_the_ball(found: dict[str, Tensor], name: str) -> Tensor:
-    """What those pixels show, where surfels let a little through as if they did not."""
+    """The values of pixels on the ball, divided by their coverage, because surfels let a little light through."""
     inside, _, _ = seen_of_the_ball()
     return (found[name] / found["alpha"])[inside].double()
 

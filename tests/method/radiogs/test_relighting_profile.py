@@ -96,7 +96,7 @@ def test_images_of_surfels_alone_are_encoded_as_the_profile_says() -> None:
 
 
 def fine_tuned_radiance(surfels: Surfels, light: Tensor, *deviations: str) -> Tensor:
-    """What surfels that were black send to a camera above them after fine-tuning."""
+    """The radiance that black surfels send to a camera above them after fine-tuning."""
     found = relit(grey(surfels, 0.0), light, "surfels", *deviations)
     assert isinstance(found, RelitBySurfels)
     return own_radiance(CAMERA, found.surfels).mean(-1)

@@ -79,7 +79,7 @@ def test_inverse_rendering_resumes_bit_for_bit_across_a_refresh(initialised: dic
 
 
 def test_a_plan_made_on_the_way_resumes_bit_for_bit(initialised: dict[str, Any]) -> None:
-    """Of two probes one is before the checkpoint and one after it."""
+    """There are two probes, one before the checkpoint and one after it."""
     variant = Variant(effects="auto")
     whole = inverse(initialised, variant)
     for step in range(18):

@@ -27,7 +27,7 @@ TERMS: Mapping[str, set[str]] = {
     "mask": {"mask"},
     "normal_smoothness": {"normal smoothness"},
 }
-"""What each field of ``GeometryWeights`` weighs; a further field weighs the term that begins its name."""
+"""The terms that each field of ``GeometryWeights`` weighs; any other field weighs the term that begins its name."""
 
 
 def weighing(**weights: float) -> Variant:
@@ -153,7 +153,7 @@ def test_the_light_of_the_split_sum_is_the_one_that_is_learnt() -> None:
 
 
 def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
-    """What has the display values as its linear radiance and albedo is too bright."""
+    """A surfel with the display values as its linear radiance and albedo is too bright."""
     display = srgb_encode(torch.tensor(COLOUR))
     bright = glowing(1.0)
     bright.sh[:, 0] = radiance_to_sh(display[None])

@@ -30,7 +30,7 @@ TERMS: Mapping[str, set[str]] = {
     "light_prior": {"light prior"},
     "light_smoothness": {"light smoothness"},
 }
-"""What each field of ``MaterialWeights`` weighs; a further field weighs the term that begins its name."""
+"""The terms that each field of ``MaterialWeights`` weighs; any other field weighs the term that begins its name."""
 
 GEOMETRY = ("centre", "rotation", "log_scale", "opacity_logit")
 MATERIALS = ("albedo_logit", "roughness_logit", "log_environment", "sh", "sh_rest")
@@ -164,7 +164,7 @@ def test_a_smooth_tint_is_smooth_and_white_noise_is_nearly_white() -> None:
 
 
 def test_images_are_compared_in_display_colour_with_linear_radiance() -> None:
-    """What has the display values as its linear radiance and albedo is too bright."""
+    """A surfel with the display values as its linear radiance and albedo is too bright."""
     display = srgb_encode(torch.tensor(COLOUR))
     bright = glowing(1.0)
     bright.sh[:, 0] = radiance_to_sh(display[None])

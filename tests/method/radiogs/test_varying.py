@@ -1,4 +1,4 @@
-"""What the images determine, on models where that is known: balls, matte and glossy, and an open box."""
+"""How far images determine quantities, on models where that is known: balls, matte and glossy, and an open box."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -140,7 +140,7 @@ def test_unchanged_it_shows_what_is_evaluated() -> None:
 
 
 def test_surfels_without_a_lobe_are_shown_as_they_are_evaluated() -> None:
-    """What the lobe would scatter is in their diffuse part, and does not grow with albedo."""
+    """The light that the lobe would scatter is in their diffuse part, and does not grow with albedo."""
     plan = replace(EffectPlan(), specular=False)
     run = Run(sphere_scene(1, SIZE), Variant(), BUDGET, 0, CPU)
     model = TrainedRadioGS(Model(ball(SHINY), sunny().log(), plan), run)

@@ -8,8 +8,8 @@ from torch import Tensor
 
 from radiogs_core.kernels.trace.trace import Hits
 from radiogs_core.on_surfels.seen_points import SeenPoints
+from radiogs_core.transport.hit_surface import hit_radiance
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.met_surface import met_radiance
 from radiogs_core.transport.splitsum import PrefilteredLight
 from radiogs_core.transport.tracer import BACK_OFFSET, SELF_OFFSET, SurfelTracer, visibility_of
 
@@ -77,7 +77,7 @@ class Rays:
         features: Float[Tensor, "surfels 7"],
         light: PrefilteredLight,
     ) -> Incident:
-        """V, and L_ind as the split sum at what rays meet (``met_surface``): the harmonics belong to another light."""
+        """V, and L_ind as the split sum at what rays meet (``hit_surface``): the harmonics belong to another light."""
         hits = self.trace(tracer, points, direction, features)
-        seen, radiance = met_radiance(hits, direction.flatten(0, 1), light)
+        seen, radiance = hit_radiance(hits, direction.flatten(0, 1), light)
         return Incident(direction, weight, seen.view(weight.shape), radiance.view(direction.shape))

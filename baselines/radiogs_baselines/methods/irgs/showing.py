@@ -26,8 +26,8 @@ from radiogs_core.on_surfels.trained import (
 from radiogs_core.scene.camera import Camera
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
+from radiogs_core.transport.hit_surface import hit_features
 from radiogs_core.transport.incident import Incident
-from radiogs_core.transport.met_surface import met_features
 from radiogs_core.transport.sampling import LightSampler, hemisphere_directions, relighting_directions
 from radiogs_core.transport.splatting import Splat
 from radiogs_core.transport.splitsum import PrefilteredLight
@@ -103,14 +103,14 @@ class RecoveredLight:
 class NewLight:
     """Another light: directions are spread over the hemisphere and drawn from it; L_ind is the split sum at hits.
 
-    ``met_albedo``: of the surfels that rays meet. ``samples``: over the hemisphere, and from the light. ``indirect``:
+    ``hit_albedo``: of the surfels that rays meet. ``samples``: over the hemisphere, and from the light. ``indirect``:
     whether there is any. Raises DataError for a light that is not finite.
     """
 
     def __init__(
         self,
         surfels: Surfels,
-        met_albedo: Float[Tensor, "surfels 3"],
+        hit_albedo: Float[Tensor, "surfels 3"],
         light: EnvironmentMap,
         rays: Rays,
         samples: tuple[int, int],
@@ -119,7 +119,7 @@ class NewLight:
         self.environment, self.samples, self.of_each = light.radiance, sum(samples), samples
         self.rays, self.indirect, self.tracer = rays, indirect, SurfelTracer(surfels).built()
         self.sampler, self.prefiltered = LightSampler(light), PrefilteredLight(light.radiance)
-        self.features = met_features(surfels, met_albedo)
+        self.features = hit_features(surfels, hit_albedo)
 
     def on(self, points: SeenPoints, generator: torch.Generator) -> Incident:
         """V, and L_ind where there is any."""

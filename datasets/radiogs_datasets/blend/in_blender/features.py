@@ -1,4 +1,4 @@
-"""What a material can have that the paper's BRDF (albedo, roughness, F0 = 0.04) cannot express."""
+"""Features of materials that the paper's BRDF (albedo, roughness, F0 = 0.04) cannot express."""
 
 FEATURES = ("metallic", "transmission", "transparent", "subsurface", "coat", "sheen", "anisotropic", "other_specular",
             "no_specular", "rough_diffuse", "normal_map", "emissive", "displacement", "volume")  # fmt: skip

@@ -28,7 +28,7 @@ class NotUnderstood(Exception):
 
 
 def surface(socket: Any, maths: Arithmetic) -> Said:
-    """What is linked to an input for a shader; an empty one is black."""
+    """The shader that is linked to an input; black if nothing is linked."""
     if not socket.is_linked:
         return Said((0.0, 0.0, 0.0))
     node = socket.links[0].from_node

@@ -16,11 +16,11 @@ class Arithmetic:
         self.tree = tree
 
     def scalar(self, socket: Any) -> Scalar:
-        """What an input socket is given."""
+        """The value of an input socket: the socket that is linked to it, or its default value."""
         return socket.links[0].from_socket if socket.is_linked else float(socket.default_value)
 
     def colour(self, socket: Any) -> Colour:
-        """What an input socket of a colour is given."""
+        """The colour of an input socket: the socket that is linked to it, or its default colour."""
         return socket.links[0].from_socket if socket.is_linked else tuple(socket.default_value)[:3]
 
     def rest(self, value: Scalar) -> Scalar:

@@ -1,1 +1,1 @@
-"""Kernels over the pixels of images: what losses compare."""
+"""Kernels over the pixels of images: the terms of losses, depth maps and display colour."""

@@ -1,7 +1,7 @@
 // A block of one row's pixels; see blocks.py.
 
 // ---- block
-// Where block ``item`` lies, and the columns [low, high) that are at most ``reach`` further on either side.
+// Position of block ``item``, and the columns [low, high) at most ``reach`` beyond it on either side.
 //
 // A pixel has ENTRIES channels, interleaved. In arrays that are ``wide``, the ``count`` entries of these columns begin
 // at ``first``, and the ``own`` entries of the block itself at ENTRIES * reach.

@@ -1,4 +1,4 @@
-"""K15 and K8: the world points of a depth map, and normals from points by one-sided differences, with gradient."""
+"""K15 and K8: the world points of a depth map, and normals from points by one-sided differences; differentiable."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from .depth_map_source import normal_kernels, point_kernels
 
 
 def points_of(camera: Camera, depth: Float[Tensor, "height width"]) -> Float[Tensor, "height width 3"]:
-    """The world point of each pixel at its z-depth, world units: the camera's centre where that is zero."""
+    """The world point of each pixel at its z-depth (world units); the camera's centre where the depth is zero."""
     return _Points.apply(camera.to(depth.device, depth.dtype), depth)
 
 
@@ -40,13 +40,18 @@ def one_sided_normals(
     solid: Bool[Tensor, "height width"],
     toward: Float[Tensor, "3"],
 ) -> Float[Tensor, "height width 3"]:
-    """Unit normals by differences to one neighbour along each axis, on the side where the surface bends less.
+    """Unit normals in the world by differences to one neighbour along each axis, on the side of less curvature.
 
-    At a crease or a silhouette central differences join two surfaces; the straighter side lies on one of them. How much
-    a side bends is the second difference of inverse z-depth, which is zero along any plane. ``points`` are per-pixel
-    world points; ``solid`` says where the depth map has a surface: the result is zero elsewhere, where no neighbour
-    along an axis has one, and where neighbours coincide. Normals face ``toward``, the camera's centre. Gradient to the
-    points alone.
+    At a crease or a silhouette central differences join two surfaces; the side of less curvature lies on one of them.
+    Curvature is measured by the second difference of inverse z-depth, which is zero on any plane. The normal is zero
+    for a pixel without surface, for one without a neighbour that has a surface along an axis, and where neighbouring
+    points coincide. Only the points get gradients.
+
+    Args:
+        points: World points of the pixels.
+        depth: z-depths of the pixels, world units.
+        solid: Whether each pixel has a surface.
+        toward: The camera's centre in the world; normals face it.
     """
     return _OneSided.apply(points, depth, solid, toward)
 

@@ -1,7 +1,7 @@
-"""The kernels of a depth map's points and of normals from points: one item a pixel, forward and backward.
+"""Kernels for the points of a depth map and for normals from points: one item a pixel, forward and backward.
 
-The normals' backward pass has two kernels: ``pull`` takes each normal's gradient to its two steps, ``gather`` takes the
-steps' gradients to the points at their ends, each pixel from itself and its four neighbours.
+The backward pass of normals has two kernels: ``pull`` propagates each normal's gradient to its two differences, and
+``gather`` adds up, for each point, the gradients of the differences of its own pixel and of its four neighbours.
 """
 
 from functools import cache
@@ -19,9 +19,10 @@ _POINTS = native_file(__package__, "points.inl")
 
 @cache
 def point_kernels(dtype: torch.dtype) -> Any:
-    """``forward`` and ``backward`` for a scalar type; all arrays are flat, and ``pair`` is the type of two numbers.
+    """``forward`` and ``backward`` for a scalar type, and ``pair``, the vector type of two numbers.
 
-    ``pose``: camera to world, four rows of four. ``focal``, ``offset``: focal lengths and principal point in pixels.
+    All arrays are flat. ``pose``: camera to world, four rows of four. ``focal``, ``offset``: focal lengths and
+    principal point in pixels.
     """
     start_warp()
     scalar = scalar_type(dtype)
@@ -49,18 +50,18 @@ def point_kernels(dtype: torch.dtype) -> Any:
 _TEXT = native_file(__package__, "normals.inl")
 
 NO_SECOND_NEIGHBOUR = 1e6
-"""Bend of a side that has one neighbour only: it is taken where the other side has none."""
+"""Curvature of a side with a single neighbour: it is chosen only if the other side has no neighbour."""
 
 NO_NEIGHBOUR = 1e30
-"""Bend of a side without a neighbour: it is not taken."""
+"""Curvature of a side without a neighbour: it is never chosen."""
 
 
 @cache
 def normal_kernels(dtype: torch.dtype) -> Any:
     """``forward``, ``pull`` and ``gather`` for a scalar type; all arrays are flat.
 
-    ``sides``: of each pixel, the sides along x and y that were taken (1 or -1), 0 where it has no normal. ``steps``:
-    gradients of the steps along x and y.
+    ``sides``: the chosen sides of each pixel along x and y (1 or -1); 0 for a pixel without a normal. ``steps``:
+    gradients of the differences along x and y.
     """
     start_warp()
     flat, bytes_, signs = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.uint8), wp.array(dtype=wp.int8)

@@ -2,8 +2,8 @@
 
 // ---- power
 // ``power``, x^(1 / 2.4) of ``Lanes``, as vector code on the CPU: by the mathematical library a number takes 13 ns.
-// Right to the last digits for normal numbers above zero; infinity and what is no number stay themselves; others give
-// anything.
+// Accurate to the last digits for normal numbers above zero; infinity and NaN are returned; the result for others is
+// undefined.
 #if ON_CUDA
 auto power = [](SCALAR x) -> SCALAR { return SCALAR(pow(x, SCALAR(1) / SCALAR(2.4))); };
 #else
@@ -29,8 +29,8 @@ auto power = [](Lanes x) -> Lanes {
 #endif
 
 // ---- block
-// Where an image is straight, what is encoded is the radiance of the covered part of the pixel, which coverage then
-// scales; a pixel that nothing covers is the background alone.
+// If the image is straight, the radiance of the covered part of a pixel is encoded and then scaled by coverage; a pixel
+// without coverage shows the background.
 constexpr int LANES = PIXELS_IN_A_BLOCK;
 #include "lanes.inl:vectors"
 const int rest = pixels - LANES * block, count = rest < LANES ? rest : LANES;
@@ -49,7 +49,7 @@ auto spread = [](Lanes a, Lanes* channels) {
     channels[2] = __builtin_shufflevector(a, a, 10, 11, 11, 11, 12, 12, 12, 13, 13, 13, 14, 14, 14, 15, 15, 15);
 };
 #endif
-// A block that the image does not fill is read as if its other pixels were zero.
+// Pixels of a block outside the image are read as zero.
 auto fetch = [&](const SCALAR* from, int channels, Lanes* to) {
     SCALAR filled[3 * LANES] = {};
     if (count < LANES) {
@@ -89,7 +89,7 @@ for (int image = 0; image < images; ++image) {
 }
 
 // ---- backward
-// The slope of the curve is (code + 0.055) / (2.4 linear): no power is taken twice.
+// The slope of the curve is (code + 0.055) / (2.4 linear), which needs no second power.
 #include "block"
 Lanes by_coverage[3] = {};
 for (int image = 0; image < images; ++image) {

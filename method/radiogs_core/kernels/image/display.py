@@ -1,4 +1,4 @@
-"""K12: blended linear radiance as display sRGB over a background, with gradient."""
+"""K12: blended linear radiance as display sRGB over a background; differentiable."""
 
 from typing import Any
 
@@ -17,11 +17,15 @@ def displayed(
     straight: bool = True,
     background: float = 0.0,
 ) -> Float[Tensor, "*images height width 3"]:
-    """Blended linear radiance (multiplied by coverage ``alpha``) as display-sRGB images, not clipped.
+    """Display-sRGB images of blended linear radiance; values are not clipped.
 
-    ``straight``: as images with an alpha channel are made, the radiance of the covered part of a pixel is encoded, then
-    multiplied by coverage. Otherwise radiance is encoded as it was blended, with the black around it, as splatting
-    codes do; partly covered pixels are then brighter. ``background``: grey display value that shows through.
+    Args:
+        blended: Linear radiance, multiplied by coverage.
+        alpha: Coverage.
+        straight: True: the radiance of the covered part of a pixel is encoded and then multiplied by coverage, as in
+            images with an alpha channel. False: the blended radiance is encoded, as splatting codes do; partly covered
+            pixels are then brighter.
+        background: Grey level, display sRGB, behind the image.
     """
     flat = blended.reshape(blended.shape[:-3].numel(), alpha.numel(), 3)
     return _Displayed.apply(flat, alpha.reshape(-1), straight, background).view(blended.shape)

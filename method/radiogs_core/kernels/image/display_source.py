@@ -1,6 +1,6 @@
-"""The kernels of display colour: one item a block of pixels of all images, forward and backward.
+"""Kernels for display colour: one item a block of pixels of all images, forward and backward.
 
-A block's channels are three vectors of LANES numbers, as they lie in memory; arranged for CUDA, a block is one pixel.
+The interleaved channels of a block are three vectors of LANES numbers; arranged for CUDA, a block is one pixel.
 """
 
 from functools import cache
@@ -18,14 +18,14 @@ from ..runtime import NATIVE, scalar_type, start_warp
 _TEXT = native_file(__package__, "display.inl", lanes=LANES)
 
 LANES_ON_CPU = 16
-"""Pixels in a block on the CPU; the text that spreads coverage over their channels is for this number."""
+"""Pixels in a block on the CPU. The snippet that spreads coverage over channels is written for this number."""
 
 
 @cache
 def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
-    """The pair ``forward``, ``backward`` for a scalar type, and ``lanes``, pixels an item; all arrays are flat.
+    """The pair ``forward``, ``backward`` for a scalar type; ``lanes``: pixels of an item. All arrays are flat.
 
-    ``encoded``: display colour before coverage.
+    ``encoded``: display colour before it is multiplied by coverage.
     """
     start_warp()
     scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
@@ -65,9 +65,10 @@ def display_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
 
 
 def _power_words(dtype: torch.dtype) -> dict[str, str]:
-    """What the words of ``power`` mean for a scalar type.
+    """The values of the words in ``power`` for a scalar type.
 
-    Terms of the series of atanh(t) / t up to t = 0.172 and of exp up to 0.5 that reach the last digit, and layout.
+    They are the layout of its numbers, and the numbers of terms of the series of atanh(t) / t up to t = 0.172 and of
+    exp up to 0.5 that reach its last digit.
     """
     double = dtype == torch.float64
     return {

@@ -1,4 +1,4 @@
-// Slopes of images, and smoothness that lets go at edges; see edges_source.py.
+// Gradients of images, and edge-aware smoothness; see edges_source.py.
 
 // ---- slopes
 // ``slope``, along x and along y, of the block's entries.
@@ -44,7 +44,7 @@ for (int column = begin; column < end; ++column) {
 }
 
 // ---- forward
-// One channel meets all three of the allowance.
+// Data of one channel is multiplied by the weights of all three channels.
 #include "slopes"
 SCALAR sum = SCALAR(0);
 for (int axis = 0; axis < 2; ++axis) {
@@ -59,7 +59,7 @@ for (int axis = 0; axis < 2; ++axis) {
 out.data[item] = sum;
 
 // ---- backward
-// A pixel is read by the nine about it; at a border, by those on the border once more.
+// A pixel is read by the nine pixels around it; a border pixel is read again by those on the border.
 #include "blocks.inl:block"
 const long long plane = (long long)height * width;
 SCALAR across[wide] = {}, down[wide] = {};

@@ -1,4 +1,4 @@
-"""K9: smoothness of images that lets go where another image has edges, with gradient."""
+"""K9: edge-aware smoothness of images, weighted down where a guide image has edges; differentiable."""
 
 from typing import Any
 
@@ -15,9 +15,10 @@ from .edges_source import edge_kernels
 def edge_allowance(
     guide: Float[Tensor, "height width 3"], sharpness: float = 1.0, mask: Float[Tensor, "height width"] | None = None
 ) -> Float[Tensor, "2 height width 3"]:
-    """exp(-sharpness |gradient of guide|) along x and y, by normalised Sobel filters; ``guide`` is in display sRGB.
+    """Weights exp(-sharpness |gradient of guide|) along x and y, by normalised Sobel filters; without gradient.
 
-    ``mask``: coverage; zero where the filter reaches a pixel that is less than half covered. Without gradient.
+    ``guide``: image in display sRGB. ``mask``: coverage; the weight is zero if the filter reaches a pixel that is less
+    than half covered. None: no weight is set to zero.
     """
     guide, kernels = guide.detach().contiguous(), edge_kernels(guide.dtype, as_on_cuda(guide.device), 3)
     (height, width, _), out = guide.shape, guide.new_empty(2, *guide.shape)
@@ -27,16 +28,17 @@ def edge_allowance(
     arguments = [height, width, sharpness, *given]
     items = blocks_in(height, width, kernels.columns)
     launch_in_parallel(kernels.allowance, items, guide.device, lambda _: arguments)
-    # Zeros are written afterwards: the exponential of what underflows takes ten times as long.
+    # Zeros are written afterwards: an exponential that underflows takes ten times as long.
     return out.exp_().masked_fill_(outside, 0.0)
 
 
 def edge_aware_smoothness(
     data: Float[Tensor, "height width channels"], allowance: Float[Tensor, "2 height width 3"]
 ) -> Float[Tensor, ""]:
-    """Mean of |gradient of data| times what ``edge_allowance`` makes of the training image.
+    """Mean of |gradient of data| times the weights of ``edge_allowance``; only ``data`` gets a gradient.
 
-    One-channel data meets each of the image's channels, three-channel data its own. Gradient to the data alone.
+    Data of one channel is multiplied by the weights of each channel of the guide, data of three channels by those of
+    the same channel.
     """
     return _Smoothness.apply(data, allowance)
 

@@ -1,6 +1,6 @@
-"""The kernels of slopes of images: an item is a block of one row's pixels.
+"""Kernels for edge weights and smoothness: an item is a block of pixels in one row.
 
-Slopes are Sobel's, with taps that sum to one in absolute value; beyond the border an image goes on as at its border.
+Image gradients are Sobel filters whose taps sum to one in absolute value; border pixels are repeated beyond the border.
 """
 
 from functools import cache
@@ -19,11 +19,10 @@ _TEXT = native_file(__package__, "edges.inl", blocks=BLOCK)
 
 @cache
 def edge_kernels(dtype: torch.dtype, on_cuda: bool, channels: int) -> Any:
-    """``allowance``, and the pair ``forward``, ``backward`` of smoothness, for a scalar type, an arrangement and a
-    number of channels, 1 or 3; ``columns``: pixels of a block. All arrays are flat.
+    """``allowance``, and the pair ``forward``, ``backward`` of smoothness, for 1 or 3 channels; all arrays are flat.
 
-    ``allowance`` writes exponents, and where the filter reaches a pixel that is less than half covered. ``answers``: of
-    each axis, pixel and channel, the sign of the slope times what it is multiplied by.
+    ``columns``: pixels of a block. ``allowance`` writes exponents, and whether the filter reaches a pixel that is less
+    than half covered. ``answers``: the sign of the image gradient times its weight, by axis, pixel and channel.
     """
     start_warp()
     scalar = scalar_type(dtype)

@@ -24,7 +24,7 @@ for (int other = 0; other < others; ++other) {
             const int pixel = first + c;
             const SCALAR z = begin[2] + slope[2 * pixels + pixel] * distance;
             const SCALAR along = SCALAR(1) / (z > SCALAR(1e-6) ? z : SCALAR(1e-6));
-            // A pixel of nothing lies around the image: on it falls all beyond, what is behind the camera and NaN.
+            // An empty pixel surrounds the image: points beyond the border, behind the camera, and NaN fall on it.
             SCALAR x = (begin[0] + slope[pixel] * distance) * along + SCALAR(1);
             SCALAR y = (begin[1] + slope[pixels + pixel] * distance) * along + SCALAR(1);
             x = x > SCALAR(0) ? x : SCALAR(0);
@@ -56,7 +56,7 @@ for (int other = 0; other < others; ++other) {
         }
         for (int c = 0; c < LANES; ++c) difference[place.data[first + c]] = mean[c];
     }
-    // Means over squares, and one row of them at a time among the least.
+    // Means over squares; each row is then inserted among the smallest ones so far.
     for (int row = 0; row < rows; ++row) {
         for (int k = 0; k < wide; ++k) down[k] = SCALAR(0);
         for (int step = 0; step < window; ++step) {

@@ -1,4 +1,4 @@
-"""K16: what it costs to match the pixels of a view with other views at a row of depths. On the CPU; no gradient."""
+"""K16: the cost of matching the pixels of a view with other views at a sequence of depths; on the CPU, no gradient."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,20 +16,26 @@ from .matching_source import PIXELS_AT_ONCE, TEXEL, scratch_of, sweep_kernel
 
 @dataclass(frozen=True)
 class Matched:
-    """The covered pixels of a view, as they are matched.
-
-    covered: those of a box of pixels. directions: world vectors of unit depth through them, row by row. colour: display
-    sRGB.
-    """
+    """The covered pixels of a view that are matched with other views."""
 
     camera: Camera
+    """Camera of the view."""
     covered: Bool[Tensor, "rows columns"]
+    """Whether each pixel is covered, in the box of pixels around all covered ones."""
     directions: Float[Tensor, "pixels 3"]
+    """World vectors through the covered pixels, with z-depth 1; row by row."""
     colour: Float[Tensor, "3 pixels"]
+    """Display sRGB of the covered pixels."""
 
 
 class Textures:
-    """The images of all views, display sRGB times coverage, and coverage: in one memory, a texel a pixel."""
+    """The images of all views in one buffer: colour (display sRGB times coverage) and coverage of each pixel.
+
+    Args:
+        cameras: Cameras of the views.
+        colours: Colours of each view [3, height, width].
+        covered: Whether each pixel of each view is covered [height, width].
+    """
 
     def __init__(self, cameras: Sequence[Camera], colours: Sequence[Tensor], covered: Sequence[Tensor]) -> None:
         self.cameras = cameras
@@ -50,11 +56,18 @@ def matching_costs(
     window: int,
     agreeing: int,
 ) -> Float[Tensor, "planes rows columns"]:
-    """For each pixel of the box and each depth, the mean of the ``agreeing`` least differences to the other views.
+    """For each pixel of the box and each depth, the mean of the ``agreeing`` smallest differences to other views.
 
-    A difference is that of colours (mean of three, absolute), 1 where the other view sees no object there, averaged
-    over the covered pixels of the square of ``window`` pixels a side (odd) about the pixel. ``others``: numbers of
-    textures, at least one. ``planes``: z-depths in the view's camera, world units.
+    A difference is the absolute colour difference (mean of three channels), or 1 if the other view shows no object
+    there, averaged over the covered pixels of a square around the pixel.
+
+    Args:
+        matched: Pixels that are matched.
+        textures: Images of all views.
+        others: Indices of the other views in ``textures``; at least one.
+        planes: z-depths in the view's camera, world units.
+        window: Side of the square, in pixels; odd.
+        agreeing: Number of views that count.
     """
     (rows, columns), reach, dtype = matched.covered.shape, window // 2, planes.dtype
     spare = -len(matched.directions) % PIXELS_AT_ONCE
@@ -75,7 +88,7 @@ def matching_costs(
 
 
 def _projected(matched: Matched, other: Camera) -> tuple[Float[Tensor, "3"], Float[Tensor, "3 pixels"]]:
-    """Homogeneous pixels of another camera: where the view's centre falls, and what a unit of depth adds to it."""
+    """Homogeneous image coordinates in another camera: of the view's centre, and of a unit of depth along each ray."""
     to_pixels = torch.tensor(
         [[other.fx, 0.0, other.cx - 0.5], [0.0, other.fy, other.cy - 0.5], [0.0, 0.0, 1.0]],
         dtype=matched.directions.dtype,
@@ -85,6 +98,6 @@ def _projected(matched: Matched, other: Camera) -> tuple[Float[Tensor, "3"], Flo
 
 
 def pixels_inside(covered: Bool[Tensor, "rows columns"], window: int) -> Float[Tensor, "rows columns"]:
-    """How many covered pixels lie in the square of ``window`` pixels a side about each pixel, at least 1."""
+    """Number of covered pixels in the square of ``window`` x ``window`` pixels around each pixel; at least 1."""
     square = torch.ones(1, 1, window, window)
     return torch.nn.functional.conv2d(covered[None, None].float(), square, padding=window // 2)[0, 0].clamp(min=1)

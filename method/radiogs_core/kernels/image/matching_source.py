@@ -1,4 +1,4 @@
-"""The kernel of a plane sweep: one item a plane, a loop over the other views. For the CPU, where depths are swept."""
+"""Kernel for a plane sweep: one item a plane, a loop over the other views; for the CPU only."""
 
 from functools import cache
 from typing import Any
@@ -12,17 +12,17 @@ from ..runtime import NATIVE, scalar_type, start_warp
 _TEXT = native_file(__package__, "matching.inl")
 
 PIXELS_AT_ONCE = 16
-"""Pixels are handled in groups of so many; those beyond the last have the place behind all others."""
+"""Pixels that are processed together; padding pixels write to an extra entry behind all others."""
 
 COVERED = 0.5
-"""Coverage from which a pixel shows an object."""
+"""Coverage above which a pixel shows the object."""
 
 TEXEL = 4
 """Numbers of a texel in memory: three colours and coverage."""
 
 
 def scratch_of(rows: int, columns: int, window: int, agreeing: int) -> int:
-    """Numbers that an item needs for itself."""
+    """Size of the scratch memory of an item, in numbers."""
     wide = columns + window // 2 * 2
     return (rows + window // 2 * 2) * wide + 1 + agreeing * rows * columns + wide + columns
 

@@ -1,7 +1,7 @@
 // Normals from a depth map's points; see depth_map_source.py.
 
 // ---- forward
-// Along each axis, the side on which inverse depth is more nearly linear; 0 where neither has a neighbour.
+// Along each axis, the side on which inverse depth is more nearly linear; 0 if neither side has a neighbour.
 const int column = item % width, row = item / width;
 const int along[2] = {1, width}, at[2] = {column, row}, size[2] = {width, height};
 SCALAR* normal = out.data + 3LL * item;
@@ -24,7 +24,7 @@ for (int axis = 0; axis < 2; ++axis) {
         const SCALAR bend = here - SCALAR(2) / depth.data[item + sign * along[axis]]
             + SCALAR(1) / depth.data[further];
         const SCALAR size_of_bend = bend < SCALAR(0) ? -bend : bend;
-        // A bend that is no number is as none.
+        // A curvature of NaN counts as no neighbour.
         bends[k] = size_of_bend < SCALAR(ABSENT) ? size_of_bend : SCALAR(ABSENT);
     }
     if (bends[0] == SCALAR(ABSENT) && bends[1] == SCALAR(ABSENT)) return;

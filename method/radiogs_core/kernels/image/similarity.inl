@@ -7,7 +7,7 @@ const long long plane = (long long)(item / blocks / height) * height;
 const long long all = 3LL * images * height * width;
 
 // ---- forward
-// Where the target is saturated it says "at least 1": brighter is no error.
+// A saturated target means "at least 1": a brighter image is no error.
 #include "window"
 SCALAR of_x[wide] = {}, of_y[wide] = {}, of_xx[wide] = {}, of_yy[wide] = {}, of_xy[wide] = {};
 for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
@@ -28,7 +28,7 @@ for (int tap = 0; tap < WINDOW_SIZE; ++tap) {
 const SCALAR c1 = SCALAR(LUMINANCE), c2 = SCALAR(CONTRAST), two = SCALAR(2);
 const long long place = 3 * ((plane + row) * width + begin);
 const SCALAR* ys = target.data + 3 * ((long long)row * width + begin);
-// Kept apart and added up below: a sum over the entries would have to be taken one by one.
+// Separate partial sums, added up below: a single sum over the entries could not be vectorised.
 SCALAR distance[ENTRIES * BLOCK_COLUMNS] = {}, similarity[ENTRIES * BLOCK_COLUMNS] = {};
 for (int k = 0; k < own; ++k) {
     SCALAR x = SCALAR(0), y = SCALAR(0), xx = SCALAR(0), yy = SCALAR(0), xy = SCALAR(0);
@@ -65,7 +65,7 @@ sums.data[2LL * item] = sum_of(distance);
 sums.data[2LL * item + 1] = sum_of(similarity);
 
 // ---- backward
-// The window is symmetrical: what a pixel is given back is the same sum over the slopes about it.
+// The window is symmetric: the gradient of a pixel is the same windowed sum over the derivatives around it.
 #include "window"
 SCALAR by_x[wide] = {}, by_xx[wide] = {}, by_xy[wide] = {};
 for (int tap = 0; tap < WINDOW_SIZE; ++tap) {

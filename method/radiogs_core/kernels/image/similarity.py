@@ -1,4 +1,4 @@
-"""K7: L1 and SSIM between images and a target, in one pass, with gradient."""
+"""K7: L1 and SSIM between images and a target; in one pass and differentiable."""
 
 from typing import Any
 
@@ -15,10 +15,10 @@ from .similarity_source import similarity_kernels
 def compared(
     images: Float[Tensor, "images height width 3"], target: Float[Tensor, "height width 3"]
 ) -> Float[Tensor, "images 2"]:
-    """Mean absolute difference, and mean SSIM, of each image to the target.
+    """Mean absolute difference and mean SSIM between each image and the target; only images get gradients.
 
-    Where the target is 1 or more, an image counts as at most 1. SSIM as splatting codes train with it: 11 Gaussian
-    taps, sigma 1.5, a range of 1; what the window reaches beyond the image is zero. Gradient to the images alone.
+    Where the target is 1 or more, image values above 1 count as 1. SSIM is that of splatting codes: a Gaussian window
+    of 11 taps with sigma 1.5, a range of 1, and zeros beyond the image.
     """
     return _Compared.apply(images, target)
 

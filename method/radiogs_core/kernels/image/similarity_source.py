@@ -1,8 +1,8 @@
-"""The kernels of L1 and SSIM between images: an item is a block of one row's pixels, forward and backward.
+"""Kernels for L1 and SSIM between images: an item is a block of pixels in one row, forward and backward.
 
-The window is a product of two Gaussians: a block first sums the rows above and below it, entry by entry, then along
-these sums. What the window reaches beyond the image is zero. Loops over the window along a row are unrolled, so that
-those over the entries are the innermost ones, which the CPU compiler turns into vector code.
+The window is a product of two Gaussians: a block first sums over rows, entry by entry, and then along these sums.
+Pixels beyond the image are zero. Loops over the window along a row are unrolled, so that the loops over entries are
+innermost, which the CPU compiler vectorises.
 """
 
 import math
@@ -20,19 +20,20 @@ from .blocks import BLOCK, columns_of
 _TEXT = native_file(__package__, "similarity.inl", blocks=BLOCK)
 
 WINDOW = 11
-"""Pixels that the window is wide (3DGS)."""
+"""Width of the window, pixels (3DGS)."""
 SIGMA = 1.5
 """Standard deviation of the window, pixels (3DGS)."""
 LUMINANCE_GUARD, CONTRAST_GUARD = 0.01**2, 0.03**2
-"""What keeps SSIM's quotients finite where images are black or even (Wang et al. 2004), for a range of 1."""
+"""The constants C1 and C2 of SSIM for a range of 1 (Wang et al. 2004); they keep its quotients finite where images are
+black or constant."""
 
 
 LANES = 16
-"""Partial sums of a block: those of a vector register."""
+"""Number of partial sums of a block, as many as a vector register holds."""
 
 
 def taps() -> list[float]:
-    """The window of one axis; the sum is one."""
+    """Weights of the window along one axis; they sum to one."""
     weights = [math.exp(-((tap - WINDOW // 2) ** 2) / (2 * SIGMA**2)) for tap in range(WINDOW)]
     return [weight / math.fsum(weights) for weight in weights]
 
@@ -41,7 +42,7 @@ def taps() -> list[float]:
 def similarity_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type and an arrangement; ``columns``: pixels of a block.
 
-    All arrays are flat. ``slopes``: derivatives of SSIM by the windowed means of x, x^2 and xy, a plane of each.
+    All arrays are flat. ``slopes``: derivatives of SSIM with respect to the windowed means of x, x^2 and xy.
     """
     start_warp()
     columns = columns_of(on_cuda)

@@ -1,1 +1,1 @@
-"""K1: surfels to pixels, binned by tile, blended front to back."""
+"""K1: rasterizes surfels: binned by tile, blended front to back."""

@@ -1,9 +1,9 @@
-"""The kernels that prepare rasterizing: records of surfels, the tiles that each may touch, and each tile's list.
+"""Kernels that prepare rasterization: records of surfels, the tiles that each surfel may touch, and each tile's list.
 
-A record is a surfel as a homography of pixel rays (see ``rasterize_source``). With t = centre - eye: offset = n . t,
-m_u = offset axis_u - (axis_u . t) n and m_v alike, then n, m_u and m_v in camera axes; forward and backward.
+A record is a surfel as a homography of pixel rays (see ``rasterize_source``). With t = centre - eye it consists of
+offset = n . t, m_u = offset axis_u - (axis_u . t) n and m_v likewise; n, m_u and m_v are in camera axes.
 
-Tiles are found in float64: far from the origin the differences of float32 are as large as a pixel.
+Tiles are computed in float64: far from the origin the rounding errors of float32 are as large as a pixel.
 """
 
 from functools import cache
@@ -70,7 +70,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
 
     @wp.struct
     class Window:
-        """A camera: ``pose`` holds its centre and the columns of its axes, four rows."""
+        """A camera. ``pose``: its centre, then its right, down and forward axes in the world; four rows."""
 
         pose: wp.array(dtype=wp.vec3d)
         focal: wp.vec2d
@@ -86,8 +86,8 @@ def binning_kernels(dtype: torch.dtype) -> Any:
     def within(window: Window, place: wp.vec3d):
         return wp.vec3d(wp.dot(window.pose[1], place), wp.dot(window.pose[2], place), wp.dot(window.pose[3], place))
 
-    # Pixels are held next to the image before they become integers: a surfel may lie 1e30 pixels away. What is not a
-    # number (float64 inputs beyond 1e150) leaves the image whole.
+    # Pixels are clamped beside the image before they become integers: a surfel may lie 1e30 pixels away. NaN (from
+    # float64 inputs beyond 1e150) gives the bounds of the whole image.
     @wp.func
     def first_pixel(position: double, size: wp.int32):
         edge = wp.ceil(position - double(0.5))
@@ -115,16 +115,16 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         axis_v: wp.array(dtype=vector),
         normal: wp.array(dtype=vector),
         radius: wp.array(dtype=scalar),
-        can_be_met: wp.array(dtype=wp.bool),
+        can_be_hit: wp.array(dtype=wp.bool),
         out_tiles: wp.array(dtype=wp.vec4i),
         out_count: wp.array(dtype=wp.int64),
         out_depth: wp.array(dtype=double),
     ):
-        """First and last tile (column, row) of a surfel's support ellipse, their number, and the centre's depth.
+        """First and last tile (column, row) of a surfel's support ellipse, the number of tiles, and the centre's depth.
 
-        With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z touches it where
-        (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2: a quadratic in q. If the ellipse crosses the camera's
-        plane its image is unbounded, and every pixel may see it.
+        With the ellipse C + cos(a) U + sin(a) V in camera axes, the vertical line x = q Z is a tangent if
+        (C.x - q C.z)^2 = (U.x - q U.z)^2 + (V.x - q V.z)^2, which is quadratic in q. If the ellipse crosses the
+        camera's plane, its image is unbounded, and every pixel may see it.
         """
         surfel = first + wp.tid()
         towards = widened(centre[surfel]) - window.pose[0]
@@ -132,7 +132,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_depth[surfel] = place[2]
         out_count[surfel] = wp.int64(0)
         out_tiles[surfel] = wp.vec4i(0, 0, -1, -1)
-        if can_be_met[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
+        if can_be_hit[surfel] and wp.dot(widened(normal[surfel]), towards) < double(0.0):
             u = widened(axis_u[surfel])
             v = widened(axis_v[surfel])
             reach = double(radius[surfel])
@@ -168,7 +168,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_tile: wp.array(dtype=wp.int32),
         out_member: wp.array(dtype=wp.int32),
     ):
-        """Write every pair of a surfel and a tile, in depth order: to be sorted by tile."""
+        """Write every pair of a surfel and a tile, in depth order, for sorting by tile."""
         place = first + wp.tid()
         surfel = wp.int32(nearest_first[place])
         box = tiles[surfel]
@@ -188,7 +188,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
         out_starts: wp.array(dtype=wp.int32),
         out_members: wp.array(dtype=wp.int32),
     ):
-        """The lists themselves by one counting sort, in a single thread. ``out_starts`` is zero before."""
+        """Write the lists of all tiles by a counting sort, in one thread. ``out_starts`` has to be zero."""
         for place in range(nearest_first.shape[0]):
             box = tiles[wp.int32(nearest_first[place])]
             for row in range(box[1], box[3] + 1):
@@ -206,7 +206,7 @@ def binning_kernels(dtype: torch.dtype) -> Any:
                     entry = out_starts[row * tiles_across + column]
                     out_members[entry] = surfel
                     out_starts[row * tiles_across + column] = entry + 1
-        # Each tile's cursor now stands at the next tile's start.
+        # Each tile's cursor is now the start of the next tile.
         for each in range(tile_count):
             out_starts[tile_count - each] = out_starts[tile_count - each - 1]
         out_starts[0] = 0

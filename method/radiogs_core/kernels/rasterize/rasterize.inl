@@ -25,7 +25,7 @@ Mask open = inside != Whole{};
 if (!any(open)) return;
 
 // ---- meet
-// Lanes that the surfel does not reach have met = 0 and zeros, so that their products vanish.
+// Lanes that the surfel does not cover have met = 0 and zeros, so that their products vanish.
 const int member = splats.members.data[entry];
 const SCALAR* r = splats.records.data + RECORD * (long long)member;
 const SCALAR* feature = splats.features.data + CHANNELS * (long long)member;
@@ -100,7 +100,7 @@ for (int c = 0; c < LANES; ++c) {
     LANE(weights, c) = sum[0];
     LANE(moments, c) = sum[3];
     LANE(squares, c) = sum[4];
-    // sum_i w_i dL/dw_i over the whole pixel; what is behind a hit is this minus what is in front of it.
+    // sum_i w_i dL/dw_i over the whole pixel; the sum behind a hit is this minus the sum in front of it.
     SCALAR whole = pulls[0] * sum[0] + pulls[1] * sum[1] + SCALAR(2) * pulls[2] * sum[2];
     for (int k = 0; k < CHANNELS; ++k) {
         const SCALAR by_channel = grad_features_out.data[CHANNELS * (long long)pixel[c] + k];

@@ -1,7 +1,7 @@
-"""K1: rasterize surfels into any number of feature channels, in one pass, with gradient to every parameter.
+"""K1: rasterize surfels into any number of feature channels in one pass, differentiable in every parameter.
 
-``tile_lists`` finds which surfels a tile must look at: exact screen bounds of every support ellipse, and lists in depth
-order. ``records_of`` is K11: what the rasterizer keeps of a surfel for one camera, with gradient.
+``tile_lists`` computes the exact screen bounds of every support ellipse, and for each tile the list of its surfels in
+depth order. ``records_of`` (K11) computes a surfel's homography for one camera; it is differentiable.
 """
 
 from collections.abc import Sequence
@@ -26,42 +26,50 @@ from .rasterize_source import PIXEL_SUMS, TILE, blend_kernels, pixels_an_item
 
 @dataclass(frozen=True)
 class TileLists:
-    """Members of tile k are ``members[starts[k]:starts[k + 1]]``, nearest centre first, ties by index."""
+    """The surfels of each tile: ``members[starts[k]:starts[k + 1]]`` for tile k, nearest centre first, ties by
+    index."""
 
     starts: Int[Tensor, " tiles_and_one"]
+    """First entry of each tile in ``members``, and their number."""
     members: Int[Tensor, " entries"]
+    """Indices of surfels."""
     touched: Bool[Tensor, " surfels"]
+    """Whether the surfel's bounds intersect the image."""
 
 
 @dataclass(frozen=True)
 class Raster:
-    """What each pixel sees; everything is multiplied by coverage, on a background of zero.
-
-    features: sum_i w_i f_i. alpha: sum_i w_i. depth: sum_i w_i z_i, world units along the forward axis.
-    distortion: sum_{i<j} w_i w_j ((z_i - z_j) / depth_unit)^2. touched: the surfel's bounds meet the image.
-    """
+    """Surfels blended in each pixel with weights w_i, on a background of zero; values are multiplied by coverage."""
 
     features: Float[Tensor, "height width channels"]
+    """sum_i w_i f_i."""
     alpha: Float[Tensor, "height width"]
+    """Coverage sum_i w_i."""
     depth: Float[Tensor, "height width"]
+    """sum_i w_i z_i with z-depths z_i in world units."""
     distortion: Float[Tensor, "height width"]
+    """sum_{i<j} w_i w_j ((z_i - z_j) / depth_unit)^2."""
     touched: Bool[Tensor, " surfels"]
+    """Whether the surfel's bounds intersect the image."""
 
 
 @dataclass(frozen=True)
 class Projection:
-    """Surfels as one camera meets them, ready to be blended any number of times; see ``project``."""
+    """Surfels projected into one camera, which can be blended any number of times; see ``project``."""
 
     camera: Camera
+    """The camera."""
     lists: TileLists
+    """The surfels of each tile."""
     records: Float[Tensor, "surfels numbers"]
+    """The surfels' homographies (see ``records_of``)."""
 
 
 def project(camera: Camera, geometry: SplatGeometry) -> Projection:
-    """Sort surfels into the tiles of an image, by the depth of their centres (2DGS; ties by index).
+    """Sort surfels into the tiles of an image, by the depth of their centres (as in 2DGS; ties by index).
 
-    Surfels that are degenerate (non-finite or without extent), fainter than ALPHA_THRESHOLD, facing away or behind the
-    camera take no part.
+    Surfels are skipped if they are degenerate (not finite or without extent), fainter than ALPHA_THRESHOLD, face away,
+    or lie behind the camera.
     """
     camera = camera.to(geometry.centre.device, geometry.centre.dtype)
     return Projection(camera, tile_lists(camera, geometry), records_of(camera, geometry))
@@ -75,9 +83,14 @@ def blend(
 ) -> Raster:
     """Blend surfels front to back.
 
-    Gradients flow from all images to what was projected and to ``features``; from the channels ``detached`` to their
-    features alone. ``depth_unit`` (world units) makes the distortion independent of the scene's scale. Raises
-    NumericalFailure if a surfel in view has a feature that is not finite.
+    Gradients flow from all images to the projected geometry and to ``features``. Raises NumericalFailure if a surfel in
+    view has a feature that is not finite.
+
+    Args:
+        seen: Projected surfels.
+        features: Values of each surfel.
+        depth_unit: Unit of depth in the distortion, world units, which makes it independent of the scene's scale.
+        detached: Ranges of channels whose images give gradient to their features only, and none to the geometry.
     """
     camera = seen.camera
     images, sums = _Blend.apply(camera, seen.lists, depth_unit, detached, seen.records, features)
@@ -94,7 +107,7 @@ def rasterize(
     depth_unit: float,
     detached: Sequence[slice] = (),
 ) -> Raster:
-    """``blend`` what ``project`` makes of the surfels."""
+    """Project surfels into a camera and blend them; see ``project`` and ``blend``."""
     return blend(project(camera, geometry), features, depth_unit, detached)
 
 
@@ -117,7 +130,7 @@ class _Blend(torch.autograd.Function):
         count(blended_pairs=pairs, bytes_read=pairs * sum(value[:1].numel() for value in splats) * like.element_size())
         attached = images
         if detached:
-            # The gradient to a feature does not depend on its value, and that to a weight is a product with it.
+            # The gradient to a feature does not depend on its value, but the gradient to a weight is a product with it.
             attached, splats = _zeroed(images, detached), (splats[0], _zeroed(splats[1], detached))
             arguments = _arguments(kernels, camera, lists, depth_unit, splats)
         ctx.camera, ctx.arguments = camera, arguments
@@ -140,7 +153,7 @@ class _Blend(torch.autograd.Function):
 
 
 def _zeroed(values: Float[Tensor, "rows channels"], channels: Sequence[slice]) -> Float[Tensor, "rows channels"]:
-    """The values, with zeros in some of the channels."""
+    """A copy of the values with zeros in some channels."""
     values = values.clone()
     for each in channels:
         values[:, each] = 0
@@ -159,15 +172,16 @@ def _arguments(kernels: Any, camera: Camera, lists: TileLists, depth_unit: float
 
 
 def _items(camera: Camera, device: torch.device) -> int:
-    """Items of the kernels in whole tiles."""
+    """Number of items of the blending kernels, for whole tiles."""
     tiles = -(-camera.width // TILE) * -(-camera.height // TILE)
     return tiles * TILE * TILE // pixels_an_item(as_on_cuda(device))
 
 
 def records_of(camera: Camera, geometry: SplatGeometry) -> Float[Tensor, "surfels 12"]:
-    """The surfels as homographies of pixel rays (see ``rasterize_source``), their opacities and squared supports.
+    """The surfels' records: homographies of pixel rays, opacity and squared support radius (see ``rasterize_source``).
 
-    Gradients flow to all of the geometry; the support has none. ``camera`` is where the surfels are.
+    Gradients flow to all fields of the geometry; the support radius is a constant. ``camera`` has to be on the surfels'
+    device.
     """
     return _Records.apply(camera, *(getattr(geometry, field.name) for field in fields(geometry)))
 
@@ -194,11 +208,11 @@ class _Records(torch.autograd.Function):
 
 @torch.no_grad()
 def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
-    """Sort the surfels into tiles of TILE x TILE pixels, row by row.
+    """Sort the surfels into tiles of TILE x TILE pixels; tiles are numbered row by row.
 
-    Depths are compared in float64: centres that lie on a common lattice (a scene far from the origin) have depths that
-    are equal but for float32's rounding, and each pair that it swaps changes the image (measured 1e6 units away: by
-    0.018, of which nothing is left).
+    Depths are compared in float64. In a scene far from the origin, centres on a common lattice have depths that differ
+    only by float32's rounding, and each pair that the rounding swaps changes the image (measured 1e6 units from the
+    origin: by 0.018 in float32, by nothing in float64).
     """
     tiles, counts, depth = _bounds(camera, geometry)
     touched = counts > 0
@@ -212,16 +226,16 @@ def tile_lists(camera: Camera, geometry: SplatGeometry) -> TileLists:
 
 
 def _in_order(numbers: Float64[Tensor, " numbers"]) -> Int64[Tensor, " numbers"]:
-    """Integers that compare as the numbers do: their bits, of negative ones turned round.
+    """Integers in the order of the numbers: their bits, inverted for negative numbers.
 
-    They are sorted digit by digit, which for 100,000 of them takes a quarter of the time.
+    Integers are sorted by a radix sort, which for 100,000 of them takes a quarter of the time.
     """
     bits = numbers.view(torch.int64)
     return bits ^ ((bits >> 63) & torch.iinfo(torch.int64).max)
 
 
 def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Tensor]:
-    """Each surfel's first and last tile [surfels, 4], how many tiles that are, and its centre's depth in float64."""
+    """Each surfel's first and last tile [surfels, 4] (column, row), its number of tiles, and its centre's z-depth."""
     centre = geometry.centre
     kernels = binning_kernels(centre.dtype)
     window = kernels.Window()
@@ -235,7 +249,7 @@ def _bounds(camera: Camera, geometry: SplatGeometry) -> tuple[Tensor, Tensor, Te
     vectors = [value.contiguous() for value in (centre, geometry.axis_u, geometry.axis_v, geometry.normal)]
     support = support_of(geometry).counted()
     arguments = [
-        window, *vectors, support.radius, support.can_be_met, tiles, counts, depth,
+        window, *vectors, support.radius, support.can_be_hit, tiles, counts, depth,
     ]  # fmt: skip
     launch_in_parallel(kernels.bound, len(centre), centre.device, lambda _: arguments)
     return tiles, counts, depth
@@ -272,6 +286,6 @@ def sorted_lists(
 
 
 def _grid(camera: Camera) -> tuple[int, int]:
-    """Tiles across, and tiles of the whole image."""
+    """Number of tiles in a row, and in the whole image."""
     across = -(-camera.width // TILE)
     return across, across * -(-camera.height // TILE)

@@ -1,14 +1,14 @@
-"""The blending kernels of the rasterizer: front to back through the list of a tile, forward and backward.
+"""Kernels that blend the surfels of a tile front to back, forward and backward.
 
-A surfel enters as a homography from the pixel ray d (camera axes, unit depth) to its plane: with
+A surfel is a homography from the pixel ray d (camera axes, z-depth 1) to its plane: with
 n' = normal, m_u = (axis_u . (o - c)) n' + (n' . (c - o)) axis_u, all in camera axes,
 
     t = offset / (n' . d),   u = (m_u . d) / (n' . d),   v = (m_v . d) / (n' . d),
 
-so a hit costs three dot products, and the chain rule to centre, axes and normal is left to PyTorch.
+so a hit costs three dot products; ``records_of`` applies the chain rule to centre, axes and normal.
 
-Both passes are native snippets whose item on the CPU is a tile: its pixels are the lanes of vectors, and a lane that a
-surfel does not reach blends it with weight zero. Arranged for CUDA, an item is a pixel: the same text with one lane.
+Both passes are native snippets whose item on the CPU is a tile: its pixels are the lanes of vectors, and a surfel has
+weight zero in lanes that it does not cover. Arranged for CUDA, an item is a pixel: the same text with one lane.
 """
 
 from functools import cache
@@ -26,17 +26,17 @@ from ..surfel.geometry import MAX_ALPHA, RASTER_TRANSMITTANCE_STOP
 _TEXT = native_file(__package__, "rasterize.inl", lanes=LANES)
 
 TILE = 4
-"""Pixels along a tile's edge: its 16 pixels are one or two vector registers."""
+"""Side of a tile in pixels: its 16 pixels are one or two vector registers."""
 
 RECORD = 12
 """Scalars of a surfel's record: n' (3), m_u (3), m_v (3), offset, opacity, squared support radius."""
 
 PIXEL_SUMS = 5
-"""Scalars kept per pixel: sum w, sum w z, distortion, sum w m, sum w m^2, with m = z / depth_unit."""
+"""Sums stored for each pixel: sum w, sum w z, distortion, sum w m, sum w m^2, with m = z / depth_unit."""
 
 
 def pixels_an_item(on_cuda: bool) -> int:
-    """How many pixels of a tile one item of the kernels blends."""
+    """Number of pixels that one item of the kernels blends."""
     return 1 if on_cuda else TILE * TILE
 
 
@@ -140,6 +140,6 @@ def _written_for(snippet: str, dtype: torch.dtype, channels: int, on_cuda: bool)
 
 
 def _rows(channels: int, on_cuda: bool) -> int:
-    """Rows of a surfel's gradients: on the CPU filled up with zeros to whole squares of lanes."""
+    """Number of a surfel's gradients, on the CPU rounded up to a multiple of the lanes; extra ones are zero."""
     rows, lanes = RECORD - 1 + channels, pixels_an_item(on_cuda)
     return -(-rows // lanes) * lanes

@@ -27,7 +27,7 @@ for (int vector = 0; vector < 3; ++vector)
 const SCALAR o = opacity.data[surfel], ratio = o / SCALAR(THRESHOLD);
 r[9] = offset;
 r[10] = o;
-// The squared radius at which the surfel's alpha falls to the threshold; what is no number stays none.
+// The squared radius at which the surfel's alpha falls to the threshold; NaN stays NaN.
 r[11] = ratio <= SCALAR(1) ? SCALAR(0) : SCALAR(2) * SCALAR(log(ratio));
 
 // ---- backward

@@ -1,10 +1,11 @@
-"""atan2 in native snippets, as arithmetic that the CPU compiler turns into vector code."""
+"""atan2 for native snippets, as arithmetic that the CPU compiler can vectorise."""
 
 import torch
 
 from ..native_text import native_file
 
 ANGLE = native_file(__package__, "angle.inl")
+"""Sections of ``angle.inl``."""
 
 ATAN_TERMS = {torch.float32: 9, torch.float64: 20}
-"""Terms of the series of atan up to tan(pi/8) that reach the last digit of each type."""
+"""Number of terms of atan's series, for arguments up to tan(pi/8), that reach the last digit of each type."""

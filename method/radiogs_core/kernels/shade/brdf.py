@@ -1,7 +1,7 @@
 """The simplified Disney BRDF of the paper (Eq. 4): Lambert plus a GGX microfacet lobe, for dielectrics.
 
 Directions are unit vectors that point away from the surface: ``wo`` to the viewer, ``wi`` to the light.
-Roughness r is perceptual, alpha = r^2. The kernel ``shade`` evaluates the same formulas; this is their plain form.
+Roughness r is perceptual, alpha = r^2. The kernel ``shade`` evaluates the same formulas.
 """
 
 import torch
@@ -30,7 +30,7 @@ def ggx_distribution(
 
 
 def fresnel(cosine: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
-    """Schlick's F in its spherical-Gaussian form, of the cosine between a direction and the half-vector."""
+    """Schlick's Fresnel term F in its spherical-Gaussian form; ``cosine``: between a direction and the half-vector."""
     return FRESNEL_NORMAL + (1 - FRESNEL_NORMAL) * torch.exp2((-5.55473 * cosine - 6.98316) * cosine)
 
 

@@ -20,7 +20,7 @@ for (int c = 0; c < LANES; ++c) {
     SCALAR row = angle(wp::sqrt(x * x + y * y), z) / pi * SCALAR(height) - SCALAR(0.5);
     row = row < zero ? zero : row;
     row = row > SCALAR(height - 1) ? SCALAR(height - 1) : row;
-    // The comparisons hold what is no number on the map, but leave its shares what they are.
+    // The comparisons map NaN to a position on the map, but its shares stay NaN.
     const int left = (int)((column > SCALAR(-0.5) ? column : SCALAR(-0.5)) + one) - 1;
     const int top = (int)(row > zero ? row : zero);
     right[c] = column - SCALAR(left);
@@ -62,7 +62,7 @@ if (wants_radiance) {
     }
 }
 if (!wants_direction) return;
-// The loss's answer to each corner's share.
+// Derivative of the loss with respect to each texel's share.
 SCALAR answer[4][LANES] = {};
 for (int c = 0; c < count; ++c) {
     const SCALAR* from = pull.data + begin + 3 * c;

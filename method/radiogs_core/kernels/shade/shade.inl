@@ -10,16 +10,17 @@ auto fresnel = [](SCALAR cosine) -> SCALAR {
     for (int doubling = 0; doubling < 4; ++doubling) power *= power;
     return SCALAR(F0) + SCALAR(1 - F0) * power;
 };
-// What rounding took from the sum a + b.
+// The rounding error of the sum a + b.
 auto rest_of = [](SCALAR a, SCALAR b, SCALAR sum) -> SCALAR {
     const SCALAR taken = sum - a;
     return (a - (sum - taken)) + (b - taken);
 };
 
 // ---- lobe
-// ``lobe`` = D F V of lane ``c`` towards one view, and what its gradient needs.
-// t = n x s decides how far a sharp lobe is off its peak. Of s itself the products would cancel; so its part along n is
-// taken out first and what its rounding lost is put back (at roughness 0.02 the lobe is good to 1e-6 instead of 2e-4).
+// ``lobe`` = D F V of lane ``c`` towards one view, and the terms of its gradient.
+// t = n x s measures the distance of a sharp lobe from its peak. Products of s itself would cancel, so its component
+// along n is removed first and the rounding error is added back (at roughness 0.02 the relative error is 1e-6 instead
+// of 2e-4).
 const SCALAR sx = wx[c] + ox, sy = wy[c] + oy, sz = wz[c] + oz;
 const SCALAR length_squared = sx * sx + sy * sy + sz * sz;
 const SCALAR along = view_cosine + light_cosine[c];
@@ -39,7 +40,7 @@ constexpr int LANES = SAMPLES_IN_A_BLOCK;
 #include "lanes.inl:vectors"
 #include "lanes.inl:sum_of_lanes"
 const int views = given.views, samples = given.samples, height = given.height, width = given.width;
-// A surfel without a specular part has no view that a lobe is evaluated for.
+// No lobe is evaluated for a surfel without a specular part.
 const int specular_views = given.specular_at.data[surfel] ? views : 0;
 const SCALAR zero = SCALAR(0), one = SCALAR(1), pi = SCALAR(3.14159265358979323846);
 const SCALAR* wo_of_view = given.outgoing.data + 3LL * views * surfel;
@@ -69,7 +70,7 @@ SCALAR diffuse[6][LANES] = {};
 const int count = samples - begin < LANES ? samples - begin : LANES;
 SCALAR wx[LANES], wy[LANES], wz[LANES], weight[LANES], seen[LANES], met[3][LANES];
 SCALAR directions[3 * LANES], radiance[3 * LANES];
-// Copied as they lie, and then by channel: of whole blocks the compiler reorders registers.
+// Copied in memory order and then by channel: for whole blocks the compiler reorders registers.
 if (count == LANES) {
     for (int c = 0; c < 3 * LANES; ++c) directions[c] = wi_of_sample[3 * begin + c];
     for (int c = 0; c < 3 * LANES; ++c) radiance[c] = indirect_of_sample[3 * begin + c];
@@ -102,7 +103,7 @@ for (int c = 0; c < LANES; ++c) {
     weight[c] = above ? weight[c] : zero;
     light_cosine[c] = above ? cosine : one;
     flow[c] = weight[c] * light_cosine[c];
-    // Where the direction falls on the map; see bilinear_texels. The comparisons hold NaN on the map.
+    // Position of the direction on the map; see bilinear_texels. The comparisons map NaN to a position on the map.
     SCALAR column = (SCALAR(0.5) - angle(wy[c], wx[c]) / (SCALAR(2) * pi)) * SCALAR(width) - SCALAR(0.5);
     column = column > SCALAR(-0.5) ? column : SCALAR(-0.5);
     const SCALAR polar = angle(wp::sqrt(wx[c] * wx[c] + wy[c] * wy[c]), wz[c]);
@@ -210,7 +211,7 @@ for (int begin = 0; begin < samples; begin += LANES) {
                 arriving += specular_pull[i] * incident[i][c];
                 incident_pull[i][c] += lobe * specular_pull[i];
             }
-            // The loss's answer to a relative change of the lobe, of its terms, and of what those depend on.
+            // Derivatives of the loss by relative changes of the lobe, of its terms, and of their arguments.
             const SCALAR relative = lobe * flow[c] * arriving;
             sharpness_pull[c] += relative * (one - SCALAR(2) * alpha_squared * along * along / spread);
             k_pull[c] -= relative * ((one - view_cosine) / view_term + (one - light_cosine[c]) / light_term);
@@ -265,6 +266,6 @@ for (int i = 0; i < 3; ++i) {
     grad_albedo.data[3 * surfel + i]
         = (diffuse_pull[i] * sum_of(diffuse[i]) + diffuse_pull[3 + i] * sum_of(diffuse[3 + i])) / pi;
 }
-// d log D / d log(alpha^2) and d / d k, each times what remains of the chain to r.
+// d log D / d log(alpha^2) and d / d k, each times the remaining factor of the chain rule to r.
 grad_roughness.data[surfel]
     = SCALAR(4) / roughness * sum_of(sharpness_pull) + (roughness + one) / SCALAR(4) * sum_of(k_pull);

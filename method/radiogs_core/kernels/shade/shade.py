@@ -1,4 +1,4 @@
-"""K3: the Monte-Carlo sum of Eq. 8 over cached incident light, fused, with gradient."""
+"""K3: the Monte-Carlo sum of Eq. 8 over incident light; fused and differentiable."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from ..runtime import as_array, launch_in_parallel, workers
 from .shade_source import TEXEL, shade_kernels
 
 SAMPLE_FIELDS = 8
-"""Numbers that a sample is read from: direction (3), weight, visibility, indirect radiance (3)."""
+"""Numbers of a sample in memory: direction (3), weight, visibility, indirect radiance (3)."""
 
 
 def shade(
@@ -30,16 +30,24 @@ def shade(
 ) -> Float[Tensor, "surfels views 4 3"]:
     """Outgoing radiance of each surfel towards its views, linear RGB, in four parts.
 
-    The parts are diffuse direct, diffuse indirect, specular direct, specular indirect: sums over the samples of
-    weight f(wo, wi) (n.wi)+ times V Env(wi) or L_ind. ``outgoing`` and ``direction`` are unit, in the world, away
-    from the surface; ``weight`` in steradian; ``environment`` lat-long radiance (see ``light``), looked up
-    bilinearly. Zero where a view is below the surface. ``specular_at`` says which surfels have specular parts (None:
-    all); those of the others are zero, and no lobe is evaluated for them.
+    The parts are diffuse direct, diffuse indirect, specular direct and specular indirect: sums over the samples of
+    weight f(wo, wi) (n.wi)+ times V Env(wi) or L_ind. They are zero for a view below the surface. Gradients flow to
+    normal, albedo, roughness, visibility, indirect and environment.
 
-    So many surfels at a time as kernels can count the samples of; 2 million by 384 samples take two launches.
+    Surfels are processed in as many launches as the kernels' 32-bit counts need: 2 million surfels with 384 samples
+    take two.
 
-    Gradients: normal, albedo, roughness, visibility, indirect, environment. Directions, weights and views are
-    made without gradient, and get none.
+    Args:
+        normal: Unit normals in the world.
+        albedo: Linear diffuse albedo.
+        roughness: Perceptual roughness.
+        outgoing: Unit directions in the world from the surfel to its views.
+        direction: Unit directions in the world from the surfel towards the light.
+        weight: Solid angle of each direction, in steradian.
+        visibility: V along each direction.
+        indirect: L_ind along each direction, linear RGB.
+        environment: Distant light, linear RGB, lat-long (see ``light``), looked up bilinearly.
+        specular_at: Whether each surfel has specular parts (None: all); for others they are zero and not evaluated.
     """
     if specular_at is None:
         specular_at = torch.ones(len(normal), dtype=torch.bool, device=normal.device)
@@ -76,7 +84,7 @@ class _Shade(torch.autograd.Function):
         wants_environment = ctx.needs_input_grad[8]
         own = [torch.empty_like(value) for value in (normal, albedo, roughness)]
         incident = [torch.empty_like(value if wants_incident else value[:0]) for value in (visibility, indirect)]
-        # Each worker adds to a map of its own; summed in their order, the gradient repeats bit for bit.
+        # Each worker adds to a map of its own; they are summed in a fixed order, so the gradient repeats bit for bit.
         team = workers(normal.device) if wants_environment else 0
         light = environment.new_zeros(team, *environment.shape[:2], TEXEL)
         lights = list(light) or [light] * workers(normal.device)

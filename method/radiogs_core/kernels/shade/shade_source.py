@@ -1,16 +1,16 @@
-"""The shading kernels: one item a surfel, a loop over its samples and views, forward and backward.
+"""Kernels for shading: one item a surfel, a loop over its samples and views, forward and backward.
 
 With s = wo + wi along the half-vector and F, V and D the terms of ``brdf``, each sample adds
 
     weight (n.wi) { albedo / pi, D F V } x { visibility Env(wi), L_ind }
 
-to the four sums. The backward pass evaluates the same terms again and keeps nothing in between.
+to the four sums. The backward pass evaluates the same terms again instead of storing them.
 
-Both passes are native snippets that take the samples in blocks of LANES and finish each step for a whole block
-before the next: plain loops over the lanes, which the CPU compiler turns into vector code (one sample at a time, with
-the mathematical library's atan2 and pow, measured 4 times slower). Arranged for CUDA, it is the same text with one
-lane.
-A lane without a sample, or with one below the horizon, looks along the normal with weight zero: finite, and nothing.
+Both passes are native snippets that process samples in blocks of LANES and finish each step for a whole block before
+the next. These are plain loops over the lanes, which the CPU compiler vectorises (one sample at a time, with the
+library's atan2 and pow, measured 4 times slower). Arranged for CUDA, the same text has one lane. A lane without a
+sample, or with a sample below the horizon, uses the normal as its direction and weight zero, so its terms are finite
+and contribute zero.
 """
 
 from functools import cache
@@ -32,10 +32,10 @@ LANES_ON_CPU = 16
 """Samples in a block on the CPU; with 8 it measured 25 % slower, with 32 and 64 the same."""
 
 EXP_TERMS = {torch.float32: 8, torch.float64: 15}
-"""Terms of the series of exp down to -0.55 that reach the last digit of each type."""
+"""Number of terms of exp's series, for arguments down to -0.55, that reach the last digit of each type."""
 
 TEXEL = 4
-"""Numbers of a texel of the light in memory: three channels, and one that makes it a vector."""
+"""Numbers of a texel of the light in memory: three channels and one for padding, so that it is a vector of four."""
 
 
 @cache

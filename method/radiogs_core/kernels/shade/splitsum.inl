@@ -13,7 +13,7 @@ const SCALAR* albedo = given.albedo.data + 3LL * point;
 const SCALAR roughness = given.roughness.data[point];
 const SCALAR cosine = n[0] * o[0] + n[1] * o[1] + n[2] * o[2];
 #include "angle.inl:angle"
-// Where a direction falls on a map: turns eastwards and half-turns from the zenith, with their slopes.
+// Position of a direction on a map, as fractions of its width and height, with their derivatives.
 struct Place { SCALAR u, v, by_u[3], by_v[3]; };
 auto place_of = [&](const SCALAR* d) {
     const SCALAR flat = d[0] * d[0] + d[1] * d[1], across = wp::sqrt(flat), whole = flat + d[2] * d[2];
@@ -32,7 +32,7 @@ auto place_of = [&](const SCALAR* d) {
 };
 struct Texels { int at[4]; SCALAR share[4], by_u[4], by_v[4]; };
 auto texels_of = [&](const Place& place, int height, int width) {
-    // The comparisons hold what is no number on the map.
+    // The comparisons map NaN to a position on the map.
     SCALAR column = place.u * SCALAR(width) - SCALAR(0.5), row = place.v * SCALAR(height) - SCALAR(0.5);
     column = column > SCALAR(-0.5) ? column : SCALAR(-0.5);
     const bool between = row >= zero && row <= SCALAR(height - 1);
@@ -78,7 +78,7 @@ const int rows = given.grid_height, columns = 2 * given.grid_height;
 const Texels at_normal = texels_of(facing, rows, columns), at_mirrored = texels_of(mirrored, rows, columns);
 const Texels sharp = texels_of(mirrored, given.sharp_height, given.sharp_width);
 const SCALAR level = roughness / SCALAR(FIRST_LEVEL);
-// The comparisons keep a roughness that is no number what it is.
+// The comparisons keep a NaN roughness NaN.
 const SCALAR positive = level <= zero ? zero : level;
 const SCALAR above = (positive > SCALAR(LEVELS) ? SCALAR(LEVELS) : positive) - one;
 int lower = above > zero ? (int)above : 0;
@@ -127,7 +127,7 @@ if (cosine > zero && pulled) {
         to_reflectance += pull[3 + c] * light[c];
         to_light[c] = pull[3 + c] * reflectance;
     }
-    // What is read from a map hands its pull on to the texels, and through where it is read to the direction.
+    // Propagate the gradient of a lookup to the texels, and through its position to the direction.
     auto hand_on = [&](const SCALAR* map, SCALAR* to_map, const Texels& texels, const Place& place,
                        const SCALAR* from, SCALAR factor, SCALAR* to_direction) {
         SCALAR along_u = zero, along_v = zero;
@@ -149,7 +149,7 @@ if (cosine > zero && pulled) {
     hand_on(first_level, to_first, at_mirrored, mirrored, to_light, of_first, to_mirrored);
     if (rougher > zero) hand_on(second_level, to_second, at_mirrored, mirrored, to_light, of_second, to_mirrored);
     if (finer > zero) hand_on(given.sharp.data, grad_sharp.data, sharp, mirrored, to_light, finer, to_mirrored);
-    // The place between the levels moves with roughness, as does the place in the table.
+    // The position between the levels depends on roughness, and so does the position in the table.
     SCALAR by_rougher = zero, by_finer = zero;
     for (int c = 0; c < 3; ++c) {
         const SCALAR filtered = one_level[c] + rougher * (next_level[c] - one_level[c]);

@@ -1,4 +1,4 @@
-"""K6 and K14: split-sum shading of many surface points, and bilinear lookup of a light map, with gradient."""
+"""K6 and K14: split-sum shading of many surface points, and bilinear lookup of a light map; differentiable."""
 
 from typing import Any
 
@@ -23,14 +23,23 @@ def split_sum(
     table: Float[Tensor, "size size 2"],
     first_level: float,
 ) -> Float[Tensor, "points 2 3"]:
-    """Diffuse and specular radiance towards unit ``outgoing``, linear RGB; zero seen from behind.
+    """Diffuse and specular radiance towards the viewer, linear RGB; zero from behind.
 
-    ``diffuse``: irradiance over pi by normal. ``glossy``: light averaged over the lobes of roughness ``first_level``
-    and its multiples, by mirrored direction; linear in between, and below the first towards ``sharp``, the light
-    itself. ``table``: A and B with F0 A + B = integral of f_s (n.wi), over n.wo and roughness in [0, 1]. Maps are
-    lat-long (see ``light``), the filtered ones twice as wide as high.
+    Light at a roughness between two levels is interpolated linearly, and below the first level between ``sharp`` and
+    that level. Maps are lat-long (see ``light``); filtered ones are twice as wide as high. Gradients flow to all inputs
+    but the table.
 
-    Gradients to all but the table.
+    Args:
+        normal: Unit normals in the world.
+        albedo: Linear diffuse albedo.
+        roughness: Perceptual roughness.
+        outgoing: Unit directions in the world towards the viewer.
+        diffuse: Irradiance over pi, indexed by the normal.
+        glossy: Light averaged over the lobes of roughness ``first_level`` and its multiples, indexed by the mirrored
+            view direction.
+        sharp: The light itself.
+        table: A and B with F0 A + B = integral of f_s (n.wi), on a grid of n.wo by roughness in [0, 1].
+        first_level: Roughness of the first level of ``glossy``.
     """
     return _SplitSum.apply(first_level, table, normal, albedo, roughness, outgoing, diffuse, glossy, sharp)
 
@@ -72,11 +81,11 @@ class _SplitSum(torch.autograd.Function):
 def look_up(
     radiance: Float[Tensor, "height width 3"], directions: Float[Tensor, "*batch 3"]
 ) -> Float[Tensor, "*batch 3"]:
-    """Bilinear radiance along unit directions towards the light, as ``EnvironmentMap.lookup`` gives it.
+    """Bilinear radiance along unit directions towards the light; the values are those of ``EnvironmentMap.lookup``.
 
-    ``radiance``: linear RGB, lat-long (see ``light``). Wraps at the seam, clamps at the poles; a direction that is no
-    number sees none. Gradients to both; that of the directions is zero along the azimuth at the poles, where it has
-    no limit, and from the poles to the centres of the outermost rows along the polar angle.
+    ``radiance``: linear RGB, lat-long (see ``light``). The lookup wraps at the seam and clamps at the poles; the result
+    for a NaN direction is NaN. Gradients flow to both. The gradient to directions is zero along the azimuth at the
+    poles, where it has no limit, and along the polar angle beyond the centres of the outermost rows.
     """
     require_map(radiance, "a map of light")
     return _Lookup.apply(radiance, directions)

@@ -1,12 +1,12 @@
-"""The kernels of split-sum shading (one item a surface point) and of the lookup of light by direction; both ways.
+"""Kernels for split-sum shading (one item a surface point) and for the lookup of light; forward and backward.
 
-Light is read bilinearly from latitude-longitude grids (see ``light``): the diffuse grid along the normal; along the
-mirrored view the two levels about the roughness, and the light itself below the sharpest level. A and B of the BRDF
-come from a table over n.wo and roughness.
+Light is read bilinearly from latitude-longitude grids (see ``light``): the diffuse grid along the normal, and along the
+mirrored view direction the two glossy levels around the roughness, or the light itself below the first level. A and B
+of the BRDF come from a table over n.wo and roughness.
 
-Where directions fall on the map is found for a whole block of them in loops over its lanes, which the CPU compiler
-turns into vector code; arranged for CUDA, a block has one lane. The formula is that of ``scene.light.bilinear_texels``.
-A direction that is no number reads texels of the map, with shares that are no numbers either.
+The lookup computes texels and shares for a block of directions in loops over its lanes, which the CPU compiler
+vectorises; arranged for CUDA, a block has one lane. The formula is that of ``scene.light.bilinear_texels``. A NaN
+direction reads texels inside the map, with NaN shares.
 """
 
 from functools import cache
@@ -28,7 +28,7 @@ _TEXT = native_file(__package__, "splitsum.inl", angle=ANGLE)
 def splitsum_kernels(dtype: torch.dtype, levels: int, first_level: float, on_cuda: bool) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat.
 
-    ``levels`` filtered maps, the first at roughness ``first_level``, the others at its multiples.
+    There are ``levels`` glossy maps, at the roughness ``first_level`` and its multiples.
     """
     start_warp()
     scalar = scalar_type(dtype)
@@ -106,7 +106,7 @@ LANES_ON_CPU = 16
 
 @cache
 def lookup_kernels(dtype: torch.dtype, on_cuda: bool) -> Any:
-    """The pair ``forward``, ``backward`` for a scalar type, and ``lanes``, directions an item; all arrays are flat."""
+    """The pair ``forward``, ``backward`` for a scalar type; ``lanes``: directions of an item. All arrays are flat."""
     start_warp()
     scalar, lanes = scalar_type(dtype), 1 if on_cuda else LANES_ON_CPU
     flat = wp.array(dtype=scalar)

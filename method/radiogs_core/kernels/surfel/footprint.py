@@ -1,4 +1,4 @@
-"""K5 and K10: frames of surfels from their quaternions, and surfels widened by a pixel's footprint, with gradient."""
+"""K5 and K10: frames of surfels from quaternions, and surfels widened by a pixel's footprint; differentiable."""
 
 from typing import Any
 
@@ -13,7 +13,7 @@ from .geometry import SplatGeometry
 
 
 def frames(rotation: Float[Tensor, "surfels 4"]) -> Float[Tensor, "surfels 3 3"]:
-    """Rotation matrices of the quaternions w, x, y, z along ``rotation``; zero for a zero quaternion."""
+    """Rotation matrices of quaternions (w, x, y, z) of any length; zero for a zero quaternion."""
     return _Frames.apply(rotation)
 
 
@@ -45,11 +45,19 @@ def widened(
 ) -> SplatGeometry:
     """Surfels in the world, widened in their own planes by the footprint of a pixel.
 
-    A pixel that is seen at an angle leaves a longer footprint: with w the view direction's part in the plane (along
-    t_u, t_v) and c the cosine to the normal, the covariance becomes diag(s^2) + variance (z / f)^2 (1 + w w^T /
-    c^2). The opacity falls by the same area ratio, so that a surfel of less than a pixel, or one seen from the
-    edge, keeps its energy and never slips between pixel centres. ``scale``: standard deviations, world units;
-    ``frame``: its columns are t_u, t_v, n. Gradients flow to frame, scale and opacity; the footprint itself has none.
+    A pixel has a longer footprint on a surfel that is seen at an angle. With w the component of the view direction in
+    the surfel's plane (along t_u, t_v) and c its cosine to the normal, the covariance becomes
+    diag(s^2) + variance (z / f)^2 (1 + w w^T / c^2). The opacity falls by the ratio of the areas, so that a surfel that
+    is smaller than a pixel, or is seen from the edge, keeps its energy and is not missed between pixel centres.
+
+    Gradients flow to frame, scale and opacity; the footprint itself is treated as a constant.
+
+    Args:
+        camera: Camera that sees the surfels.
+        centre: Positions in the world.
+        frame: Rotations with columns t_u, t_v, n, in the world.
+        scale: Standard deviations along t_u and t_v, world units.
+        opacity: Peak opacities.
     """
     camera = camera.to(centre.device, centre.dtype)
     return SplatGeometry(centre, *_Widened.apply(camera, centre, frame, scale, opacity))

@@ -1,11 +1,11 @@
-"""The kernels of frames and of surfels widened by a pixel's footprint: one item a surfel, forward and backward.
+"""Kernels for frames and for surfels widened by a pixel's footprint: one item a surfel, forward and backward.
 
-With s = (s_u, s_v) the scales, v the variance of a pixel at the surfel's depth, (a, b) the view direction's part in the
-plane and c its cosine to the normal, the covariance is
+With s = (s_u, s_v) the scales, v the variance of a pixel at the surfel's depth, (a, b) the view direction's component
+in the plane and c its cosine to the normal, the covariance is
 
     diag(s^2) + v (1 + (a, b) (a, b)^T / c^2) = L L^T,   L = [first 0; mixed second],
 
-and the axes are the rows of L^-1 along the tangents. Footprints have no gradient: v, a, b and c count as given.
+and the axes are the rows of L^-1 along the tangents. Footprints have no gradient: v, a, b and c are constants.
 """
 
 from functools import cache
@@ -49,18 +49,18 @@ def frame_kernels(dtype: torch.dtype) -> Any:
 _TEXT = native_file(__package__, "footprint.inl")
 
 PIXEL_FILTER_VARIANCE = 1 / 12
-"""Variance, in pixels^2, of the box that a pixel averages over: the footprint a surfel is widened by."""
+"""Variance, in pixels^2, of the square that a pixel averages over, by which a surfel is widened."""
 
 EDGE_ON_COSINE = 0.05
-"""Cosine between view direction and normal below which a pixel's footprint in a surfel's plane grows no more: that of 1
-at 87 degrees would be 20 pixels long."""
+"""Cosine between view direction and normal below which a pixel's footprint in a surfel's plane does not grow further:
+at 87 degrees it is 20 pixels long."""
 
 
 @cache
 def footprint_kernels(dtype: torch.dtype) -> Any:
     """The pair ``forward``, ``backward`` for a scalar type; all arrays are flat.
 
-    ``pose``: the camera-to-world matrix. ``size_of_pixel``: that of a pixel at unit depth.
+    ``pose``: the camera-to-world matrix. ``size_of_pixel``: side of a pixel at depth 1, world units.
     """
     start_warp()
     scalar = scalar_type(dtype)

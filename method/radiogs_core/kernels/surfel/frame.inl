@@ -40,6 +40,6 @@ const SCALAR to[4] = {
     SCALAR(2) * (y * (g[4] - g[0] - g[8]) + x * g[1] + w * g[2] + x * g[3] + z * g[5] - w * g[6] + z * g[7]),
     SCALAR(2) * (z * (g[8] - g[0] - g[4]) - w * g[1] + x * g[2] + w * g[3] + y * g[5] + x * g[6] + y * g[7]),
 };
-// The length of a quaternion changes nothing: what pulls along it is taken out.
+// The length of a quaternion has no effect: the gradient's component along it is removed.
 const SCALAR along = w * to[0] + x * to[1] + y * to[2] + z * to[3];
 for (int k = 0; k < 4; ++k) out.data[4LL * surfel + k] = (to[k] - q[k] * inverse * along) * inverse / unit;

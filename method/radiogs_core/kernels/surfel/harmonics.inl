@@ -44,7 +44,7 @@ for (int view = 0; view < views; ++view) {
     const SCALAR* from = pull.data + place;
     const SCALAR* further = pull_of_harmonics.data + place;
 #include "harmonics"
-    // The loss's answer to each basis function.
+    // Derivative of the loss with respect to each basis function.
     SCALAR s[16] = {};
     for (int k = 0; k < coefficients; ++k)
         for (int c = 0; c < 3; ++c) {

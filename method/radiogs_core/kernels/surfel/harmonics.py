@@ -1,4 +1,4 @@
-"""K4: sums of spherical harmonics, many surfels in a few directions each, fused, with gradient."""
+"""K4: sums of spherical harmonics of many surfels in a few directions each; fused and differentiable."""
 
 from typing import Any
 
@@ -15,7 +15,8 @@ def harmonic_sum(
 ) -> Float[Tensor, "surfels views 3"]:
     """Sum over the first 1, 4, 9 or 16 basis functions (3DGS's order and signs) at unit ``direction`` of travel.
 
-    Gradients to both; that of the directions is the polynomials', which a normalisation before it makes tangential.
+    Gradients flow to both. The gradient to directions is that of the polynomials; it is tangential after a
+    normalisation of the directions.
     """
     return _HarmonicSums.apply(sh, direction)[0]
 
@@ -23,7 +24,7 @@ def harmonic_sum(
 def harmonic_sums(
     sh: Float[Tensor, "surfels coefficients 3"], direction: Float[Tensor, "surfels views 3"]
 ) -> tuple[Float[Tensor, "surfels views 3"], Float[Tensor, "surfels views 3"]]:
-    """``harmonic_sum``, and the same values with gradient to the harmonics alone."""
+    """``harmonic_sum`` with its full gradient, and the same values with gradient to the harmonics only."""
     return _HarmonicSums.apply(sh, direction)
 
 

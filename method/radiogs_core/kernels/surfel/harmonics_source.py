@@ -1,7 +1,7 @@
-"""The kernels of the surfels' own radiance: one item a surfel, a loop over its views, forward and backward.
+"""Kernels for sums of harmonics: one item a surfel, a loop over its views, forward and backward.
 
-The basis is that of 3DGS, degrees 0 to 3, as polynomials of a unit direction of travel. Its slopes are those of the
-polynomials as they stand: towards a direction that is kept at unit length only their tangential part counts.
+The basis is that of 3DGS, degrees 0 to 3, as polynomials of a unit direction of travel. Gradients to the direction are
+those of the polynomials; only their tangential component counts for a direction of unit length.
 """
 
 from functools import cache
@@ -15,6 +15,7 @@ from ..native_text import native_file, native_text
 from ..runtime import ITEMWISE, scalar_type, start_warp
 
 HARMONICS = native_file(__package__, "harmonics.inl")
+"""Sections of ``harmonics.inl``."""
 
 
 @cache

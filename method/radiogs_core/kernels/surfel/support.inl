@@ -1,8 +1,8 @@
-// How far a surfel reaches; see support_source.py.
+// The support of a surfel; see support_source.py.
 
 // ---- support
 // The dual of an axis is the step in the plane of both along which the first coordinate grows by one and the other
-// stays. Zero times a number is zero; times an infinity, or what is no number, it is none.
+// stays. Zero times a finite number is zero; times infinity or NaN it is NaN.
 const SCALAR *c = centre.data + 3LL * surfel, *n = normal.data + 3LL * surfel;
 const SCALAR* axes[2] = {axis_u.data + 3LL * surfel, axis_v.data + 3LL * surfel};
 const SCALAR o = opacity.data[surfel], ratio = o / SCALAR(THRESHOLD);

@@ -1,4 +1,4 @@
-"""K13: how far a surfel reaches, and whether a ray can meet it at all."""
+"""K13: the support of surfels, where their alpha is above the threshold, and whether a ray can hit them."""
 
 from dataclasses import dataclass, fields
 
@@ -9,34 +9,34 @@ from torch import Tensor
 from ...instruments import fire
 from ..runtime import launch_in_parallel
 from .geometry import SplatGeometry
-from .support_source import DEGENERATE, FAINT, MET, SATURABLE, support_kernel
+from .support_source import DEGENERATE, FAINT, REGULAR, SATURABLE, support_kernel
 
 
 @dataclass(frozen=True)
 class Support:
-    """Where surfels are stronger than one grey level, without gradient.
+    """The ellipses in which surfels have an alpha of at least ALPHA_THRESHOLD; no gradient.
 
-    radius: in units of the scale, sqrt(2 ln(255 o)) or 0. extent: half of the axis-aligned box around the ellipse,
-    world units. kind: one of ``support_source``.
-
-    The ellipse is centre + k (cos(a) U + sin(a) V), where U and V are dual to the axes (axis_u . U = 1, axis_u . V =
-    0): its half-extent along a world axis e is k |(U.e, V.e)|.
+    An ellipse is centre + k (cos(a) U + sin(a) V), where U and V are dual to the axes (axis_u . U = 1, axis_u . V = 0).
+    Its half-extent along a world axis e is k |(U.e, V.e)|.
     """
 
     radius: Float[Tensor, " surfels"]
+    """Radius k of the ellipse in units of the scale: sqrt(2 ln(255 opacity)) or 0."""
     extent: Float[Tensor, "surfels 3"]
+    """Half the sides of the axis-aligned box around the ellipse, world units."""
     kind: UInt8[Tensor, " surfels"]
+    """DEGENERATE, FAINT, REGULAR or SATURABLE (see ``support_source``)."""
 
     @property
-    def can_be_met(self) -> Bool[Tensor, " surfels"]:
-        """Whether a ray can meet the surfel: every number finite, neither axis zero, opacity above the cut-off.
+    def can_be_hit(self) -> Bool[Tensor, " surfels"]:
+        """Whether a ray can hit the surfel: all numbers are finite, no axis is zero, opacity is above the threshold.
 
-        A surfel that fails (scale of zero or infinity, a NaN anywhere) takes no part: it is neither drawn nor traced.
+        Other surfels (a scale of zero or infinity, any NaN) are skipped: they are neither rasterized nor traced.
         """
-        return self.kind >= MET
+        return self.kind >= REGULAR
 
     def counted(self) -> "Support":
-        """This, its guards counted: once for every set of surfels that is binned or fitted into a tree."""
+        """This support, after counting its guards; call it once for each set of surfels that is binned or fitted."""
         fire(
             degenerate_surfels=(self.kind == DEGENERATE).sum(),
             faint_surfels=(self.kind == FAINT).sum(),

@@ -1,4 +1,4 @@
-"""The kernel of surfels' supports: one item a surfel."""
+"""Kernel for the supports of surfels: one item a surfel."""
 
 from functools import cache
 from typing import Any
@@ -12,14 +12,14 @@ from .geometry import ALPHA_THRESHOLD, MAX_ALPHA
 
 _TEXT = native_file(__package__, "support.inl")
 
-DEGENERATE, FAINT, MET, SATURABLE = range(4)
-"""Kinds of surfels: those that no ray can meet (a value that is not finite, an axis of zero), those fainter than one
-grey level, those that are met, and those of them whose opacity is capped."""
+DEGENERATE, FAINT, REGULAR, SATURABLE = range(4)
+"""Kinds of surfels: degenerate (a value is not finite or an axis is zero), fainter than one 8-bit level, normal ones
+that rays can hit, and such with an opacity above MAX_ALPHA, whose alpha is clipped."""
 
 
 @cache
 def support_kernel(dtype: torch.dtype) -> Any:
-    """Radius, extent and kind of each surfel; all arrays are flat."""
+    """The kernel that computes radius, extent and kind of each surfel; all arrays are flat."""
     start_warp()
     flat, kinds = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.uint8)
     words = {"THRESHOLD": repr(ALPHA_THRESHOLD), "MAX_ALPHA": repr(MAX_ALPHA)}

@@ -1,1 +1,1 @@
-"""K2: rays through surfels, by an eight-wide tree of boxes."""
+"""K2: traces rays through surfels, by an eight-wide tree of boxes."""

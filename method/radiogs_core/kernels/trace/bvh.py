@@ -1,7 +1,7 @@
-"""The bounding volumes that rays are traced through: an eight-wide tree over surfels, eight surfels a leaf.
+"""The bounding volume hierarchy that rays traverse: an eight-wide tree over surfels, with eight surfels in each leaf.
 
-On the CPU the tree is built by the surface-area heuristic, on CUDA in k-d order (sorting alone). Refitting after the
-surfels moved is a minimum and a maximum per level (``fit_source``); a tree that has loosened too much is built anew.
+On the CPU the tree is built by the surface-area heuristic, on CUDA in k-d order (by sorting only). After the surfels
+move, boxes are refitted level by level (``fit_source``); a tree whose boxes have grown too much is built again.
 """
 
 from dataclasses import dataclass, fields
@@ -19,33 +19,33 @@ from .fit_source import LEAF_FIELDS, fit_kernels
 from .topology import WIDTH, Topology, kd_topology, sah_topology
 
 LOOSENED = 1.1
-"""Build anew when the expected visits of a ray have grown by this factor: a build takes as long as six to nine refits
-and a twentieth of the rays that an iteration traces, so that a tenth more traversal already costs more."""
+"""Growth of a ray's expected visits at which the tree is built again. A build takes as long as six to nine refits, and
+a twentieth of the time of an iteration's rays, so ten percent more traversal already costs more."""
 
 
 @dataclass
 class SurfelBVH:
-    """The tree, and the surfels that it was last fitted to.
-
-    boxes: per node its children's low x, y, z and high x, y, z, eight abreast. leaves: per leaf the LEAF_FIELDS of its
-    surfels, eight abreast; an empty place is all zero and faces no ray. areas: half the area of the box around each
-    node, then around each leaf, in float64.
-    """
+    """The tree, fitted to surfels; without gradient."""
 
     topology: Topology
+    """Children of each node and surfels of each leaf."""
     boxes: Float[Tensor, "nodes 48"]
+    """Boxes of each node's eight children: their low x, then low y, low z, high x, high y and high z."""
     leaves: Float[Tensor, "leaves fields 8"]
+    """The LEAF_FIELDS of each leaf's eight surfels; all zero for an empty entry, which faces no ray."""
     areas: Float64[Tensor, " nodes_and_leaves"]
+    """Half the surface area of the box around each node, then around each leaf."""
     visits_when_built: float = 0.0
+    """``expected_visits`` when the topology was built."""
 
     @classmethod
     def build(cls, geometry: SplatGeometry) -> "SurfelBVH":
-        """Sort the surfels into leaves and fit the boxes; nothing here carries gradient."""
+        """Sort the surfels into leaves and fit the boxes."""
         return cls.over(_topology(geometry), geometry)
 
     @classmethod
     def over(cls, topology: Topology, geometry: SplatGeometry) -> "SurfelBVH":
-        """A tree of that topology, fitted."""
+        """A tree with a given topology, fitted to surfels."""
         new = geometry.centre.new_empty
         tree = cls(topology, new(0, 6 * WIDTH), new(0, LEAF_FIELDS, WIDTH), new(0, dtype=torch.float64))
         tree._fit(geometry)
@@ -53,7 +53,7 @@ class SurfelBVH:
         return tree
 
     def refit(self, geometry: SplatGeometry) -> None:
-        """Follow the same surfels to where they moved: new boxes, or a new tree once it is LOOSENED."""
+        """Fit the boxes to the same surfels after a move; build the tree again if it is LOOSENED."""
         self._fit(geometry)
         if self.expected_visits > LOOSENED * self.visits_when_built:
             self.topology = _topology(geometry)
@@ -62,7 +62,8 @@ class SurfelBVH:
 
     @property
     def expected_visits(self) -> float:
-        """Nodes and leaves that a random line through the root's box visits: the sum of areas over the root's."""
+        """Expected number of nodes and leaves that a random line through the root's box visits: the sum of all areas
+        over the root's area."""
         whole, parts = self.areas[0], self.areas[1:]
         return float(torch.where(whole > 0, parts.sum() / whole, 0.0))
 
@@ -80,18 +81,18 @@ class SurfelBVH:
         kernels = fit_kernels(centre.dtype)
         launch_in_parallel(kernels.leaves, leaves, centre.device, lambda _: of_leaves)
         of_nodes = [nodes, leaves, child, self.boxes, *bounds]
-        # On the CPU items follow each other, so that one launch does: children have greater numbers than their node.
+        # On the CPU items run in order, so one launch is enough: children have greater numbers than their parent.
         ends = self.topology.level_end if as_on_cuda(centre.device) else (nodes,)
         for begin, end in reversed(list(pairwise((0, *ends)))):
             launch(kernels.nodes, end - begin, centre.device, [end, *of_nodes])
 
 
 def _topology(geometry: SplatGeometry) -> Topology:
-    """Surfels that no ray can meet now have a place too: they may return while the tree is refitted."""
+    """The topology over all surfels, including those that no ray can hit now: a later refit may make them visible."""
     with torch.no_grad():
         centre = torch.where(torch.isfinite(geometry.centre).all(-1, keepdim=True), geometry.centre, 0.0)
         if as_on_cuda(centre.device):
             return kd_topology(centre)
         support = support_of(geometry)
-        extent = torch.where(support.can_be_met[:, None], support.extent, 0.0)
+        extent = torch.where(support.can_be_hit[:, None], support.extent, 0.0)
         return sah_topology(centre - extent, centre + extent)

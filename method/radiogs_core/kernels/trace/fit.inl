@@ -26,7 +26,7 @@ SCALAR* to = leaves.data + (long long)leaf * LEAF_FIELDS * WIDTH;
 SCALAR sides[6 * WIDTH];
 for (int lane = 0; lane < WIDTH; ++lane) {
     const long long surfel = order.data[(long long)leaf * WIDTH + lane];
-    if (surfel < 0 || kind.data[surfel] < MET) {
+    if (surfel < 0 || kind.data[surfel] < REGULAR) {
         for (int field = 0; field < LEAF_FIELDS; ++field) to[field * WIDTH + lane] = SCALAR(0);
         for (int side = 0; side < 6; ++side) sides[side * WIDTH + lane] = SCALAR(side < 3 ? EMPTY : -EMPTY);
         continue;

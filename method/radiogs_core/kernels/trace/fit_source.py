@@ -1,4 +1,4 @@
-"""The kernels that fit a tree to its surfels: one item a leaf, then one item a node, deepest nodes first."""
+"""Kernels that fit a tree to its surfels: one item a leaf, then one item a node, deepest nodes first."""
 
 from functools import cache
 from types import SimpleNamespace
@@ -8,35 +8,37 @@ import warp as wp
 
 from ..native_text import native_file, native_text
 from ..runtime import UNFUSED, scalar_type, start_warp
-from ..surfel.support_source import MET
+from ..surfel.support_source import REGULAR
 from .topology import WIDTH
 
 _TEXT = native_file(__package__, "fit.inl")
 
 EMPTY = 1e30
-"""Corner of a box that no ray meets: low = EMPTY, high = -EMPTY. Finite, so that 0 * EMPTY stays a number."""
+"""Corner of an empty box, which no ray hits: low = EMPTY, high = -EMPTY. It is finite, so that 0 * EMPTY is not NaN."""
 
 RELATIVE_PADDING = 1e-5
+"""Share of its extent by which a box is enlarged, against rounding."""
+
 COORDINATE_PADDING = 1e-6
-"""Boxes grow by these shares of their extent and of their coordinates: about 10 ulp of float32, against rounding."""
+"""Share of its coordinates by which a box is enlarged: about 10 ulp of float32, against rounding."""
 
 LEAF_FIELDS = 14
-"""Per surfel of a leaf: centre (3), axis_u (3), axis_v (3), normal (3), opacity, squared support radius."""
+"""Numbers of each surfel in a leaf: centre (3), axis_u (3), axis_v (3), normal (3), opacity, squared support radius."""
 
 
 @cache
 def fit_kernels(dtype: torch.dtype) -> SimpleNamespace:
     """``leaves`` and ``nodes`` for a scalar type; all arrays are flat.
 
-    ``corners``: low x, y, z and high x, y, z of the box around each node, then around each leaf; ``areas``: half of
-    those boxes' areas, in float64. ``nodes`` takes the nodes before ``end`` from the last one backwards; the boxes of
-    their children must be there or come before.
+    ``corners``: low x, y, z and high x, y, z of the box around each node, then around each leaf. ``areas``: half the
+    surface area of these boxes, float64. ``nodes`` processes the nodes before ``end`` from the last one backwards; the
+    boxes of their children have to be computed before.
     """
     start_warp()
     flat, doubles = wp.array(dtype=scalar_type(dtype)), wp.array(dtype=wp.float64)
     numbers, kinds = wp.array(dtype=wp.int32), wp.array(dtype=wp.uint8)
     words = {
-        "LEAF_FIELDS": str(LEAF_FIELDS), "WIDTH": str(WIDTH), "EMPTY": repr(EMPTY), "MET": str(MET),
+        "LEAF_FIELDS": str(LEAF_FIELDS), "WIDTH": str(WIDTH), "EMPTY": repr(EMPTY), "REGULAR": str(REGULAR),
         "RELATIVE_PADDING": repr(RELATIVE_PADDING), "COORDINATE_PADDING": repr(COORDINATE_PADDING),
     }  # fmt: skip
     leaf_text, node_text = (native_text(_TEXT[part], dtype, False, words) for part in ("fit_leaf", "fit_node"))

@@ -1,8 +1,8 @@
 // Gathering the hits of a ray in order, breadth first or nearest first; see hits_source.py.
 
 // ---- ray
-// What a ray does at a node and at a leaf of the tree, eight children or surfels at once: a ray ``origin``,
-// ``direction``, followed from ``start_t`` on, which meets surfels from behind from ``back_t`` on.
+// Tests of a ray against a node or a leaf of the tree, eight children or surfels at once. The ray ``origin``,
+// ``direction`` starts at ``start_t`` and also hits surfels from behind beyond ``back_t``.
 #if ON_CUDA
 #define FETCH(address)
 constexpr int LANES = 1;
@@ -22,7 +22,7 @@ const SCALAR iz = dz != SCALAR(0) ? SCALAR(1) / dz : huge;
 const int nx = ix >= SCALAR(0) ? 0 : 24, ny = iy >= SCALAR(0) ? 8 : 32, nz = iz >= SCALAR(0) ? 16 : 40;
 const int fx = 24 - nx, fy = 40 - ny, fz = 56 - nz;
 
-// Which children's boxes the ray is in before ``limit``, and where it enters them.
+// Children whose boxes the ray enters before ``limit``, and the distances at which it enters them.
 auto entered = [&](int node, SCALAR limit, SCALAR* enter) -> int {
     const SCALAR* box = boxes.data + (long long)node * 48;
     int bits = 0;
@@ -43,7 +43,7 @@ auto entered = [&](int node, SCALAR limit, SCALAR* enter) -> int {
     return bits;
 };
 
-// Which surfels of a leaf the ray meets up to ``limit``, where, and at what squared distance from their centres.
+// Surfels of a leaf that the ray hits up to ``limit``, their distances, and their squared radii on the surfel.
 auto met_on = [&](int leaf, SCALAR limit, SCALAR* depth, SCALAR* square) -> int {
     const SCALAR* f = leaves.data + (long long)leaf * 112;
     int bits = 0;
@@ -70,13 +70,13 @@ auto fetch_leaf = [&](int leaf) {
 };
 
 // ---- breadth_first
-// All hits of a ray at once: breadth first through the tree, then its leaves, then the hits in order. On the CPU alone.
-// No node waits for what was found at the one before, and nothing branches on it, so that the processor works on
-// several of them at a time. Nearest first takes twice as long on M, although it leaves out what lies behind an opaque
-// surface (there a fifth of the nodes and leaves).
+// All hits of a ray at once: breadth first through the tree, then its leaves, then the hits in order; on the CPU only.
+// No node depends on the result of the previous one, and nothing branches on it, so that the processor works on several
+// of them at a time. Nearest first takes twice as long on M, although it skips nodes behind an opaque surface (there a
+// fifth of the nodes and leaves).
 #if !ON_CUDA
 #include "lanes.inl:squeeze"
-// A later round begins amid hits, which its first one has to leave out.
+// A later round starts among hits of the previous one, which it has to skip.
 if (start_id == NO_SURFEL) {
     int within[MOST_NODES + 8], leaf_of[MOST_NODES + 8];
     int entered_nodes = 1, entered_leaves = 0, nodes = 0, leaf_count = 0, met = 0;
@@ -118,7 +118,7 @@ if (start_id == NO_SURFEL) {
             alpha_of[i] = leaves.data[leaf * 112LL + 96 + lane];
             id_of[i] = order.data[leaf * 8 + lane];
         }
-        // A hit's place is the number of hits before it.
+        // The rank of a hit is the number of hits before it.
         for (int i = 0; i < padded; i += 8) {
             const Lanes t = read(t_of + i), alpha = read(alpha_of + i) * bell(read(bell_of + i));
             Eight id, before = Eight{};
@@ -148,7 +148,7 @@ if (start_id == NO_SURFEL) {
 #endif
 
 // ---- nearest_first
-// The hits of a ray nearest first: what lies beyond the last hit that counts is not looked at.
+// The hits of a ray nearest first: nodes beyond the last hit that counts are not visited.
 SCALAR left[BUFFER + 1];
 SCALAR limit = huge;
 int found = 0, nodes = 0, leaf_count = 0, top = 0, closed = 0, node = 0;
@@ -162,7 +162,7 @@ for (;;) {
         const int* child = children.data + (long long)node * 8;
         int bits = entered(node, limit, enter);
         if (bits) {
-            // The nearest child stays in hand, the others go on the stack, the farthest deepest.
+            // The nearest child is visited next; the others are pushed on the stack, the farthest first.
             int c = LOWEST(bits);
             bits &= bits - 1;
             int next = child[c];
@@ -189,7 +189,7 @@ for (;;) {
                 }
                 stack_t[at] = other_t;
                 stack_node[at] = other;
-                // What waits will be read from beyond the second-level cache (measured: 7 %).
+                // Nodes on the stack are prefetched from beyond the second-level cache (measured: 7 %).
                 if (other >= 0) {
                     FETCH(boxes.data + (long long)other * 48);
                     FETCH(boxes.data + (long long)other * 48 + 16);

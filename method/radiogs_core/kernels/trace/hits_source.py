@@ -1,6 +1,6 @@
-"""The kernels that find the hits of a ray: gather them in order, then pack the rays' lists into one.
+"""Kernels that find the hits of rays: gather the hits of each ray in order, then pack the lists of all rays into one.
 
-Gathering is one native snippet (a pure Warp version of the same traversal measured a third of its speed).
+Gathering is a native snippet (a Warp version of the same traversal measured a third of its speed).
 """
 
 from functools import cache
@@ -17,25 +17,25 @@ from ..surfel.geometry import MAX_ALPHA
 _TEXT = native_file(__package__, "hits.inl", lanes=LANES)
 
 MOST_NODES = 512
-"""Nodes, and leaves, that a ray may enter; one that enters more is followed nearest first."""
+"""Largest number of nodes, and of leaves, of a breadth-first traversal; a ray with more is traversed nearest first."""
 
 MOST_HITS = 248
-"""Hits that are put in order together; a ray with more is followed nearest first."""
+"""Largest number of hits that are sorted together; a ray with more is traversed nearest first."""
 
 STACK = 96
 """Entries of the traversal stack: 7 (depth - 1) + 1 are needed, so 96 allows 14 levels (8^14 leaves)."""
 
 BUFFER = 32
-"""Hits that a ray is followed for nearest first in one round; more measured faster than to begin again more often."""
+"""Hits of a ray in one round of nearest-first traversal; fewer measured slower, because more rounds are needed."""
 
 FINISHED = -1.0
-"""In the place of what is left of a ray: it needs no further round."""
+"""Sentinel transmittance: the ray needs no further round."""
 
 NO_SURFEL = 2**31 - 1
-"""The surfel after which a ray's first round begins: every hit at its start counts as passed."""
+"""Surfel at which the first round of a ray starts: hits exactly at its starting depth are skipped."""
 
 RAYS_AHEAD = 4
-"""A ray's numbers are fetched while this many rays before it are followed."""
+"""Number of rays between a ray and the one whose data are prefetched meanwhile."""
 
 
 @cache
@@ -50,7 +50,7 @@ def hit_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
 
     @wp.func
     def spread(bits: wp.int32):
-        """Two zeros between any two of nine bits."""
+        """Insert two zeros between any two of nine bits."""
         bits = (bits | (bits << 16)) & 0x030000FF
         bits = (bits | (bits << 8)) & 0x0300F00F
         bits = (bits | (bits << 4)) & 0x030C30C3

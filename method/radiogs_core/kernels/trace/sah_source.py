@@ -1,8 +1,8 @@
-"""The surface-area heuristic: splits surfels into the leaves of an eight-wide tree, on one CPU thread.
+"""Kernel of the surface-area heuristic: splits surfels into the leaves of an eight-wide tree, on one CPU thread.
 
-A node's segment of surfels is split, always where its largest part is, until there are eight parts or none has more
-than eight surfels. A split is the best of BINS - 1 planes on each axis under sum(area * leaves needed) (Wald 2007;
-leaves are counted whole because eight surfels are tested at the price of one).
+The surfels of a node are split into parts, always the part with the largest box, until there are eight parts or no part
+has more than eight surfels. A split is the best of BINS - 1 planes on each axis by sum(area * number of leaves) (Wald
+2007; the number of leaves is rounded up, because testing eight surfels costs as much as testing one).
 """
 
 from functools import cache
@@ -12,12 +12,13 @@ import warp as wp
 from ..runtime import start_warp
 
 BINS = 16
-"""Planes tried an axis, plus one; 32 measured the same trees within 1 %."""
+"""Bins on each axis, one more than planes that are tried; 32 measured the same cost within 1 %."""
 
 
 @cache
 def sah_kernel() -> wp.Kernel:
-    """The builder. A box is low x, y, z, high x, y, z in float32: float64 geometry is fitted later."""
+    """The kernel that builds a tree. Boxes are low x, y, z, high x, y, z in float32; float64 geometry is fitted
+    later."""
     start_warp()
     bins = wp.constant(BINS)
     huge = wp.constant(wp.float32(1e30))
@@ -56,11 +57,11 @@ def sah_kernel() -> wp.Kernel:
 
     @wp.func
     def split(boxes: wp.array(dtype=six), order: wp.array(dtype=wp.int32), begin: wp.int32, end: wp.int32):
-        """Reorder the segment so that its two parts lie side by side; returns where the second begins."""
+        """Reorder the segment into two consecutive parts; returns the start of the second."""
         low = wp.vec3(huge, huge, huge)
         high = -low
-        for place in range(begin, end):
-            box = boxes[order[place]]
+        for index in range(begin, end):
+            box = boxes[order[index]]
             point = wp.vec3(middle(box, 0), middle(box, 1), middle(box, 2))
             low = wp.min(low, point)
             high = wp.max(high, point)
@@ -74,8 +75,8 @@ def sah_kernel() -> wp.Kernel:
             for side in range(3):
                 bounds[entry, side] = huge
                 bounds[entry, side + 3] = -huge
-        for place in range(begin, end):
-            box = boxes[order[place]]
+        for index in range(begin, end):
+            box = boxes[order[index]]
             for axis in range(3):
                 entry = axis * bins + wp.int32((middle(box, axis) - low[axis]) * scale[axis])
                 filled[entry] += 1
@@ -119,8 +120,8 @@ def sah_kernel() -> wp.Kernel:
         last = end - 1
         while first <= last:
             surfel = order[first]
-            place = wp.int32((middle(boxes[surfel], best_axis) - low[best_axis]) * scale[best_axis])
-            if place < best_plane:
+            found = wp.int32((middle(boxes[surfel], best_axis) - low[best_axis]) * scale[best_axis])
+            if found < best_plane:
                 first += 1
             else:
                 order[first] = order[last]
@@ -131,8 +132,8 @@ def sah_kernel() -> wp.Kernel:
     @wp.func
     def area_of(boxes: wp.array(dtype=six), order: wp.array(dtype=wp.int32), begin: wp.int32, end: wp.int32):
         box = nothing()
-        for place in range(begin, end):
-            box = joined(box, boxes[order[place]])
+        for index in range(begin, end):
+            box = joined(box, boxes[order[index]])
         return half_area(box)
 
     @wp.kernel(enable_backward=False, module="unique", module_options={"max_unroll": 3})
@@ -145,9 +146,10 @@ def sah_kernel() -> wp.Kernel:
         level_end: wp.array(dtype=wp.int32),
         made: wp.array(dtype=wp.int32),
     ):
-        """Nodes in the order of their levels; ``segment`` holds each node's range of ``order`` while it is due.
+        """Build nodes level by level; ``segment``: range of ``order`` of each node that is not yet split.
 
-        A tree of more levels than ``level_end`` has room for is left unfinished, with ``made[0]`` zero.
+        ``made``: numbers of nodes, leaves and levels. A tree with more levels than ``level_end`` has entries is left
+        unfinished, and ``made[0]`` is zero.
         """
         nodes = wp.int32(1)
         leaves = wp.int32(0)
@@ -192,8 +194,8 @@ def sah_kernel() -> wp.Kernel:
                         nodes += 1
                     else:
                         child[node, part] = -1 - leaves
-                        for place in range(begin[part], end[part]):
-                            leaf[leaves, place - begin[part]] = order[place]
+                        for index in range(begin[part], end[part]):
+                            leaf[leaves, index - begin[part]] = order[index]
                         leaves += 1
                 node += 1
             level_end[levels] = last

@@ -1,4 +1,4 @@
-"""Which node of an eight-wide tree holds what, by two ways of building: the surface-area heuristic, and k-d order."""
+"""The topology of an eight-wide tree over surfels, built by the surface-area heuristic or in k-d order."""
 
 from dataclasses import dataclass
 
@@ -13,30 +13,34 @@ from .hits_source import STACK
 from .sah_source import sah_kernel
 
 WIDTH = 8
-"""Children of a node and surfels of a leaf: one AVX register of float32."""
+"""Children of a node, and surfels of a leaf: one AVX register of float32."""
 
 DEEPEST = 1 + (STACK - 1) // (WIDTH - 1)
-"""Levels that a ray's stack can follow: each but the last leaves WIDTH - 1 children waiting."""
+"""Largest number of levels for the traversal stack: each level but the last pushes up to WIDTH - 1 children."""
 
 
 @dataclass(frozen=True)
 class Topology:
-    """A tree without boxes. Nodes are numbered from the root down, level by level.
-
-    child: per node the number of each child node, or -1 - (leaf number); an absent child is the leaf after the last.
-    order: the surfel at each place of each leaf, or -1. level_end: per level, the number after its last node.
-    """
+    """A tree without boxes. Nodes are numbered from the root down, level by level."""
 
     child: Int[Tensor, "nodes 8"]
+    """Children of each node: the number of a node, or -1 - (number of a leaf). A missing child is the leaf number
+    ``len(order)``."""
     order: Int[Tensor, "leaves 8"]
+    """Surfels of each leaf; -1 for an empty entry."""
     level_end: tuple[int, ...]
+    """For each level, the number after that of its last node."""
 
 
 def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3"]) -> Topology:
     """A tree by the surface-area heuristic over the surfels' boxes, on the CPU.
 
-    Where that would be deeper than a ray's stack (surfels spaced exponentially), it is the k-d tree of the boxes'
-    middles instead, whose depth is the logarithm of their number.
+    If it would be deeper than DEEPEST (for exponentially spaced surfels), the result is the k-d tree of the boxes'
+    centres, whose depth is the logarithm of the number of surfels.
+
+    Args:
+        low: Lower corner of each box, in the world.
+        high: Upper corner of each box.
     """
     count = len(low)
     room = max(count, 1)
@@ -59,7 +63,7 @@ def sah_topology(low: Float[Tensor, "surfels 3"], high: Float[Tensor, "surfels 3
 
 
 def kd_topology(centre: Float[Tensor, "surfels 3"]) -> Topology:
-    """A complete tree by sorting alone, on any device: every segment is halved along its longest side."""
+    """A complete tree by sorting only, on any device: every segment is halved along its longest side."""
     order = _kd_order(centre)
     leaves = len(order) // WIDTH
     levels = [max(1, leaves // WIDTH)]
@@ -76,22 +80,21 @@ def kd_topology(centre: Float[Tensor, "surfels 3"]) -> Topology:
     return Topology(torch.cat(child).view(-1, WIDTH).int(), order.view(-1, WIDTH).int(), tuple(ends))
 
 
-def _kd_order(centre: Float[Tensor, "surfels 3"]) -> Int[Tensor, " places"]:
-    """Surfel numbers in the order of a balanced k-d tree's leaves, filled up with -1 to 8 * a power of two.
+def _kd_order(centre: Float[Tensor, "surfels 3"]) -> Int[Tensor, " entries"]:
+    """Surfels in the order of a balanced k-d tree's leaves, padded with -1 to 8 times a power of two.
 
-    All segments of a level are sorted along the longest side of their boxes at once.
+    All segments of a level are sorted at once, each along the longest side of its box.
     """
     count = len(centre)
     halvings = 0
     while WIDTH << halvings < max(count, 1):
         halvings += 1
-    places = WIDTH << halvings
-    order = torch.full((places,), -1, dtype=torch.long, device=centre.device)
+    order = torch.full((WIDTH << halvings,), -1, dtype=torch.long, device=centre.device)
     order[:count] = torch.arange(count, device=centre.device)
-    place = torch.cat([centre, centre.new_full((1, 3), torch.inf)])
+    padded = torch.cat([centre, centre.new_full((1, 3), torch.inf)])
     for level in range(halvings):
         order = order.view(1 << level, -1)
-        points = place[order]
+        points = padded[order]
         filled = torch.isfinite(points)
         side = torch.where(filled, points, -torch.inf).amax(1) - torch.where(filled, points, torch.inf).amin(1)
         key = points.gather(2, side.argmax(-1)[:, None, None].expand(-1, points.shape[1], 1))[..., 0]

@@ -84,12 +84,12 @@ const long long ray = hits.ray.data[slot];
 const SCALAR* d = hits.direction.data + 3 * ray;
 const SCALAR x = d[0], y = d[1], z = d[2];
 #include "radiance"
-// Whether the ray comes from the visible side: radiance is that side's, and from behind a surfel is black.
+// Whether the ray hits the front side: radiance is that of the front, and a surfel is black from behind.
 auto visible = [&](int surfel) __attribute__((always_inline)) {
     const SCALAR* normal = hits.surface.data + 13LL * surfel + 9;
     return normal[0] * x + normal[1] * y + normal[2] * z < SCALAR(0);
 };
-// Entries of the rays that follow lie behind this ray's, and are fetched before it ends.
+// Entries of later rays lie behind this ray's, and are prefetched before it ends.
 const int entries = hits.surfel.shape[0];
 auto fetch = [&](int entry) __attribute__((always_inline)) {
     if (entry < entries) {
@@ -131,7 +131,7 @@ for (int entry = begin; entry < end; ++entry) {
     const SCALAR* features = hits.features.data + (long long)channels * surfel;
     SCALAR colour[3] = {SCALAR(0), SCALAR(0), SCALAR(0)};
     if (visible(surfel)) radiance_of(hits.sh.data + (long long)width * surfel, colour);
-    // Zero times a negative radiance, not zero: what is no number stays none (and is refused by name), not black.
+    // Zero times a negative radiance, not zero: NaN stays NaN (and raises an error that names the surfel), not black.
     for (int c = 0; c < 3; ++c) total[c] += weight * (colour[c] < SCALAR(0) ? SCALAR(0) * colour[c] : colour[c]);
     for (int k = 0; k < channels; ++k) blended[k] += weight * features[k];
     depth += weight * hits.depth.data[entry];
@@ -202,7 +202,7 @@ for (int entry = begin; entry < end; ++entry) {
         u += axis_u[c] * offset[c];
         v += axis_v[c] * offset[c];
     }
-    // Where alpha was cut off at its largest value it has no gradient, and what it would have been is not needed.
+    // Where alpha was clipped at MAX_ALPHA it has no gradient, and its unclipped value is not needed.
     const SCALAR alpha = hits.alpha.data[entry];
     const bool free = alpha < SCALAR(MAX_ALPHA);
     const SCALAR weight = left * alpha;

@@ -1,4 +1,4 @@
-"""K2: trace rays through surfels, blending what they meet in order, with gradient."""
+"""K2: trace rays through surfels and blend their hits in order; differentiable."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -18,16 +18,19 @@ from .trace_source import trace_kernels
 
 @dataclass(frozen=True)
 class Hits:
-    """What each ray meets, blended front to back with w_i = alpha_i prod_{j<i} (1 - alpha_j).
+    """The hits of each ray, blended front to back with weights w_i = alpha_i prod_{j<i} (1 - alpha_j).
 
-    radiance: sum_i w_i L_i(d), linear RGB. transmittance: what is left, in [0, 1]. features: sum_i w_i f_i.
-    depth: sum_i w_i t_i, in lengths of the direction. Nothing is divided by 1 - transmittance.
+    Blended values are not divided by 1 - transmittance.
     """
 
     radiance: Float[Tensor, "rays 3"]
+    """sum_i w_i L_i(d), linear RGB."""
     transmittance: Float[Tensor, " rays"]
+    """prod_i (1 - alpha_i), in [0, 1]."""
     features: Float[Tensor, "rays channels"]
+    """sum_i w_i f_i."""
     depth: Float[Tensor, " rays"]
+    """sum_i w_i t_i, in lengths of the direction."""
 
 
 def trace(
@@ -41,16 +44,27 @@ def trace(
     stop: float = TRACE_TRANSMITTANCE_STOP,
     back_from: Float[Tensor, " rays"] | None = None,
 ) -> Hits:
-    """Trace rays from world ``origin`` along unit ``direction`` (of travel), beyond ``t_min``.
+    """Trace rays through surfels and blend their hits.
 
-    A surfel is met where the ray comes from its visible side and alpha reaches ALPHA_THRESHOLD. Beyond ``back_from``
-    (None: nowhere) it is met from behind, too, and is black there: its radiance is that of its visible side. Hits are
-    ordered by (t, surfel number), so exact ties are neither lost nor swapped; a ray ends after the hit that takes its
-    transmittance below ``stop``. Radiance is max(0, SH(direction) + 1/2). ``bvh`` must be fitted to ``geometry``.
+    A ray hits a surfel from the front if alpha is at least ALPHA_THRESHOLD. Beyond ``back_from`` it also hits surfels
+    from behind, where they are black. Hits are ordered by (t, surfel index), so exact ties are neither lost nor
+    swapped; a ray ends after the hit that takes its transmittance below ``stop``. The radiance of a hit is
+    max(0, SH(direction) + 1/2).
 
-    Gradients: every field of ``geometry``, ``sh``, ``features`` and ``origin``; none to ``direction`` and
-    ``t_min``, nor through which surfels are met. Raises NumericalFailure if a surfel that is met has a coefficient or
-    a feature that is not finite.
+    Gradients flow to every field of ``geometry``, ``sh``, ``features`` and ``origin``; ``direction`` and ``t_min`` get
+    none, and neither does the choice of hits. Raises NumericalFailure if a surfel that is hit has a coefficient or a
+    feature that is not finite.
+
+    Args:
+        bvh: Tree that is fitted to ``geometry``.
+        geometry: Surfels.
+        sh: Harmonics of the surfels' radiance.
+        features: Further values of the surfels, which are blended.
+        origin: Origins in the world.
+        direction: Unit directions of travel in the world.
+        t_min: Distance from the origin beyond which a ray hits surfels, world units.
+        stop: Transmittance below which a ray ends.
+        back_from: Distance beyond which a ray also hits surfels from behind; None: never.
     """
     backs = torch.full_like(t_min, torch.inf) if back_from is None else back_from
     lists = find_hits(bvh, origin.detach(), direction.detach(), t_min.detach(), backs.detach(), stop)

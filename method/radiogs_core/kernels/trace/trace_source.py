@@ -1,8 +1,8 @@
-"""The tracing kernels: blend the hits of a ray, forward and backward.
+"""Kernels that blend the hits of rays, forward and backward.
 
-Both passes walk a list of hits that is kept, so the backward pass does not traverse again. They are native snippets
-that read what the hits and rays after next need before they need it: surfels, their sums and outputs lie wherever their
-numbers say, and a ray's work is short beside the way to memory (measured on M: forward 1.8 times as fast).
+Both passes read a stored list of hits, so the backward pass does not traverse the tree again. They are native snippets
+that prefetch the data of later hits and rays: surfels, gradient sums and outputs are scattered in memory, and a ray's
+arithmetic is short beside the memory latency (measured on M: forward 1.8 times as fast).
 """
 
 from functools import cache
@@ -24,7 +24,7 @@ _TEXT = native_file(__package__, "trace.inl", lanes=LANES, harmonics=HARMONICS)
 def trace_kernels(dtype: torch.dtype, on_cuda: bool) -> SimpleNamespace:
     """Kernels ``forward`` and ``backward`` for float32 or float64, and the struct ``Hits`` that both take.
 
-    All arrays are flat; ``coefficients`` of the harmonics and ``channels`` of the features are numbers.
+    All arrays are flat; ``coefficients``: number of harmonics; ``channels``: number of features.
     """
     start_warp()
     scalar = scalar_type(dtype)

@@ -80,9 +80,9 @@ def own(surfels: Surfels, light: EnvironmentMap, indirect: Indirect = "traced", 
     return middle(Renderer(surfels, surfels.albedo, RecoveredLight(model, rays(), samples, indirect), 0))
 
 
-def relit(surfels: Surfels, light: EnvironmentMap, met_albedo: Tensor, indirect: bool = True) -> dict[str, Tensor]:
+def relit(surfels: Surfels, light: EnvironmentMap, hit_albedo: Tensor, indirect: bool = True) -> dict[str, Tensor]:
     """The middle pixel of every map, relit by 64 rays over the hemisphere and 32 from the light."""
-    new = NewLight(surfels, met_albedo, light, rays(), (64, 32), indirect)
+    new = NewLight(surfels, hit_albedo, light, rays(), (64, 32), indirect)
     return middle(Renderer(surfels, surfels.albedo, new, 0))
 
 

@@ -7,7 +7,7 @@ from radiogs_core.kernels.rasterize.rasterize import records_of
 from radiogs_core.kernels.surfel.footprint import widened
 from radiogs_core.kernels.surfel.geometry import MAX_ALPHA, SplatGeometry
 from radiogs_core.kernels.surfel.support import support_of
-from radiogs_core.kernels.surfel.support_source import DEGENERATE, FAINT, MET, SATURABLE
+from radiogs_core.kernels.surfel.support_source import DEGENERATE, FAINT, REGULAR, SATURABLE
 from radiogs_core.scene.camera import Camera
 from reference import surfels as dense
 from scenes import look_at
@@ -88,7 +88,7 @@ def test_the_box_of_a_support_touches_the_points_where_alpha_is_one_grey_level()
     geometry = widened(camera(), *surfels().values())
     support = support_of(geometry)
     angle = torch.linspace(0, 2 * torch.pi, 20_001, dtype=torch.float64)[:, None]
-    for i in torch.nonzero(support.can_be_met)[:, 0].tolist():
+    for i in torch.nonzero(support.can_be_hit)[:, 0].tolist():
         radius = dense.support_squared(float(geometry.opacity[i])) ** 0.5
         torch.testing.assert_close(float(support.radius[i]), radius)
         axes = torch.stack([geometry.axis_u[i], geometry.axis_v[i]])
@@ -103,5 +103,5 @@ def test_kinds_of_surfels() -> None:
     given.centre[4, 1] = torch.inf
     given.axis_u[5] = 0
     given.axis_v[6, 2] = torch.nan
-    expected = [MET, MET, SATURABLE, FAINT, *5 * [DEGENERATE]]
+    expected = [REGULAR, REGULAR, SATURABLE, FAINT, *5 * [DEGENERATE]]
     assert support_of(given).kind.tolist() == expected

@@ -97,7 +97,7 @@ PROCESSORS = {"this": "-march=native", "AVX2": "-target-cpu haswell", "neither":
 
 
 def processor_flags() -> str:
-    """What the processor says that it can do, on Linux."""
+    """The features that the processor reports, on Linux."""
     about = Path("/proc/cpuinfo")
     return about.read_text(encoding="utf-8") if about.exists() else ""
 

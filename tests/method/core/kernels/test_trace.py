@@ -115,7 +115,7 @@ def test_from_a_distance_on_backs_are_met_and_are_black() -> None:
         assert (ours[name] - theirs[name]).abs().max() <= 1e-9 * theirs[name].abs().max(), name
 
 
-def met_by_each(given: dict[str, torch.Tensor]) -> list[list[int]]:
+def hit_by_each(given: dict[str, torch.Tensor]) -> list[list[int]]:
     """The surfels that each ray blends, in order."""
     tree = SurfelBVH.build(splats(given))
     lists = find_hits(
@@ -134,7 +134,7 @@ def test_gradients_equal_central_differences_in_random_directions() -> None:
     def total(values: dict[str, torch.Tensor]) -> float:
         return float(sum((out * pull).sum() for out, pull in zip(fast(values), pulls, strict=True)))
 
-    assert_gradients(total, given, gradients(fast, given, pulls), 2e-5, met_by_each)
+    assert_gradients(total, given, gradients(fast, given, pulls), 2e-5, hit_by_each)
 
 
 @in_every_arrangement
@@ -142,7 +142,7 @@ def test_float32_agrees_with_float64_but_where_a_hit_crosses_a_threshold() -> No
     """A hit at the alpha threshold, at the stop or in a tie is met in one precision and not in the other."""
     given = {name: value.float() for name, value in random_inputs(400, 5000, 3).items()}
     rounded = {name: value.double() for name, value in given.items()}
-    crossed = torch.tensor([a != b for a, b in zip(met_by_each(given), met_by_each(rounded), strict=True)])
+    crossed = torch.tensor([a != b for a, b in zip(hit_by_each(given), hit_by_each(rounded), strict=True)])
     assert int(crossed.sum()) < 0.01 * len(crossed)
     exact = fast(rounded)
     for name, ours, theirs in zip(OUTPUTS, fast(given), exact, strict=True):

@@ -30,7 +30,7 @@ def test_every_parameter_comes_back_bit_for_bit(tmp_path: Path) -> None:
 
 
 def decoded(path: Path) -> dict[str, torch.Tensor]:
-    """What a viewer of 3DGS makes of a file: attributes by their documented names, encodings undone.
+    """The values that a viewer of 3DGS reads from a file: attributes by their documented names, decoded.
 
     Names, order, logit, natural logarithm and (w, x, y, z): graphdeco-inria/gaussian-splatting, scene/gaussian_model.py
     (``construct_list_of_attributes``, ``save_ply``); PlayCanvas' user manual, "The PLY Format" and ``DataTable`` of

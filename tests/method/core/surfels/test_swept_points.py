@@ -67,7 +67,7 @@ def test_fused_points_lie_where_the_depths_of_all_views_are_on_average() -> None
 
 
 def _depth_of_a_sphere(view: SmallView, radius: float) -> torch.Tensor:
-    """Of the sphere about the origin; 0 beside it."""
+    """Depth of the sphere about the origin; 0 beside it."""
     direction, centre = view.camera.ray_directions(), view.camera.centre
     a, b = direction.square().sum(-1), direction @ centre
     under = b.square() - a * (centre.square().sum() - radius**2)

@@ -6,10 +6,10 @@ from unittest.mock import patch
 import pytest
 import torch
 
-from radiogs_core.transport import met_surface
+from radiogs_core.transport import hit_surface
 from radiogs_core.transport import tracer as tracing
+from radiogs_core.transport.hit_surface import enclosed, openness, traced_openness
 from radiogs_core.transport.incident import unoccluded
-from radiogs_core.transport.met_surface import enclosed, openness, traced_openness
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
@@ -37,7 +37,7 @@ def test_openness_is_the_same_when_rays_are_traced_in_pieces(monkeypatch: pytest
     hemisphere = gather_incident(tracer, surfels, 32, None)
     whole = openness(surfels.frame[..., 2], hemisphere)
     assert 0.05 < float(whole.min()) < float(whole.median()) - 0.2  # the corner is darker than the open floor
-    monkeypatch.setattr(met_surface, "RAYS_AT_ONCE", 7 * 32)
+    monkeypatch.setattr(hit_surface, "RAYS_AT_ONCE", 7 * 32)
     monkeypatch.setattr(tracing, "RAYS_AT_ONCE", 3 * 32)
     with patch.object(tracer, "incident", side_effect=tracer.incident) as traced:
         torch.testing.assert_close(traced_openness(tracer, surfels, 32, False, EffectPlan()), whole)

@@ -11,7 +11,7 @@ from radiogs_core.transport.tracer import SurfelTracer
 from scenes import surfels_facing
 
 DEVIATION = 0.1
-"""Of the surfels that ``surfels_facing`` makes."""
+"""Standard deviation of the surfels that ``surfels_facing`` makes."""
 
 UP = torch.tensor([0.0, 0.0, 1.0])
 

@@ -1,4 +1,5 @@
-"""What a plan leaves out is really not done: the counters say so, and what is left equals the full method's part."""
+"""Work that a plan leaves out is not done: the counters show it, and the remaining light equals the full method's
+part."""
 
 import dataclasses
 from types import SimpleNamespace

@@ -38,7 +38,7 @@ def test_a_probe_during_training_knows_that_roughness_may_yet_be_learnt() -> Non
 
 
 def test_the_work_of_a_step_is_what_it_asks_for() -> None:
-    """Of 100 surfels 20 are drawn, with 8 samples each; all are traced anew every 10 steps.
+    """Each step draws 20 of 100 surfels, with 8 samples each; all are traced again every 10 steps.
 
     Every surfel is shaded, and those drawn for both sides of radiometric consistency; a ray blends four surfels.
     """

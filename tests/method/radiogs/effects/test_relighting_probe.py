@@ -55,7 +55,7 @@ def test_a_relighting_light_unlike_the_training_light_is_probed_anew() -> None:
 
 
 def test_the_truth_that_light_sampling_is_judged_by_has_a_sun_of_half_a_degree() -> None:
-    """Of rough surfaces by closed form, albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
+    """The closed form for rough surfaces is albedo (sky + E_sun n.s / pi); their lobes add a few per cent of it."""
     ball = surfels_over([Sphere((0.0, 0.0, 0.0), 0.8, Material((0.8, 0.8, 0.8), 0.99))], 0.25)
     light, sun = sun_and_sky(512)
     truth = reference_colour(ball, EnvironmentMap(light), torch.Generator().manual_seed(0))

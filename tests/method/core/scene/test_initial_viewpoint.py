@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 import torch
 
+from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.scene import Scene, View
-from radiogs_core.scene.standpoint import standpoint
 from scenes import look_at
 
 TARGET = torch.tensor([0.0, 0.5, 0.0])
@@ -34,7 +34,7 @@ def ring(angles: list[float]) -> Scene:
 
 def test_z_is_up_where_cameras_stand_upright_and_a_room_has_the_middle_that_they_look_at() -> None:
     room = scene()
-    found = standpoint(room, room.test[0].camera)
+    found = initial_viewpoint(room, room.test[0].camera)
     assert found.eye.tolist() == [3.0, 1.0, 2.0]
     assert found.up.tolist() == [0.0, 0.0, 1.0]
     assert found.middle is not None
@@ -46,19 +46,19 @@ def test_z_is_up_where_cameras_stand_upright_and_a_room_has_the_middle_that_they
 def test_the_arc_is_that_of_the_cameras_from_the_eye_to_either_side(turn: float) -> None:
     angles = turn + torch.tensor([0.4, -0.6, 0.0, 0.9])
     room = ring(angles.tolist())
-    arc = standpoint(room, room.test[0].camera).arc
+    arc = initial_viewpoint(room, room.test[0].camera).arc
     assert arc is not None
     assert arc.tolist() == pytest.approx([-1.0, 0.5], abs=1e-3)
 
 
 def test_a_room_that_was_seen_from_all_sides_is_gone_round() -> None:
     room = ring([place * math.pi / 4 for place in range(8)])
-    assert standpoint(room, room.test[0].camera).arc is None
+    assert initial_viewpoint(room, room.test[0].camera).arc is None
 
 
 def test_an_object_is_its_own_middle() -> None:
     masked = scene(masks=True)
-    found = standpoint(masked, masked.test[0].camera)
+    found = initial_viewpoint(masked, masked.test[0].camera)
     assert found.middle is None
     assert found.plain().keys() == {"eye", "up"}
 
@@ -67,6 +67,6 @@ def test_a_capture_has_an_upward_direction_of_its_own() -> None:
     turn = torch.eye(4)
     turn[1:3, 1:3] = torch.tensor([[0.0, -1.0], [1.0, 0.0]])  # Y points down
     turned = scene(turn)
-    up = standpoint(turned, turned.test[0].camera).up
+    up = initial_viewpoint(turned, turned.test[0].camera).up
     assert up @ torch.tensor([0.0, -1.0, 0.0]) > 0.9
     assert float(up.norm()) == pytest.approx(1)
