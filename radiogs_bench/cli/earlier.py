@@ -1,15 +1,13 @@
-"""Keeps what a new run or training would replace: reports of another run in the folder, and another model's files."""
+"""Keeps the reports of another run in the folder, which a new run would replace."""
 
 import os
 from pathlib import Path
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_reports.record import RECORD, recorded
 from radiogs_reports.summary import PLAIN
 
-from ..runs.cell import Cell
 from ..runs.sweep import Sweep, read_sweep
-from ..runs.trained_folder import About, read_about
 from ..store.folder import Store
 
 EARLIER = "earlier"
@@ -17,9 +15,6 @@ EARLIER = "earlier"
 
 SAME_RUN = ("suite", "preset", "protocol", "device")
 """What a continued run has in common with the one that it continues."""
-
-OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
-"""Folders that models share: their files are named by keys, and none replaces another's."""
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:
@@ -53,33 +48,3 @@ def _is_own_file(folder: Path, name: str) -> bool:
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
     return plain and (folder / name).is_file() and not any(place.is_symlink() for place in places)
-
-
-def keep_model(folder: Path, cell: Cell, force: bool) -> Path | None:
-    """Move the files of another model aside if ``force`` says so; returns where they are, None if there is no other.
-
-    Raises UsageError without it.
-    """
-    try:
-        about = read_about(folder)
-    except DataError:
-        return None
-    if about["training_key"] == cell.training_key:
-        return None
-    if not force:
-        raise UsageError(
-            f"{folder} holds another trained model: {described(about)}",
-            "It was trained from another scene, with other settings, or by another version of the code.",
-            "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
-        )
-    place = folder / f"replaced-{about['training_key']}"
-    place.mkdir(exist_ok=True)
-    for path in sorted(folder.iterdir()):
-        if path.name not in OF_THE_STORE and not path.name.startswith("replaced-"):
-            os.replace(path, place / path.name)
-    return place
-
-
-def described(about: About) -> str:
-    """Which model it is."""
-    return f"{about['method']} of scene '{about['scene']}', preset {about['preset']}, seed {about['seed']}"

@@ -12,11 +12,9 @@ from .device import chosen_device
 from .options import METHOD, add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
 
 if TYPE_CHECKING:
-    import torch
-
     from radiogs_core.contract import Prepared, Run, Trained
-    from radiogs_core.scene.scene import Scene
 
+    from ..api import Model
     from .options import Commands
 
 PAPER = "paper"
@@ -76,54 +74,28 @@ def factors(text: str) -> tuple[float, float, float]:
 
 def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
-    from radiogs_datasets import load_scene
-
-    from ..methods import budget_of, method
-    from ..runs.cell import Work, cell_of
-    from ..runs.interruption import Interruption
-    from ..runs.kept_pace import KeptPace
-    from ..runs.preflight import read_everything
-    from ..runs.progress import progress_for_stderr
-    from ..runs.scene_digest import checksum_now
-    from ..runs.stages import Bench, facts_of, trained
-    from ..runs.trained_folder import write_trained
-    from ..store.claim import saying_who_holds
-    from ..store.folder import Store
-    from .earlier import keep_model
+    from .. import api
     from .reporter import say
 
-    device = chosen_device(options)
-    opened = scene_options(options)
-    used, scene, store = method(options.method), load_scene(options.scene, options=opened), Store(options.out)
-    for repair in scene.repairs:
-        say(f"{scene.name}: {repair}")
-    work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
-    cell = cell_of(used, scene, work, options.method)
-    replaced = keep_model(options.out, cell, options.force)
-    if replaced is not None:
-        say(f"the files of the model that was here are in {replaced}")
-    held = saying_who_holds(str(options.out))
-    with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
-        read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        with KeptPace(progress, store, cell.key) as kept:
-            model, ledgers = trained(Bench(store, device, kept, interruption, method, checksum_now), cell, scene)
-        facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)
-    seconds = sum(ledger["seconds"] for ledger in ledgers.values())
-    size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
-    say(f"{scene.name}: {size}{seconds:.0f} s")
-    for remark in facts.get("remarks", ()):
+    chosen_device(options)  # also sets the number of threads
+    model = api.train(
+        options.method, options.scene, options.preset, variant_fields(options), options.seed, options.device,
+        options.out, scene_options=scene_options(options), replace=options.force, say=say,
+    )  # fmt: skip
+    written = [path.name for path in model.files]
+    size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
+    say(f"{model.run.scene.name}: {size}{model.seconds:.0f} s")
+    for remark in model.facts.get("remarks", ()):
         say(remark)
     if options.score:
-        written.append(options.out / "score.json")
-        _score(options, cell.method, model, scene, device, written[-1])
-    say(f"{options.out}: {', '.join(path.name for path in written)}")
+        _score(model, options.out, options.out / "score.json")
+        written.append("score.json")
+    say(f"{options.out}: {', '.join(written)}")
     say(f"Look at it:  radiogs-bench view {options.out}")
     return 0
 
 
-def _score(
-    options: argparse.Namespace, name: str, model: "Trained", scene: "Scene", device: "torch.device", path: Path
-) -> None:
+def _score(model: "Model", folder: Path, path: Path) -> None:
     """Print the new model's metrics, and write their record."""
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -132,25 +104,25 @@ def _score(
     from ..scoring.record import record_of_model
     from .score import say_without_weights, show_record, write_record
 
-    rules = [protocol("default")]
+    rules, run = [protocol("default")], model.run
     say_without_weights(rules)
     with progress_for_stderr() as progress:
         record = record_of_model(
-            str(options.out), name, model, scene, device, rules,
+            str(folder), model.method, model.trained, run.scene, run.device, rules,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
-    require_unchanged(scene, checksum_now)
+    require_unchanged(run.scene, checksum_now)
     write_record(record, path)
     show_record(record)
 
 
-def variant_asked(options: argparse.Namespace) -> Any:
-    """The variant for ``train``: the full method with the fields that the options set."""
+def variant_fields(options: argparse.Namespace) -> dict[str, Any]:
+    """The fields of the variant that the options of ``train`` set, as plain values. Raises UsageError."""
     from dataclasses import fields
 
     from radiogs_core.capabilities import Profiled
 
-    from ..methods import method, variant_of
+    from ..methods import method
 
     used = method(options.method)
     profiles: Mapping[str, Mapping[str, Any]] = used.profiles if isinstance(used, Profiled) else {PAPER: {}}
@@ -163,7 +135,7 @@ def variant_asked(options: argparse.Namespace) -> Any:
         if "effects" not in {field.name for field in fields(used.variant)}:
             raise UsageError(f"{used.name} has no choice of effects", "", "Leave --effects out.")
         given["effects"] = options.effects
-    return variant_of(used, given)
+    return given
 
 
 def render(options: argparse.Namespace) -> int:

@@ -5,6 +5,7 @@ are for other programs: what the method exports (RadioGS: ``surfels.ply``, see `
 and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
@@ -12,7 +13,7 @@ from typing import Any, NotRequired, TypedDict, cast
 import torch
 
 from radiogs_core.contract import Run, Trained
-from radiogs_core.errors import DataError
+from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import to_plain
 from radiogs_core.scene.scene import Scene
 from radiogs_core.scene.standpoint import standpoint
@@ -30,6 +31,9 @@ from .cell import Cell
 from .stages import facts_of, restored
 
 TRAINED_SCHEMA = "radiogs-bench/trained/3"
+
+FOLDERS_OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
+"""Folders that models share: their files are named by keys, and none replaces another's."""
 
 
 class About(TypedDict):
@@ -104,6 +108,36 @@ def read_about(folder: Path) -> About:
         ) from error
     plain_name(about["training_key"], f"the key of the model in {path}")
     return about
+
+
+def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | None:
+    """Move the files of another model aside if ``replace`` says so; returns where they are, None if there is no other.
+
+    Raises UsageError without ``replace``.
+    """
+    try:
+        about = read_about(folder)
+    except DataError:
+        return None
+    if about["training_key"] == cell.training_key:
+        return None
+    if not replace:
+        raise UsageError(
+            f"{folder} holds another trained model: {_described(about)}",
+            "It was trained from another scene, with other settings, or by another version of the code.",
+            "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
+        )
+    kept = folder / f"replaced-{about['training_key']}"
+    kept.mkdir(exist_ok=True)
+    for path in sorted(folder.iterdir()):
+        if path.name not in FOLDERS_OF_THE_STORE and not path.name.startswith("replaced-"):
+            os.replace(path, kept / path.name)
+    return kept
+
+
+def _described(about: About) -> str:
+    """Method, scene, preset and seed of a model, in words."""
+    return f"{about['method']} of scene '{about['scene']}', preset {about['preset']}, seed {about['seed']}"
 
 
 def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
