@@ -44,7 +44,7 @@ from .runs.progress import progress_for_stderr
 from .runs.scene_digest import checksum_now
 from .runs.stages import Bench, facts_of, trained
 from .runs.sweep import read_sweep
-from .runs.trained_folder import read_about, read_trained, set_other_model_aside, write_trained
+from .runs.trained_folder import Origin, read_about, read_trained, set_other_model_aside, write_trained
 from .scoring.evaluate import SCORES_ALONE, evaluate
 from .scoring.maps import on_black
 from .scoring.metrics.protocols import PROTOCOLS
@@ -158,6 +158,8 @@ def read_light(path: str | Path) -> EnvironmentMap:
 class TrainingOptions(TypedDict, total=False):
     """Further options of ``train``, by keyword."""
 
+    budget: Mapping[str, Any]
+    """Numbers that replace those of the preset, as plain values, by dotted names or in nested tables."""
     scene_options: SceneOptions
     """How a scene that is given by its name or folder is opened (layout, reduction, held-out views)."""
     replace: bool
@@ -178,7 +180,8 @@ def train(
 ) -> Model:
     """Train a method on a scene, or continue, and return the model.
 
-    ``variant`` holds the fields in which the method differs from its full form, as plain values. ``out`` keeps what
+    ``variant`` holds the fields in which the method differs from its full form, as plain values, by dotted names
+    (``"materials.rates.light"``) or in nested tables. ``out`` keeps what
     ``radiogs-bench train`` keeps (default: nothing is kept): a training that was stopped continues there, and a
     finished model is read. ``options``: see ``TrainingOptions``. Raises UsageError, DataError, NumericalFailure, and
     Interrupted after Ctrl-C.
@@ -193,7 +196,8 @@ def train(
     read = load_scene(scene, options=opened) if isinstance(scene, str) else scene
     for repair in read.repairs:
         say(f"{read.name}: {repair}")
-    work = Work(variant_of(used, variant or {}), budget_of(used, preset), seed, device)
+    changes = options.get("budget", {})
+    work = Work(variant_of(used, variant or {}), budget_of(used, preset, changes), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
     run = Run(read, cell.variant, cell.budget, seed, torch.device(device))
     if out is None:
@@ -204,11 +208,12 @@ def train(
     if replaced is not None:
         say(f"the files of the model that was here are in {replaced}")
     with store.keeping_tracebacks():
-        return _trained(store, cell, run, used, scene if isinstance(scene, str) else str(read.folder or read.name))
+        name = scene if isinstance(scene, str) else str(read.folder or read.name)
+        return _trained(store, cell, run, used, Origin(name, preset, changes))
 
 
-def _trained(store: Store, cell: Cell, run: Run, method: Method, named: str | None = None) -> Model:
-    """The cell's model, trained in a store or read from it; its files are written if the scene is ``named`` there."""
+def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin | None = None) -> Model:
+    """The cell's model, trained in a store or read from it; its files are written there if it has an ``origin``."""
     use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
     scene = run.scene
     with saying_who_holds(str(store.folder)), progress_for_stderr() as progress, Interruption() as interruption:
@@ -216,7 +221,7 @@ def _trained(store: Store, cell: Cell, run: Run, method: Method, named: str | No
         with KeptPace(progress, store, cell.key) as kept:
             bench = Bench(store, run.device, kept, interruption, lambda name: method, checksum_now)
             model, ledgers = trained(bench, cell, scene)
-        files = () if named is None else tuple(write_trained(store, named, scene, cell, model))
+        files = () if origin is None else tuple(write_trained(store, origin, scene, cell, model))
     return Model(model, run, method.name, math.fsum(ledger["seconds"] for ledger in ledgers.values()), files)
 
 

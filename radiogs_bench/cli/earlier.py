@@ -1,6 +1,8 @@
 """Keeps the reports of another run in the folder, which a new run would replace."""
 
+import hashlib
 import os
+import re
 from pathlib import Path
 
 from radiogs_core.errors import DataError
@@ -38,8 +40,14 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
 
 
 def name_of(run: Sweep) -> str:
-    """Suite, preset, protocol and device, as the name of a folder."""
-    return "-".join(run[name] for name in SAME_RUN)  # type: ignore[literal-required]
+    """Suite, preset, protocol and device, as the name of a folder.
+
+    A preset with fields that were set has characters that no name may have: its name ends with a digest.
+    """
+    name = "-".join(run[each] for each in SAME_RUN)  # type: ignore[literal-required]
+    if PLAIN.fullmatch(name):
+        return name
+    return f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:80]}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 
 
 def _is_own_file(folder: Path, name: str) -> bool:

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import METHOD, add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
+from .options import (
+    METHOD,
+    add_data,
+    add_effects,
+    add_scene_options,
+    add_set,
+    add_verbose,
+    positive,
+    scene_options,
+    settings_from,
+)
 
 if TYPE_CHECKING:
     from radiogs_core.contract import Prepared, Run, Trained
@@ -39,6 +49,7 @@ def add_to(commands: "Commands") -> None:
         "--no-score", dest="score", action="store_false", help="do not score the test views at the end"
     )
     add_effects(training)
+    add_set(training)
     add_scene_options(training)
 
     rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
@@ -78,9 +89,10 @@ def train(options: argparse.Namespace) -> int:
     from .reporter import say
 
     chosen_device(options)  # also sets the number of threads
+    variant, budget = fields_from(options)
     model = api.train(
-        options.method, options.scene, options.preset, variant_fields(options), options.seed, options.device,
-        options.out, scene_options=scene_options(options), replace=options.force, say=say,
+        options.method, options.scene, options.preset, variant, options.seed, options.device, options.out,
+        budget=budget, scene_options=scene_options(options), replace=options.force, say=say,
     )  # fmt: skip
     written = [path.name for path in model.files]
     size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
@@ -116,26 +128,25 @@ def _score(model: "Model", folder: Path, path: Path) -> None:
     show_record(record)
 
 
-def variant_fields(options: argparse.Namespace) -> dict[str, Any]:
-    """The fields of the variant that the options of ``train`` set, as plain values. Raises UsageError."""
-    from dataclasses import fields
-
+def fields_from(options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of the variant and of the budget that the options of ``train`` set. Raises UsageError."""
     from radiogs_core.capabilities import Profiled
+    from radiogs_core.errors import unknown
+    from radiogs_core.plain_values import leaf_names
 
-    from ..methods import method
+    from ..methods import method, settings_for
 
     used = method(options.method)
     profiles: Mapping[str, Mapping[str, Any]] = used.profiles if isinstance(used, Profiled) else {PAPER: {}}
     if options.profile not in profiles:
-        raise UsageError(
-            f"{used.name} has no profile '{options.profile}'", f"It has: {', '.join(profiles)}.", "Leave --profile out."
-        )
-    given = dict(profiles[options.profile])
+        raise unknown("profile", options.profile, profiles, "Leave --profile out.", of=used.name)
+    variant = dict(profiles[options.profile])
     if options.effects != "all":
-        if "effects" not in {field.name for field in fields(used.variant)}:
+        if "effects" not in leaf_names(used.variant()):
             raise UsageError(f"{used.name} has no choice of effects", "", "Leave --effects out.")
-        given["effects"] = options.effects
-    return given
+        variant["effects"] = options.effects
+    settings = settings_for(used, options.preset, settings_from(options))
+    return {**variant, **settings.variant}, dict(settings.budget)
 
 
 def render(options: argparse.Namespace) -> int:

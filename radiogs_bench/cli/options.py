@@ -27,6 +27,9 @@ MOST_SEEDS = 10_000
 SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
 """Pixels a side: the buffers that VTK draws into end near 16384, where it aborts the process."""
 
+BARE_WORD = re.compile(r"[A-Za-z][\w.+-]*")
+"""A value of ``--set`` that needs no quotes."""
+
 LONGEST_COUNT = 18
 """Digits of a whole number: those of 64 bits."""
 
@@ -87,6 +90,46 @@ def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") ->
         "--effects", type=effects, default=default, metavar="all|auto|LIST",
         help="what is simulated: all, those that the scene needs, or the effects that are on (default: all)",
     )  # fmt: skip
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """FIELD=VALUE: a dotted name and a value, which is TOML (``0.01``, ``["a"]``) or a bare word (``auto``)."""
+    import tomllib
+
+    name, sign, written = text.partition("=")
+    name, written = name.strip(), written.strip()
+    if not sign or not all(part.isidentifier() for part in name.split(".")):
+        raise argparse.ArgumentTypeError(f"'{text}' is not FIELD=VALUE, such as materials.rates.light=0.01")
+    try:
+        read = tomllib.loads(f"value = {written}")
+    except (ValueError, RecursionError):
+        if not BARE_WORD.fullmatch(written):
+            raise argparse.ArgumentTypeError(f"'{written}' of {name} is neither TOML nor a single word") from None
+        return name, written
+    if read.keys() != {"value"}:
+        raise argparse.ArgumentTypeError(f"'{written}' of {name} is more than one value")
+    return name, read["value"]
+
+
+def add_set(parser: argparse.ArgumentParser) -> None:
+    """Add ``--set``, for commands that train."""
+    parser.add_argument(
+        "--set", dest="settings", action="append", type=setting, default=[], metavar="FIELD=VALUE",
+        help="set a field of the method's variant or budget, by its dotted name as `methods NAME` lists it, such as"
+        " materials.rates.light=0.01; may be repeated",
+    )  # fmt: skip
+
+
+def settings_from(options: argparse.Namespace) -> dict[str, Any]:
+    """The fields that ``--set`` changes, by dotted names. Raises UsageError for one that is set twice."""
+    names = [name for name, _ in options.settings]
+    if options.effects not in (None, "all"):
+        names.append("effects")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise UsageError(
+            f"'{twice[0]}' is set twice", "", "Give every field once (--effects sets the field 'effects')."
+        )
+    return dict(options.settings)
 
 
 def positive(text: str) -> int:

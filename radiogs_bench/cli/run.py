@@ -17,6 +17,7 @@ from .device import chosen_device
 from .options import (
     add_effects,
     add_scene_options,
+    add_set,
     add_verbose,
     differences,
     names,
@@ -24,6 +25,7 @@ from .options import (
     positive,
     scene_options,
     seeds,
+    settings_from,
     suite_of,
     views_kept,
 )
@@ -56,6 +58,7 @@ def add_to(commands: "Commands") -> None:
         "--method", type=names, metavar="A,B", help="methods to run (see `methods`), or TOML files (default: the rows')"
     )
     add_effects(parser, default=None)
+    add_set(parser)
     add_scene_options(parser)
     parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
     parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
@@ -105,7 +108,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
-    chosen = turned(chosen, options)
+    chosen, remarks = with_overrides(chosen, options)
     engine = choose(options.engine, options.workers, options.ray_address, options.threads)
     folder = options.out or Path("out") / chosen.name
 
@@ -115,7 +118,7 @@ def _run(options: argparse.Namespace) -> int:
     store = Store(folder)
     if options.worker is not None:
         return work_along_with(request, store, device, options)
-    say_repairs(request.scenes, options.json)
+    say_remarks([*remarks, *repairs_of(request.scenes)], options.json)
     if options.dry_run:
         return show_request(request, store, engine, options.json, options.difference)
     return run_request(request, store, device, engine, options)
@@ -149,16 +152,18 @@ def describe(suite: "Suite") -> list[str]:
     ]
 
 
-def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
-    """The suite with the methods and variant fields that the options set."""
-    from ..suites.suite import of_methods, with_field
+def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite, list[str]]":
+    """The suite with the methods and fields that the options set, and remarks on rows that are not changed."""
+    from ..suites.suite import of_methods, with_field, with_settings
 
     if options.method:
         suite = of_methods(suite, options.method)
     if options.effects not in (None, "all"):
         mark = options.effects if isinstance(options.effects, str) else "+".join(options.effects) or "none"
         suite = with_field(suite, "effects", options.effects, mark)
-    return suite
+    if settings := settings_from(options):
+        return with_settings(suite, settings, options.preset)
+    return suite, []
 
 
 def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
@@ -186,22 +191,26 @@ def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch
         cache(method),
         opened,
         options.arguments,
+        dict(options.settings),
     )
     request.cells()  # a method or preset that is not there shows now
     return request, device
 
 
-def say_repairs(scenes: Mapping[str, "Scene"], as_json: bool) -> None:
-    """Print what was set right, or assumed, as scenes were read: lines for people, or events."""
+def repairs_of(scenes: Mapping[str, "Scene"]) -> list[str]:
+    """What was repaired or assumed when the scenes' files were read."""
+    return [f"{name}: {repair}" for name, scene in scenes.items() for repair in scene.repairs]
+
+
+def say_remarks(remarks: Sequence[str], as_json: bool) -> None:
+    """Print remarks as lines, or as events."""
     from .events import emit
 
-    for name, scene in scenes.items():
-        for repair in scene.repairs:
-            line = f"{name}: {repair}"
-            if as_json:
-                emit("message", text=line)
-            else:
-                say(line)
+    for line in remarks:
+        if as_json:
+            emit("message", text=line)
+        else:
+            say(line)
 
 
 def show_request(

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NotRequired, TypedDict, cast
+from typing import Any, NotRequired, TypedDict, cast
 
 from radiogs_core.capabilities import require_truth
 from radiogs_core.contract import Method, scaled
@@ -14,7 +14,7 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
-from ..methods import budget_of, variant_of, why_not_given, with_given
+from ..methods import budget_of, mark, settings_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.aside import kept_aside
 from ..store.atomic import write_atomically
@@ -28,6 +28,8 @@ from .cell import Cell, Work, cell_of
 SWEEP_SCHEMA = "radiogs-bench/sweep/3"
 
 FINISHED = "finished"
+
+WITH = " with "
 
 
 class Place(TypedDict):
@@ -70,6 +72,7 @@ class Sweep(TypedDict):
     columns: list[str]
     """Metrics as ``task/measure``, in order."""
     preset: str
+    """Its name, and the fields that were set (``preset_text``)."""
     protocol: str
     device: str
     seeds: list[int]
@@ -85,24 +88,28 @@ class Sweep(TypedDict):
 
 @dataclass(frozen=True)
 class Request:
-    """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
-
-    ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
-    method by its name; ``options`` are those that the scenes were opened with. ``command``:
-    what was typed to ask for it.
-    """
+    """A suite and the settings of a run."""
 
     suite: Suite
     scenes: Mapping[str, Scene]
     seeds: int
+    """How many: seeds 0 to ``seeds`` - 1 are run."""
     preset: str
     protocol: str
     device: str
     shard: tuple[int, int] = (0, 1)
+    """(i, n): run part i of n, counted from 0."""
     places: Mapping[str, str] = field(default_factory=dict)
+    """Name or path of each scene, from which other processes load it."""
     method: Callable[[str], Method] = find_method
+    """Finds a method by its name."""
     options: SceneOptions = AS_STORED
+    """The options that the scenes were opened with."""
     command: Sequence[str] = ()
+    """The arguments of the command line."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Fields that ``--set`` changes, by dotted names. The suite's rows have those of variants already; those of budgets
+    take the place of the preset's numbers."""
 
     def experiment(self) -> Callable[..., None]:
         """The function that runs one of the cells, given a bench, the cell and its scene."""
@@ -143,7 +150,7 @@ class Request:
         require_truth(self.scenes[scene], row.given or ())
         work = Work(
             variant=with_given(used, variant_of(used, row.variant), row.given or ()),
-            budget=scaled(budget_of(used, self.preset), row.budget),
+            budget=self._budget(used, row),
             seed=seed,
             device=self.device,
             protocol=self.protocol,
@@ -154,9 +161,14 @@ class Request:
         keys = [stage.key for stage in cell.stages]
         return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
+    def _budget(self, used: Method, row: Row) -> Any:
+        """The preset of a row's method, with the fields that are set, times the row's factors."""
+        given = settings_of(used, self.preset, self.settings).budget
+        return scaled(budget_of(used, self.preset, given), row.budget)
+
     def _line(self, row: Row) -> Line:
         used = self.method(row.method)
-        budget = to_plain(scaled(budget_of(used, self.preset), row.budget))
+        budget = to_plain(self._budget(used, row))
         line = Line(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
@@ -183,7 +195,7 @@ class Request:
             "reference": suite.reference,
             "rows": [self._line(row) for row in suite.rows],
             "columns": [metric.key for metric in suite.columns],
-            "preset": self.preset,
+            "preset": preset_text(self.preset, self.settings),
             "protocol": self.protocol,
             "device": self.device,
             "seeds": list(range(self.seeds)),
@@ -195,6 +207,21 @@ class Request:
         if self.command:
             made["command"] = list(self.command)
         return made
+
+
+def preset_text(preset: str, settings: Mapping[str, Any]) -> str:
+    """A preset and the fields that were set, as manifests and captions name them.
+
+    >>> preset_text("tiny", {"inverse_iterations": 300})
+    'tiny with inverse_iterations = 300'
+    """
+    marks = sorted(mark(name, value) for name, value in settings.items())
+    return f"{preset}{WITH}{', '.join(marks)}" if marks else preset
+
+
+def plain_preset(text: str) -> str:
+    """The preset's own name in what ``preset_text`` made."""
+    return text.partition(WITH)[0]
 
 
 def label(place: Place) -> str:

@@ -7,6 +7,7 @@ and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up,
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
@@ -14,7 +15,7 @@ import torch
 
 from radiogs_core.contract import Run, Trained
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.plain_values import to_plain
+from radiogs_core.plain_values import flat, to_plain, with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.scene.standpoint import standpoint
 from radiogs_datasets import load_scene
@@ -29,11 +30,23 @@ from ..store.names import plain_name
 from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
 from .cell import Cell
 from .stages import facts_of, restored
+from .sweep import preset_text
 
 TRAINED_SCHEMA = "radiogs-bench/trained/3"
 
 FOLDERS_OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
 """Folders that models share: their files are named by keys, and none replaces another's."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The names by which the scene and the budget of a model are found again."""
+
+    scene: str
+    """The scene's name or folder."""
+    preset: str
+    budget: Mapping[str, Any]
+    """Numbers that take the place of the preset's, by dotted names."""
 
 
 class About(TypedDict):
@@ -49,6 +62,8 @@ class About(TypedDict):
     checksum: str
     """Checksum of the scene's files at training."""
     preset: str
+    budget: NotRequired[dict[str, Any]]
+    """Numbers that were set in place of the preset's, by dotted names; absent where none were."""
     seed: int
     variant: dict[str, Any]
     training_key: str
@@ -60,16 +75,16 @@ class About(TypedDict):
     """Added when it is written (``store.seal``)."""
 
 
-def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
-    """Write ``trained.json`` and the model's files; returns their paths. ``place``: the scene's name or folder."""
+def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
+    """Write ``trained.json`` and the model's files; returns their paths."""
     folder = store.folder
     assert cell.training_key is not None
     about = About(
         schema=TRAINED_SCHEMA,
         method=cell.found_as,
-        scene=place,
+        scene=origin.scene,
         checksum=cell.checksum,
-        preset=cell.budget.name,
+        preset=origin.preset,
         seed=cell.seed,
         variant=to_plain(cell.variant),
         training_key=cell.training_key,
@@ -78,6 +93,8 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
     )
     if scene.options:
         about["options"] = dict(scene.options)
+    if origin.budget:
+        about["budget"] = flat(origin.budget)
     with calling(cell.method, "export()"):
         written = [*model.export(folder)]
     with calling(cell.method, "light"):
@@ -137,7 +154,8 @@ def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | Non
 
 def _described(about: About) -> str:
     """Method, scene, preset and seed of a model, in words."""
-    return f"{about['method']} of scene '{about['scene']}', preset {about['preset']}, seed {about['seed']}"
+    preset = preset_text(about["preset"], about.get("budget", {}))
+    return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
 
 
 def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
@@ -148,10 +166,11 @@ def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] |
     """
     about = read_about(folder)
     used = method(about["method"])
-    variant = variant_of(used, {**about["variant"], **(turned or {})})
+    variant = with_values(variant_of(used, about["variant"]), turned or {}, f"variant of {used.name}")
     scene = scene_of(about)
     workspace = folder / "work" / about["training_key"]
-    run = Run(scene, variant, budget_of(used, about["preset"]), about["seed"], device, workspace)
+    budget = budget_of(used, about["preset"], about.get("budget"))
+    run = Run(scene, variant, budget, about["seed"], device, workspace)
     return run, restored(used, run, product_of(folder, about["training_key"], device))
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from radiogs_baselines.published import published_tables
 from radiogs_core.contract import whole_numbers
 from radiogs_core.errors import DataError, UsageError
-from radiogs_core.plain_values import PlainReader, to_plain
+from radiogs_core.plain_values import PlainReader, flat, to_plain
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
@@ -91,9 +91,11 @@ def read_suite(path: Path) -> Suite:
 
 
 def _complete(row: object) -> None:
-    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text."""
+    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text; flatten its budget."""
     if isinstance(row, dict):
         row.setdefault("latex", "")
+        if isinstance(row.get("budget"), dict):
+            row["budget"] = flat(row["budget"])
 
 
 def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
@@ -138,7 +140,7 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
         used = method(row.method)
     except UsageError as absent:
         reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
-    reader.build(used.variant, row.variant, f"{where}.variant")
+    reader.change(used.variant(), row.variant, f"{where}.variant")
     scaled = whole_numbers(next(iter(used.presets.values())))
     for label in (row.text, row.latex):
         with_numbers(label, to_plain(next(iter(used.presets.values()))))

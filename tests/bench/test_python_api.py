@@ -49,7 +49,7 @@ def test_every_public_name_is_there_and_documented() -> None:
 
 
 def test_what_is_wrong_is_said(tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match="no method 'radiogz'"):
+    with pytest.raises(UsageError, match="unknown method 'radiogz'"):
         rb.train("radiogz", "corner")
     with pytest.raises(UsageError, match="radiometric_wait"):
         rb.train("radiogs", "corner", variant={"radiometric_wait": 0.0})

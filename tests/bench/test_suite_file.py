@@ -145,7 +145,7 @@ def test_rows_of_another_method_have_its_own_fields(
         ("weight = 2", "wieght = 2", r"suite.rows\[1\].variant: there is no field 'wieght'\nDid you mean 'weight'"),
         ("weight = 2", "detach = 'pbr'", r"suite.rows\[1\].variant: there is no field 'detach'"),
         ("each = 2", "incident_samples = 2", r"suite.rows\[1\].budget: there is no field 'incident_samples'"),
-        ('"chain"\nvar', '"chian"\nvar', r"suite.rows\[1\].method: there is no method 'chian'\nDid you mean 'chain'"),
+        ('"chain"\nvar', '"chian"\nvar', r"suite.rows\[1\].method: unknown method 'chian'\nDid you mean 'chain'"),
     ):
         assert old in STRANGERS
         with pytest.raises(UsageError, match=says):

@@ -253,7 +253,7 @@ def test_a_method_from_a_file_has_a_row_whose_key_is_a_name(monkeypatch: pytest.
 
 
 def test_a_method_that_is_not_there_is_answered_with_the_nearest(chain: Chain) -> None:
-    with pytest.raises(UsageError, match=r"there is no method 'chian'\nDid you mean 'chain'"):
+    with pytest.raises(UsageError, match=r"unknown method 'chian'\nDid you mean 'chain'"):
         of_methods(ABLATIONS, ["chian"])
 
 
