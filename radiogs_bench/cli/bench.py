@@ -75,9 +75,8 @@ def bench_kernels(options: argparse.Namespace) -> int:
 
     from ..lab.kernels import bench, record
     from ..lab.kernels.embree import missing_embree
-    from ..store.atomic import write_atomically
     from ..store.provenance import session
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
@@ -108,7 +107,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
         say(f"skipped: {reason}")
     if options.json is not None:
         kept = record.as_json(rows, scaling, skipped, dict(session(device)))
-        write_atomically(options.json, strict_json(sealed(kept)))
+        write_sealed(options.json, kept)
     return 0
 
 
@@ -121,9 +120,8 @@ def bench_frames(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..lab.kernels import frames
-    from ..store.atomic import write_atomically
     from ..store.provenance import session
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .reporter import complain, show
 
     device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
@@ -137,7 +135,7 @@ def bench_frames(options: argparse.Namespace) -> int:
     show(table)
     if options.json is not None:
         record = {**session(device), "scene": options.scene, "rows": [{**asdict(r), "ratio": r.ratio} for r in rows]}
-        write_atomically(options.json, strict_json(sealed(record)))
+        write_sealed(options.json, record)
     return 0
 
 
@@ -263,8 +261,7 @@ def _place(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _write(path: Path | None, record: Mapping[str, Any]) -> None:
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
 
     if path is not None:
-        write_atomically(path, strict_json(sealed(record)))
+        write_sealed(path, record)

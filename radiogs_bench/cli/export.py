@@ -191,9 +191,8 @@ def export_mesh(options: argparse.Namespace) -> int:
     from ..export.meshing import lattice_of, mesh_of
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
-    from ..store.atomic import write_atomically
     from ..store.folder import Store
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .model import prepared
     from .reporter import say
 
@@ -210,7 +209,7 @@ def export_mesh(options: argparse.Namespace) -> int:
         write_mesh(made, path)
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, options.views)
-    write_atomically(path.with_suffix(".json"), strict_json(sealed(record)))
+    write_sealed(path.with_suffix(".json"), record)
     for line in told(record["shape"]):
         say(line)
     return 0

@@ -74,8 +74,7 @@ def rehearse(options: argparse.Namespace) -> int:
     from ..runs.preflight import COMPILED_ON
     from ..runs.progress import LogProgress
     from ..runs.warm_up import compile_kernels
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .device import chosen_device
     from .reporter import say_whole
 
@@ -109,7 +108,7 @@ def rehearse(options: argparse.Namespace) -> int:
         name_of_clock,
     )
     record = record_of(asked, rows, climbed)
-    write_atomically(folder / "rehearsal.json", strict_json(sealed(record)))
+    write_sealed(folder / "rehearsal.json", record)
     if options.json:
         say_whole(json.dumps(record, allow_nan=False))
     else:

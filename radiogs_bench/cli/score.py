@@ -111,10 +111,9 @@ def text_of(record: dict[str, Any]) -> str:
 
 def write_record(record: dict[str, Any], path: Path) -> None:
     """Write the record to a file."""
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
 
-    write_atomically(path, strict_json(sealed(record)))
+    write_sealed(path, record)
 
 
 def show_record(record: dict[str, Any]) -> None:

@@ -89,15 +89,14 @@ def gate(options: argparse.Namespace) -> int:
     from ..results.baseline import baseline_of, read_baseline
     from ..results.gate import compare
     from ..runs.sweep import read_sweep
-    from ..store.atomic import write_atomically
     from ..store.folder import Store
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .aside import say_aside
     from .reporter import say
 
     store, sweep = Store(options.out), read_sweep(options.out)
     if options.update:
-        write_atomically(options.baseline, strict_json(sealed(baseline_of(store, sweep))))
+        write_sealed(options.baseline, baseline_of(store, sweep))
         say(f"{options.baseline}: {len(sweep['cells'])} cells")
         return 0
     changes = compare(store, sweep, read_baseline(options.baseline))

@@ -17,10 +17,9 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 from ..methods import budget_of, mark, settings_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.aside import kept_aside
-from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
-from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
 from ..suites.suite import Row, Suite, with_numbers
 from .cell import Cell, Work, cell_of
@@ -262,7 +261,7 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
 def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
     """Exclusive right to read the manifest and to write another one, which the function that is given does."""
     with store.patient_claim("sweep"):
-        yield lambda sweep: write_atomically(_path(store.folder), strict_json(sealed(sweep)))
+        yield lambda sweep: write_sealed(_path(store.folder), sweep)
 
 
 def has_sweep(folder: Path) -> bool:

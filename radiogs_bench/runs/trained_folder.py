@@ -24,10 +24,9 @@ from radiogs_datasets.options import options_of
 
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
-from ..store.atomic import write_atomically
 from ..store.folder import Store, product_name
 from ..store.names import plain_name
-from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .cell import Cell
 from .stages import facts_of, restored
 from .sweep import preset_text
@@ -102,7 +101,7 @@ def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model:
     if light is not None:
         written.append(folder / "environment.exr")
         write_exr(written[-1], light.radiance.numpy())
-    write_atomically(folder / "trained.json", strict_json(sealed(about)))
+    write_sealed(folder / "trained.json", about)
     return [*written, folder / "trained.json"]
 
 

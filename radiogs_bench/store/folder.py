@@ -31,7 +31,7 @@ from .claim import claim, patient_claim
 from .keys import content_key
 from .names import plain_name
 from .schema import RESULT_SCHEMA, Failure, Result
-from .seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
@@ -143,7 +143,7 @@ class Store:
         self._cell_path(key).unlink(missing_ok=True)  # of arrays that are gone: it must not stand beside new ones
         write_atomically(self.arrays_path(key), content)
         whole = {**result, "arrays": hashlib.sha256(content).hexdigest()}
-        write_atomically(self._cell_path(key), strict_json(sealed(whole)))
+        write_sealed(self._cell_path(key), whole)
         self.drop_failure(key)
 
     def arrays_path(self, key: str) -> Path:
@@ -169,7 +169,7 @@ class Store:
 
     def put_failure(self, failure: Failure) -> None:
         """Store why a cell failed."""
-        write_atomically(self._failure_path(failure["key"]), strict_json(sealed(failure)))
+        write_sealed(self._failure_path(failure["key"]), failure)
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
