@@ -25,7 +25,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Method, Run, Trained
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
@@ -186,10 +186,8 @@ def train(
     finished model is read. ``options``: see ``TrainingOptions``. Raises UsageError, DataError, NumericalFailure, and
     Interrupted after Ctrl-C.
     """
-    if unknown := sorted(options.keys() - TrainingOptions.__annotations__.keys()):
-        raise UsageError(
-            f"train() has no option '{unknown[0]}'", f"There are: {', '.join(TrainingOptions.__annotations__)}."
-        )
+    for name in options.keys() - TrainingOptions.__annotations__.keys():
+        raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
     say = options.get("say", lambda line: None)
     used = installed_method(method) if isinstance(method, str) else method
     opened = options.get("scene_options", AS_STORED)

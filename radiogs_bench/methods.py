@@ -107,7 +107,7 @@ def budget_of(of: Method, preset: str, given: Mapping[str, Any] | None = None) -
     that is no amount of work: a whole number has to be 1 or above, and up to 2^31 - 1; any other is not negative.
     """
     if preset not in of.presets:
-        raise unknown("preset", preset, of.presets, f"Presets: {', '.join(of.presets)}.", of=of.name)
+        raise unknown("preset", preset, of.presets, of=of.name)
     budget, values = of.presets[preset], flat(given or {})
     if "name" in values:
         raise UsageError("the name of a budget cannot be set", "It says which preset and which changes it is made of.")

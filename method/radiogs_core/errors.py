@@ -32,27 +32,27 @@ class NumericalFailure(ExplainedError):
 def unknown(kind: str, name: str, names: Iterable[str], remedy: str = "", of: str = "") -> UsageError:
     """The error for a name that does not exist, with the nearest name that does; where none is near, with all of them.
 
-    ``of`` is what the names belong to, such as a method.
+    ``of`` is what the names belong to, such as a method. Without a ``remedy``, all names stand in its place.
 
-    >>> print(unknown("preset", "tinny", ["smoke", "tiny"], "See them:  radiogs-bench methods", of="irgs"))
+    >>> print(unknown("preset", "tinny", ["smoke", "tiny"], of="irgs"))
     unknown preset 'tinny' of irgs
     Did you mean 'tiny'?
-    See them:  radiogs-bench methods
+    There are: smoke, tiny.
     """
-    owner = f" of {of}" if of else ""
-    return UsageError(f"unknown {kind} '{name}'{owner}", nearest_or_all(name, names), remedy)
+    existing = list(names)
+    owner, every = (f" of {of}" if of else ""), f"There are: {', '.join(existing)}."
+    why = did_you_mean(name, existing) or (every if remedy else "")
+    return UsageError(f"unknown {kind} '{name}'{owner}", why, remedy or every)
 
 
-def nearest_or_all(name: str, names: Iterable[str]) -> str:
-    """A question with the name that is nearest; where none is near, a sentence with all of them.
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """A question with the name that is nearest; empty where none is near.
 
-    A last part of a dotted name, such as ``light`` of ``rates.light``, is near to the whole.
+    The last part of a dotted name, such as ``light`` of ``rates.light``, is near to the whole.
 
-    >>> nearest_or_all("tinny", ["smoke", "tiny"]), nearest_or_all("x", ["smoke", "tiny"])
-    ("Did you mean 'tiny'?", 'There are: smoke, tiny.')
+    >>> did_you_mean("tinny", ["smoke", "tiny"]), did_you_mean("x", ["smoke", "tiny"])
+    ("Did you mean 'tiny'?", '')
     """
     existing = list(names)
     near = [each for each in existing if each.endswith(f".{name}")] or get_close_matches(name, existing, 1)
-    if not near:
-        return f"There are: {', '.join(existing)}." if existing else "There are none."
-    return f"Did you mean {' or '.join(map(repr, near))}?"
+    return f"Did you mean {' or '.join(map(repr, near))}?" if near else ""

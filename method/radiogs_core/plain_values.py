@@ -7,7 +7,7 @@ from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from .errors import UsageError, nearest_or_all
+from .errors import UsageError, did_you_mean
 
 WORDS: Mapping[Any, str] = {
     str: "text",
@@ -38,7 +38,8 @@ class PlainReader:
     def known(self, where: str, kind: str, given: str, names: Mapping[str, object] | tuple[str, ...]) -> None:
         """Fail unless ``given`` is one of the names, with the nearest one."""
         if given not in names:
-            self.fail(where, f"there is no {kind} '{given}'", nearest_or_all(given, names))
+            hint = did_you_mean(given, names) or f"There are: {', '.join(names)}."
+            self.fail(where, f"there is no {kind} '{given}'", hint)
 
     def expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
         """Fail unless the value is what is wanted."""

@@ -4,12 +4,10 @@ import argparse
 import math
 import re
 import sys
-from collections.abc import Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
     from radiogs_core.transport.plan import Effects
@@ -36,12 +34,6 @@ LONGEST_COUNT = 18
 
 NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choices>.*)\)")
 """How argparse says that something is not among its choices."""
-
-
-def did_you_mean(given: str, names: Sequence[str]) -> str:
-    """A question with the name that is nearest, or nothing."""
-    near = get_close_matches(given, names, n=1)
-    return f"Did you mean '{near[0]}'?" if near else ""
 
 
 class ExplainingParser(argparse.ArgumentParser):

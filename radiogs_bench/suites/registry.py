@@ -7,14 +7,13 @@ used in files at once.
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from radiogs_baselines.published import published_tables
 from radiogs_core.contract import whole_numbers
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.plain_values import PlainReader, flat, to_plain
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
@@ -54,13 +53,11 @@ SUITES: Mapping[str, Suite] = {
 def suite(name: str) -> Suite:
     """The suite of that name. Raises UsageError for an unknown one, with the nearest name."""
     if name not in SUITES:
-        # Several tables of one data set are several suites, which share its name.
-        near = [each for each in SUITES if each.startswith(f"{name}-")] or get_close_matches(name, SUITES, 1)
-        raise UsageError(
-            f"unknown suite '{name}'",
-            f"Did you mean {' or '.join(map(repr, near))}?" if near else f"Suites: {', '.join(SUITES)}.",
-            "See them all:  radiogs-bench run --list",
-        )
+        tables = [each for each in SUITES if each.startswith(f"{name}-")]
+        error = unknown("suite", name, SUITES, "See them all:  radiogs-bench run --list")
+        if tables:  # several tables of one data set are several suites, which share its name
+            raise UsageError(error.what, f"Did you mean {' or '.join(map(repr, tables))}?", error.remedy)
+        raise error
     return SUITES[name]
 
 

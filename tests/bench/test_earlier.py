@@ -92,5 +92,5 @@ def test_training_from_python_keeps_what_the_command_keeps(tmp_path: Path, monke
 
 
 def test_training_from_python_refuses_an_unknown_option() -> None:
-    with pytest.raises(UsageError, match="no option 'replaces'"):
+    with pytest.raises(UsageError, match="unknown option 'replaces'"):
         rb.train("radiogs", "convex", replaces=True)  # type: ignore[call-arg]

@@ -283,7 +283,7 @@ def test_a_history_has_a_line_for_each_time_and_no_name_of_the_host(
 @pytest.mark.parametrize(
     ("wrong", "code", "said"),
     [
-        (["--sizes", "huge"], 2, "there is no size 'huge'"),
+        (["--sizes", "huge"], 2, "unknown size 'huge'"),
         (["--method", "nobody"], 2, "unknown method 'nobody'"),
         (["--compare", "nowhere.json"], 3, "there is no record nowhere.json"),
         (["--against", "."], 2, "is no checkout of this project"),

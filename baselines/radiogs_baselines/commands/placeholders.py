@@ -2,9 +2,8 @@
 
 import string
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, did_you_mean
 
 EVERYWHERE: Mapping[str, str] = {
     "code": "the folder of the public code",
@@ -62,7 +61,6 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
     for name in names:
         if name in known:
             continue
-        near = get_close_matches(name, known, 1)
         why = "It stands for nothing here."
         if name in ONE_LIGHT:
             why = "A light is known to a [relight] without all_lights alone."
@@ -70,7 +68,7 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
             why = "It stands for several arguments: it is an argument of its own, of a command that has any."
         raise UsageError(
             f"{where}: there is no placeholder '{{{name}}}'",
-            why + (f" Did you mean '{{{near[0]}}}'?" if near else ""),
+            f"{why} {did_you_mean(f'{{{name}}}', [f'{{{each}}}' for each in known])}".strip(),
             f"Known here: {', '.join(f'{{{each}}}' for each in known)}.",
         )
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import unknown
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ DEFAULT = ("tiny", "20k")
 def size_of(name: str) -> Size:
     """A size by its name. Raises UsageError for one that is not there."""
     if name not in SIZES:
-        raise UsageError(f"there is no size '{name}' to measure", "", f"There are: {', '.join(SIZES)}.")
+        raise unknown("size", name, SIZES)
     return SIZES[name]
 
 
