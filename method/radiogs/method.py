@@ -16,7 +16,7 @@ from .rehearsing import memory_of, short_run, sizes
 from .stages.initialise import Initialisation
 from .stages.invert import InverseRendering
 from .trained import TrainedRadioGS
-from .variant import Variant
+from .variant import RELIGHTING, Variant
 
 
 class RadioGS:
@@ -32,6 +32,7 @@ class RadioGS:
     presets: Mapping[str, Budget] = PRESETS
     given_parts = PARTS
     size_name = "surfels"
+    relighting_modes = RELIGHTING
     sources = ("radiogs.trained",)
     profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
 

@@ -162,10 +162,12 @@ def _spacing(text: str) -> float:
 def bench_steps(options: argparse.Namespace) -> int:
     """Measure single steps, print, and write the record."""
     from ..lab.steps.sizes import size_of
+    from ..lab.steps.subject import require_size
     from ..methods import method
 
-    method(options.method)  # an unknown name is told before anything is measured
-    sizes = [size_of(name) for name in options.sizes]
+    used, sizes = method(options.method), [size_of(name) for name in options.sizes]
+    for size in sizes:
+        require_size(used, size)
     return _alone(options, sizes) if options.against is None else _in_turn(options, sizes)
 
 

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 PAPER = "paper"
 """The profile of every method: its variant as it is."""
 
-MODES = ("pbr", "finetuned", "surfels")
+ONLY_MODE = "default"
+"""Folder of renders by a method that offers no choice of relighting."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -57,7 +58,9 @@ def add_to(commands: "Commands") -> None:
     relighting = commands.add_parser("relight", help="render a trained model under another light", allow_abbrev=False)
     relighting.set_defaults(command=relight)
     relighting.add_argument("--envmap", required=True, type=Path, metavar="FILE", help=".hdr or .exr, lat-long, Z up")
-    relighting.add_argument("--mode", choices=MODES, default="pbr", help="(default: pbr)")
+    relighting.add_argument(
+        "--mode", metavar="NAME", help="choose one of the ways in which the method relights (default: the method's)"
+    )
     relighting.add_argument(
         "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B", help="of the albedo (default: 1,1,1)"
     )
@@ -197,8 +200,9 @@ def relight(options: argparse.Namespace) -> int:
     for repair in repairs:
         say(repair)
     about = read_about(options.folder)
-    asked = {"relighting": options.mode, "effects": options.effects}
-    turned = {name: value for name, value in asked.items() if name in about["variant"]}
+    mode, turned = chosen_mode(about["method"], options.mode)
+    if "effects" in about["variant"]:
+        turned["effects"] = options.effects
     with Store(options.folder).keeping_tracebacks():
         run, model = read_trained(options.folder, device, turned)
         if run.scene.surrounded:
@@ -208,9 +212,31 @@ def relight(options: argparse.Namespace) -> int:
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
         return write_views(
-            about["method"], relit, run, options.views, options.folder / "relight" / options.mode,
+            about["method"], relit, run, options.views, options.folder / "relight" / mode,
             lambda kind: f"{'relit' if kind == 'image' else kind}/{place}",
         )  # fmt: skip
+
+
+def chosen_mode(name: str, mode: str | None) -> tuple[str, dict[str, Any]]:
+    """The relighting mode of a method that was chosen, else its default, and the field of the variant that holds it.
+
+    Raises UsageError for a mode that the method does not offer.
+    """
+    from radiogs_core.capabilities import RelitInModes
+    from radiogs_core.errors import unknown
+
+    from ..methods import method
+
+    used = method(name)
+    if not isinstance(used, RelitInModes):
+        if mode is not None:
+            raise UsageError(f"{used.name} relights in one way alone", "", "Leave --mode out.")
+        return ONLY_MODE, {}
+    modes = used.relighting_modes
+    if mode is not None and mode not in modes.titles:
+        raise unknown("relighting mode", mode, modes.titles, of=used.name)
+    chosen = modes.default if mode is None else mode
+    return chosen, {modes.field: chosen}
 
 
 def lit_folder(envmap: Path) -> str:

@@ -1,8 +1,11 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import cast
 
 from radiogs_baselines.published import published as published_table
+from radiogs_core.contract import Method
+from radiogs_core.errors import UsageError
 from radiogs_reports.analysis.comparisons import ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference
 from radiogs_reports.analysis.settling import settling
@@ -12,6 +15,7 @@ from radiogs_reports.summary import (
     CellSummary,
     ColumnSummary,
     Interval,
+    ModesSummary,
     PlanSummary,
     RowSummary,
     RunSummary,
@@ -21,8 +25,9 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
+from ..methods import method
 from ..runs.rows_from_files import is_from_files
-from ..runs.sweep import Line, Place, Sweep, state_of
+from ..runs.sweep import Line, Place, Sweep, relighting_of, state_of
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
@@ -72,6 +77,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     )
     for column in made["columns"]:
         fill_column(made, column, cells, sweep)
+    if relighting := relighting_modes(sweep, [result for _, result in finished]):
+        made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
     if found := settling(made):
@@ -79,6 +86,22 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     if "command" in sweep:
         made["command"] = sweep["command"]
     return made
+
+
+def relighting_modes(sweep: Sweep, finished: Sequence[Result]) -> dict[str, ModesSummary]:
+    """The relighting modes of the methods: as the run recorded them, else as installed methods offer them now."""
+    recorded = sweep.get("relighting")
+    if recorded is None:
+        recorded = relighting_of(_installed({result["cell"]["method"] for result in finished}))
+    return {name: cast(ModesSummary, modes) for name, modes in recorded.items()}
+
+
+def _installed(names: Iterable[str]) -> Iterator[Method]:
+    for name in sorted(names):
+        try:
+            yield method(name)
+        except UsageError:  # files that were scored, and methods that are installed elsewhere
+            continue
 
 
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:

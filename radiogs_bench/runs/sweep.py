@@ -1,12 +1,12 @@
 """Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
-from radiogs_core.capabilities import require_truth
+from radiogs_core.capabilities import RelitInModes, require_truth
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import to_plain
@@ -76,6 +76,9 @@ class Sweep(TypedDict):
     device: str
     seeds: list[int]
     scenes: list[str]
+    relighting: NotRequired[dict[str, dict[str, Any]]]
+    """``RelightingModes.plain`` of each method that offers modes, by its name; absent where none does, and in folders
+    of earlier versions."""
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     cells: list[Place]
@@ -201,11 +204,18 @@ class Request:
             "scenes": list(self.scenes),
             "cells": list(places),
         }
+        if relighting := relighting_of(self.method(row.method) for row in suite.rows):
+            made["relighting"] = relighting
         if kinds := self.kinds():
             made["kinds"] = kinds
         if self.command:
             made["command"] = list(self.command)
         return made
+
+
+def relighting_of(methods: Iterable[Method]) -> dict[str, dict[str, Any]]:
+    """The relighting modes of the methods that offer any, as plain values by the methods' names."""
+    return {used.name: used.relighting_modes.plain() for used in methods if isinstance(used, RelitInModes)}
 
 
 def preset_text(preset: str, settings: Mapping[str, Any]) -> str:

@@ -60,6 +60,18 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     assert "means little" not in said
 
 
+def test_a_relighting_mode_that_the_method_does_not_offer_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr")]
+    assert main([*arguments, "--mode", "finetune"]) == 2
+    said = capsys.readouterr().err
+    assert "unknown relighting mode 'finetune' of radiogs" in said
+    assert "Did you mean 'finetuned'?" in said
+    assert "There are: pbr, finetuned, surfels." in said
+
+
 def metrics_of(record: Path) -> dict[str, float | None]:
     (scores,) = json.loads(record.read_text())["protocols"].values()
     return {name: each["value"] for name, each in scores["metrics"].items()}

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -17,6 +17,7 @@ import pytest
 import torch
 from scipy import stats
 
+from bench.chain_method import Chain
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.clock import processor_seconds
@@ -105,6 +106,56 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
     subject = subject_of(method(FAKE.name), load_scene("corner"), SIZES["smoke"], CPU)
     assert one_pass(subject, observe) == OWN_START
     assert any(title.endswith(": step") for title in done)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    steps: int = 9
+    surfels: int = 100
+    most_surfels: int = 300
+
+
+@dataclass(frozen=True)
+class NestedBudget:
+    name: str
+    geometry: Geometry = field(default_factory=Geometry)
+    consistency_surfels: int = 7
+
+
+@dataclass(frozen=True)
+class BudgetOfAField:
+    name: str
+    cells: int = 9
+    surfels_a_step: int = 7
+
+
+def chain_with(kind: type) -> Chain:
+    """A method that cannot be rehearsed, with a budget of this kind."""
+    chain = Chain(("fit",))
+    chain.presets = {name: kind(name) for name in ("smoke", "tiny", "small")}
+    chain.stages = lambda variant, budget: ()  # type: ignore[method-assign,assignment]
+    return chain
+
+
+def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
+    """Surfels of a step are no size of a model."""
+    chain, scene = chain_with(NestedBudget), load_scene("corner")
+    subject = subject_of(chain, scene, SIZES["20k"], CPU)
+    assert subject.surfels == 20_000
+    assert subject.short.budget == NestedBudget("small", Geometry(9, 20_000, 20_000), 7)
+    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels == 300, "the preset's largest model"
+    irgs = method("irgs")
+    assert subject_of(irgs, scene, SIZES["20k"], CPU).surfels == 20_000
+    assert subject_of(irgs, scene, SIZES["smoke"], CPU).surfels == 400
+
+
+def test_a_size_that_cannot_be_set_is_refused() -> None:
+    chain, scene = chain_with(BudgetOfAField), load_scene("corner")
+    with pytest.raises(UsageError, match="size 20k has 20,000 surfels, which chain cannot be given") as caught:
+        subject_of(chain, scene, SIZES["20k"], CPU)
+    assert caught.value.remedy == "Choose sizes that are a preset's own:  --sizes tiny,small"
+    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels is None
+    assert subject_of(chain, scene, SIZES["smoke"], CPU).surfels is None, "for warming up"
 
 
 def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:

@@ -58,7 +58,7 @@ def test_every_column_has_a_heading_and_a_way_to_be_better() -> None:
     [
         ("ablationss", "Did you mean 'ablations'?"),
         ("mipnerf360", "Did you mean 'mipnerf360-ng' or 'mipnerf360-ns'?"),
-        ("xyz", f"Suites: {', '.join(SUITES)}."),
+        ("xyz", f"There are: {', '.join(SUITES)}."),
     ],
 )
 def test_a_misspelt_suite_is_answered_with_the_nearest(name: str, says: str) -> None:

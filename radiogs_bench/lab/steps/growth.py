@@ -16,7 +16,7 @@ from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
 from .estimates import exponent_of
 from .passes import one_pass
-from .sizes import WARM_UP, Size
+from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
 
 SCHEMA = "radiogs-bench/growth/1"
@@ -71,12 +71,16 @@ def bench_growth(
         announce(f"{axis.what}: {axis.grows}")
         yield from _rows(axis, {axis.what: [_kernel(_case(axis, value, device), device) for value in axis.values]})
     one_pass(subject_of(method, scene, WARM_UP, device), lambda titles, work: work())
-    for axis in STEPS:
+    sized = can_be_sized(method, method.presets[USUAL.preset])
+    if not sized:
+        announce(f"{method.name} is measured at its preset's own size, not along surfels: its budget counts none")
+    for axis in STEPS if sized else [axis for axis in STEPS if axis.grows != "surfels"]:
         found: defaultdict[str, list[tuple[float, int]]] = defaultdict(list)
         for value in axis.values:
             announce(f"steps: {value:,} {axis.grows}")
             watching = Watching(device)
-            one_pass(subject_of(method, scene, _size(axis, value), device), watching)
+            size = _size(axis, value)
+            one_pass(subject_of(method, scene, size if sized else replace(size, surfels=None), device), watching)
             for title, pair in watching.found().items():
                 found[title].append(pair)
         yield from _rows(axis, {title: each for title, each in found.items() if len(each) == len(axis.values)})
