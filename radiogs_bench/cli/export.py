@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .device import chosen_device
-from .options import add_data, add_verbose, positive
+from .options import add_data, add_device, add_verbose, declare
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -33,61 +33,72 @@ SCHEMA = "radiogs-bench/mesh/1"
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "export", help="a run's metrics as one table; a trained model as a mesh or images", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "export",
+        "Write a run's metrics as one table or as a logger's files, or a trained model as surfels, a mesh or images.",
+        "export out/ablations --to csv", help="Write a run's metrics, or a trained model, for other programs.",
+    )  # fmt: skip
     parser.set_defaults(command=export)
-    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Read the run or the model in this folder.")
     add_verbose(parser)
     parser.add_argument(
-        "--to",
-        choices=(*TABLES, *LOGS, *FORMS),
-        default="csv",
-        help="metrics; their course; surfels (default: csv)",
-    )
+        "--to", choices=(*TABLES, *LOGS, *FORMS), default="csv",
+        help="Write metrics (csv, json, parquet), training curves (tensorboard, wandb), or surfels (the others)"
+        " (default: csv).",
+    )  # fmt: skip
     parser.add_argument(
-        "--file",
-        type=Path,
-        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb, OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE)",
-    )
-    parser.add_argument("--row", metavar="ROW", help="of a run: the row whose surfels are written (default: the first)")
+        "--file", type=Path,
+        help="Write to this file or folder (default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb,"
+        " OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE).",
+    )  # fmt: skip
+    parser.add_argument("--row", metavar="ROW", help="Write the surfels of this row of a run (default: the first).")
     _add_mesh(parser)
     _add_layout(parser)
 
 
 def _add_mesh(parser: argparse.ArgumentParser) -> None:
-    """Add ``--mesh`` and what belongs to it."""
-    group = parser.add_argument_group("of a model that `train` made")
-    group.add_argument("--mesh", action="store_true", help="write the fused depth maps of its views as OUT/mesh.ply")
+    """Add ``--mesh`` and its options."""
+    group = parser.add_argument_group("a model of `train` as a mesh")
+    group.add_argument(
+        "--mesh", action="store_true", help="Fuse the depth maps of its views, and write the mesh to OUT/mesh.ply."
+    )
     group.add_argument(
         "--voxel", type=above_zero, metavar="SHARE",
-        help="size of a voxel as a share of the scene's extent (default: 1/512, or half a pixel if that is larger)",
+        help="Make voxels this share of the scene's extent (default: 1/512, or half a pixel if that is larger).",
     )  # fmt: skip
     group.add_argument(
         "--truncation", type=above_zero, default=4.0, metavar="VOXELS",
-        help="how far from surfaces distances are kept (default: 4)",
+        help="Keep distances up to this many voxels from surfaces (default: 4).",
     )  # fmt: skip
     group.add_argument(
-        "--memory", type=above_zero, default=2.0, metavar="GIB", help="that voxels may take (default: 2)"
+        "--memory", type=above_zero, default=2.0, metavar="GIB", help="Use at most this much for voxels (default: 2)."
     )
-    group.add_argument("--views", choices=["train", "test"], default="train", help="that are fused (default: train)")
-    group.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="that renders them (default: cpu)")
+    group.add_argument(
+        "--views", choices=["train", "test"], default="train", help="Fuse the views of this split (default: train)."
+    )
+    add_device(group)
     add_data(group)
-    group.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
 
 
 def _add_layout(parser: argparse.ArgumentParser) -> None:
-    """Add ``--layout-of`` and what belongs to it; device and data are those of ``_add_mesh``."""
-    group = parser.add_argument_group("the test views of a model that `train` made, as files (docs/scoring.md)")
+    """Add ``--layout-of`` and its options; device and data are those of ``_add_mesh``."""
+    group = parser.add_argument_group("the test views of a model of `train` as files (docs/scoring.md)")
     group.add_argument(
         "--layout-of", metavar="CODE",
-        help="write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg,"
-        " svg-ir, tensoir",
+        help="Write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg,"
+        " svg-ir or tensoir.",
     )  # fmt: skip
-    group.add_argument("--bits", type=int, choices=[8, 16], default=8, help="of these files (default: 8, as they have)")
     group.add_argument(
-        "--protocol", default="default", help="whose factor of the albedo relit views have (default: default)"
+        "--bits",
+        type=int,
+        choices=[8, 16],
+        default=8,
+        help="Write images of this many bits (default: 8, as the codes).",
     )
+    group.add_argument(
+        "--protocol", default="default",
+        help="Relight with the albedo scale of this metric protocol (default: default).",
+    )  # fmt: skip
 
 
 def export(options: argparse.Namespace) -> int:

@@ -93,7 +93,7 @@ def build_parser() -> ExplainingParser:
 
 SHELLS = ("bash", "zsh", "fish")
 
-COMPLETION_HELP = """Write it where the shell looks for such scripts:
+COMPLETION_HELP = """Example:  write it where the shell looks for such scripts.
   bash  radiogs-bench completion bash > ~/.local/share/bash-completion/completions/radiogs-bench
   zsh   radiogs-bench completion zsh > DIR/_radiogs-bench   (DIR: one of $fpath)
   fish  radiogs-bench completion fish > ~/.config/fish/completions/radiogs-bench.fish
@@ -102,15 +102,17 @@ It has the names of suites, scenes and methods that are installed now: write it 
 
 def _add_completion(commands: "Commands") -> None:
     """Declare ``completion``."""
+    purpose = "Print a script with which a shell completes commands, options and names."
     parser = commands.add_parser(
         "completion",
-        help="write a script with which a shell completes commands, options and names",
+        help=purpose,
+        description=purpose,
         epilog=COMPLETION_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.set_defaults(command=completion)
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help="Complete in this shell: bash, zsh or fish.")
     add_verbose(parser)
 
 

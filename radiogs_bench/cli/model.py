@@ -11,12 +11,14 @@ from radiogs_core.errors import UsageError
 from .device import chosen_device
 from .options import (
     METHOD,
+    PRESETS_HELP,
     add_data,
+    add_device,
     add_effects,
     add_scene_options,
     add_set,
     add_verbose,
-    positive,
+    declare,
     scene_options,
     settings_from,
 )
@@ -36,42 +38,61 @@ ONLY_MODE = "default"
 
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
-    training = commands.add_parser("train", help="train a model on one scene", allow_abbrev=False)
+    training = declare(
+        commands, "train", "Train a model on one scene, or continue, and score it.",
+        "train corner --out out/corner --preset smoke",
+    )  # fmt: skip
     training.set_defaults(command=train)
-    training.add_argument("scene", metavar="SCENE", help="scene name or folder")
-    training.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make, or to continue in")
-    training.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
-    training.add_argument("--seed", type=int, default=0, help="(default: 0)")
-    training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
-    training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
-
-    training.add_argument("--force", action="store_true", help="also where another model is: its files are moved aside")
+    training.add_argument("scene", metavar="SCENE", help="Train on this scene, by name or folder.")
     training.add_argument(
-        "--no-score", dest="score", action="store_false", help="do not score the test views at the end"
+        "--out", required=True, type=Path, metavar="DIR", help="Make this folder, or continue the training in it."
+    )
+    training.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
+    training.add_argument("--seed", type=int, default=0, help="Seed all random numbers with this (default: 0).")
+    training.add_argument(
+        "--method", default=METHOD, help=f"Train this method (see `methods`), or a TOML file's (default: {METHOD})."
+    )
+    training.add_argument(
+        "--profile", default=PAPER,
+        help="Take these named settings of the method; RadioGS has paper and released (default: paper).",
+    )  # fmt: skip
+    training.add_argument(
+        "--force", action="store_true", help="Move the files of another model in the folder aside, and train."
+    )
+    training.add_argument(
+        "--no-score", dest="score", action="store_false", help="Leave out the scores of the test views at the end."
     )
     add_effects(training)
     add_set(training)
     add_scene_options(training)
 
-    rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
+    rendering = declare(commands, "render", "Render the views of a trained model.", "render out/corner --views test")
     rendering.set_defaults(command=render)
-    relighting = commands.add_parser("relight", help="render a trained model under another light", allow_abbrev=False)
+    relighting = declare(
+        commands, "relight", "Render the views of a trained model under another light.",
+        "relight out/corner --envmap sunset.hdr",
+    )  # fmt: skip
     relighting.set_defaults(command=relight)
-    relighting.add_argument("--envmap", required=True, type=Path, metavar="FILE", help=".hdr or .exr, lat-long, Z up")
     relighting.add_argument(
-        "--mode", metavar="NAME", help="choose one of the ways in which the method relights (default: the method's)"
+        "--envmap", required=True, type=Path, metavar="FILE",
+        help="Relight by this .hdr or .exr file: latitude-longitude, Z up.",
+    )  # fmt: skip
+    relighting.add_argument(
+        "--mode", metavar="NAME", help="Choose one of the ways in which the method relights (default: the method's)."
     )
     relighting.add_argument(
-        "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B", help="of the albedo (default: 1,1,1)"
-    )
+        "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B",
+        help="Multiply the recovered albedo by these factors (default: 1,1,1).",
+    )  # fmt: skip
     add_effects(relighting)
     for command in (rendering, relighting):
-        command.add_argument("folder", type=Path, metavar="DIR", help="where the model was trained")
-        command.add_argument("--views", choices=["test", "train"], default="test", help="(default: test)")
+        command.add_argument("folder", type=Path, metavar="DIR", help="Open the model that `train` left in DIR.")
+        command.add_argument(
+            "--views", choices=["test", "train"], default="test", help="Render the views of this split (default: test)."
+        )
         add_data(command)
     for command in (training, rendering, relighting):
-        command.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-        command.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+        add_device(command)
         add_verbose(command)
 
 

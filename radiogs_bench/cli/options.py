@@ -1,4 +1,4 @@
-"""What the commands' options share: the parser, the types of values, and how a suite and scene options are read."""
+"""Shared by the commands: the parser, the types of options' values, and options that several commands have."""
 
 import argparse
 import math
@@ -62,6 +62,20 @@ class ExplainingParser(argparse.ArgumentParser):
         return options, unknown
 
 
+def declare(commands: "Commands", name: str, purpose: str, example: str, help: str = "") -> ExplainingParser:
+    """A command with its ``--help``: its purpose as a sentence, and an example without the program's name.
+
+    ``help`` is its line in the list of commands; without it, the purpose.
+    """
+    return commands.add_parser(
+        name,
+        help=help or purpose,
+        description=purpose,
+        epilog=f"Example:  radiogs-bench {example}",
+        allow_abbrev=False,
+    )
+
+
 def names(text: str) -> list[str]:
     """A list separated by commas."""
     return [name for name in text.split(",") if name]
@@ -80,7 +94,7 @@ def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") ->
     """Add ``--effects``, for commands that simulate light."""
     parser.add_argument(
         "--effects", type=effects, default=default, metavar="all|auto|LIST",
-        help="what is simulated: all, those that the scene needs, or the effects that are on (default: all)",
+        help="Simulate all effects, those that the scene needs (auto), or the ones in this list (default: all).",
     )  # fmt: skip
 
 
@@ -107,8 +121,8 @@ def add_set(parser: argparse.ArgumentParser) -> None:
     """Add ``--set``, for commands that train."""
     parser.add_argument(
         "--set", dest="settings", action="append", type=setting, default=[], metavar="FIELD=VALUE",
-        help="set a field of the method's variant or budget, by its dotted name as `methods NAME` lists it, such as"
-        " materials.rates.light=0.01; may be repeated",
+        help="Set a field of the method's variant or budget, by its dotted name as `methods NAME` lists it, such as"
+        " materials.rates.light=0.01. This option may be repeated.",
     )  # fmt: skip
 
 
@@ -172,16 +186,23 @@ def add_scene_options(parser: argparse.ArgumentParser) -> None:
     """Add where scenes are looked for and how they are opened; ``scene_options`` reads the latter."""
     group = parser.add_argument_group("how scenes are opened")
     add_data(group)
-    group.add_argument("--layout", help="(default: told by the files)")
+    group.add_argument("--layout", help="Read the scene in this layout (default: recognised from its files).")
     sizes = group.add_mutually_exclusive_group()
-    sizes.add_argument("--reduce", type=positive, metavar="N", help="divide the sides of images by N")
-    sizes.add_argument("--long-side", type=positive, metavar="PIXELS", help="of images, at most")
-    group.add_argument("--hold-out", type=positive, metavar="N", help="score every Nth view of photos (default: 8)")
-    group.add_argument("--mask-folder", type=Path, metavar="DIR", help="a mask for every photo, named as it is")
+    sizes.add_argument("--reduce", type=positive, metavar="N", help="Divide both sides of every image by N.")
+    sizes.add_argument(
+        "--long-side", type=positive, metavar="PIXELS",
+        help="Downscale images to at most this many pixels on their longer side.",
+    )  # fmt: skip
+    group.add_argument(
+        "--hold-out", type=positive, metavar="N", help="Keep every Nth view of photos for testing (default: 8)."
+    )
+    group.add_argument(
+        "--mask-folder", type=Path, metavar="DIR", help="Read a mask for every photo, by the photo's name, from DIR."
+    )
 
 
 def scene_options(options: argparse.Namespace) -> "SceneOptions":
-    """What ``add_scene_options`` was given. Raises UsageError."""
+    """The values of the options of ``add_scene_options``. Raises UsageError."""
     from radiogs_datasets.options import SceneOptions, absolute
 
     return SceneOptions(
@@ -211,10 +232,24 @@ def part_of(text: str) -> tuple[int, int]:
 def add_data(parser: argparse._ActionsContainer) -> None:
     """Add ``--data``, for commands that read scenes; ``main`` sets it."""
     parser.add_argument(
-        "--data", type=Path, metavar="ROOT", help="folder of data sets (default: the variable RADIOGS_BENCH_DATA)"
+        "--data", type=Path, metavar="ROOT",
+        help="Look for scenes in this folder of data sets (default: the variable RADIOGS_BENCH_DATA).",
+    )  # fmt: skip
+
+
+PRESETS_HELP = "Take the amount of work of this preset: smoke, tiny, small or paper (default: {})."
+
+
+def add_device(
+    parser: argparse._ActionsContainer, threads: str = "Use N CPU threads (default: as many as there are cores)."
+) -> None:
+    """Add ``--device`` and ``--threads``, for commands that compute; ``device.chosen_device`` reads them."""
+    parser.add_argument(
+        "--device", choices=["cpu", "cuda"], default="cpu", help="Compute on this device (default: cpu)."
     )
+    parser.add_argument("--threads", type=positive, metavar="N", help=threads)
 
 
 def add_verbose(parser: argparse.ArgumentParser) -> None:
     """Add ``--verbose``, which every command has."""
-    parser.add_argument("--verbose", action="store_true", help="log what happens, and tracebacks of errors")
+    parser.add_argument("--verbose", action="store_true", help="Print a log, and the tracebacks of errors.")

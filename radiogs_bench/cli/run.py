@@ -15,10 +15,13 @@ from ..errors import explain, worst_exit_code
 from ..runs.engines.choice import ENGINES, choose
 from .device import chosen_device
 from .options import (
+    PRESETS_HELP,
+    add_device,
     add_effects,
     add_scene_options,
     add_set,
     add_verbose,
+    declare,
     differences,
     names,
     part_of,
@@ -45,45 +48,58 @@ if TYPE_CHECKING:
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("run", help="run a suite, or continue it", allow_abbrev=False)
+    parser = declare(
+        commands, "run", "Run the cells of a suite, or continue them, and write and print its table.",
+        "run ablations --preset smoke --scenes corner --seeds 2",
+    )  # fmt: skip
     parser.set_defaults(command=run)
-    parser.add_argument("suite", nargs="?", metavar="SUITE", help="a name (see --list), or a TOML file")
-    parser.add_argument("--list", action="store_true", help="list the suites, or the one that is named, and leave")
-    parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
-    parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
-    parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
-    parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
+    parser.add_argument("suite", nargs="?", metavar="SUITE", help="Name a suite (see --list), or a TOML file.")
+    parser.add_argument("--list", action="store_true", help="List all suites, or the named one; run nothing.")
     parser.add_argument(
-        "--method", type=names, metavar="A,B", help="methods to run (see `methods`), or TOML files (default: the rows')"
+        "--scenes", type=names, metavar="A,B", help="Run on these scenes, by name or folder (default: the suite's)."
     )
+    parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="Run seeds 0 to N-1 (default: 1).")
+    parser.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
+    parser.add_argument("--protocol", help="Score under this metric protocol (default: the suite's).")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="Keep the results in this folder (default: out/SUITE).")
+    parser.add_argument(
+        "--method", type=names, metavar="A,B",
+        help="Run these methods (see `methods`, or TOML files) in the suite's table (default: the rows').",
+    )  # fmt: skip
     add_effects(parser, default=None)
     add_set(parser)
     add_scene_options(parser)
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
-    parser.add_argument("--engine", choices=ENGINES, help="what runs the cells (default: inprocess)")
-    parser.add_argument("--workers", type=positive, metavar="N", help="a pool: N cells at a time, sharing the threads")
-    parser.add_argument("--ray-address", metavar="HOST:PORT", help="of a Ray cluster (default: one of this machine)")
+    add_device(parser, "Use N CPU threads (default: as many as there are cores; with --engine ray, 1 for each cell).")
+    parser.add_argument(
+        "--engine", choices=ENGINES,
+        help="Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--workers", type=positive, metavar="N", help="Run N cells at a time in a pool that shares the threads."
+    )
+    parser.add_argument(
+        "--ray-address", metavar="HOST:PORT", help="Use this Ray cluster (default: start one on this machine)."
+    )
     parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
     parser.add_argument(
-        "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
-    )
+        "--shard", type=part_of, default=(0, 1), metavar="I/N",
+        help="Run part I of N, counted from 0. The parts' stores merge by copying their files together.",
+    )  # fmt: skip
     parser.add_argument(
         "--keep-views",
         type=views_kept,
         metavar="N|all",
-        help="keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed)",
+        help="Keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed).",
     )
-    parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
+    parser.add_argument("--dry-run", action="store_true", help="List the cells and what they will take; run nothing.")
     parser.add_argument(
         "--difference",
         type=differences,
         default={},
         metavar="COLUMN=SIZE,...",
-        help="with --dry-run: how many scenes or seeds resolve it, such as albedo/psnr=0.3",
+        help="With --dry-run, say how many scenes or seeds resolve this difference, such as albedo/psnr=0.3.",
     )
-    parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
+    parser.add_argument("--json", action="store_true", help="Print events instead of tables, one JSON object a line.")
     add_verbose(parser)
 
 

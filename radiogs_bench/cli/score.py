@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import add_scene_options, add_verbose, positive, scene_options
+from .options import add_device, add_scene_options, add_verbose, declare, scene_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,24 +33,27 @@ PLAIN_SCORE = ("json", "out")
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "score", help="score a trained model, or a folder that any code wrote", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "score", "Score a trained model, or a folder of images that any code wrote.",
+        "score out/irgs --scene corner --from irgs",
+    )  # fmt: skip
     parser.set_defaults(command=score)
-    parser.add_argument("predictions", type=Path, metavar="FOLDER", help="of `train`, or what a code wrote")
-    parser.add_argument("--scene", metavar="PATH", help="the scene that was trained on: its name or folder")
     parser.add_argument(
-        "--from",
-        dest="code",
-        metavar="CODE",
-        help="radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb, plain (default: told by the folder)",
+        "predictions", type=Path, metavar="FOLDER", help="Score the model of `train`, or a code's output, in FOLDER."
     )
+    parser.add_argument("--scene", metavar="PATH", help="Compare with this scene, by name or folder.")
+    parser.add_argument(
+        "--from", dest="code", metavar="CODE",
+        help="Read the folder as this code writes it: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb"
+        " or plain (default: recognised from its files).",
+    )  # fmt: skip
     add_scene_options(parser)
-    parser.add_argument("--protocol", help="a metric protocol, or all (default: default; with --into, the run's)")
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="of a trained model (default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
-    parser.add_argument("--json", action="store_true", help="print the record instead of the table")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
+    parser.add_argument(
+        "--protocol", help="Score under this metric protocol, or under all (default: default; with --into the run's)."
+    )
+    add_device(parser)
+    parser.add_argument("--json", action="store_true", help="Print the record instead of the table.")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="Write the record to FILE.")
     _add_row(parser)
     add_verbose(parser)
 
@@ -58,15 +61,16 @@ def add_to(commands: "Commands") -> None:
 def _add_row(parser: argparse.ArgumentParser) -> None:
     """Add ``--into`` and the options of a row in a run."""
     group = parser.add_argument_group(
-        "into a finished run", "The files are scored as the run is, and become a row of its tables, figures and page."
+        "a row of a finished run",
+        "The files are scored as the run is, and become a row of its tables, figures and page.",
     )
     group.add_argument(
-        "--into", type=Path, metavar="OUT", help="folder of the run; --scene has to be one of its scenes"
+        "--into", type=Path, metavar="OUT", help="Add the row to the run in OUT; --scene has to be one of its scenes."
     )
-    group.add_argument("--row", metavar="NAME", help="the row's name in tables")
-    group.add_argument("--seed", type=int, metavar="N", help="the run's seed that it is compared with (default: 0)")
+    group.add_argument("--row", metavar="NAME", help="Call the row NAME in tables.")
+    group.add_argument("--seed", type=int, metavar="N", help="Compare the row with this seed of the run (default: 0).")
     group.add_argument(
-        "--force", action="store_true", default=None, help="replace the row's cell of this scene and seed"
+        "--force", action="store_true", default=None, help="Replace the row's cell of this scene and seed."
     )
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..durations import time_left
-from .options import add_verbose, positive
+from .options import add_verbose, declare, positive
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -32,13 +32,16 @@ WIDE = 100
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("status", help="where a run stands: cells, steps, time left", allow_abbrev=False)
+    parser = declare(
+        commands, "status", "Say how far a run is: its cells, their steps, and the time left.",
+        "status out/ablations --watch",
+    )  # fmt: skip
     parser.set_defaults(command=status)
-    parser.add_argument("out", type=Path, metavar="OUT")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Look at the run or the training in OUT.")
+    parser.add_argument("--json", action="store_true", help="Print one JSON object.")
     parser.add_argument(
         "--watch", type=positive, nargs="?", const=EVERY_SECONDS, metavar="SECONDS",
-        help=f"look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do",
+        help=f"Look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do.",
     )  # fmt: skip
     add_verbose(parser)
 
