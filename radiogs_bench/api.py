@@ -223,13 +223,13 @@ def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin 
     return Model(model, run, method.name, math.fsum(ledger["seconds"] for ledger in ledgers.values()), files)
 
 
-def open_model(folder: str | Path, device: str = "cpu", **turned: Any) -> Model:
+def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model:
     """The model that ``train`` left in a folder.
 
-    ``turned`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
+    ``changes`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
     DataError where there is none or its scene has changed.
     """
-    run, model = read_trained(Path(folder), torch.device(device), turned)
+    run, model = read_trained(Path(folder), torch.device(device), changes)
     return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 

@@ -119,23 +119,23 @@ def require_storable(method: str, content: Mapping[str, Any], source: str, stage
     """Raise MethodFailed for what could be written and not be read again, by its place in ``source``."""
     found = _unstorable(content, "")
     if found is not None:
-        place, kind = found
+        where, kind = found
         raise refused(
             method,
-            f"{source}{place} of stage '{stage}' is a {kind}",
+            f"{source}{where} of stage '{stage}' is a {kind}",
             "What is stored is tensors, numbers, strings, and lists, tuples, sets and dicts of them; an array becomes a"
             " tensor by torch.from_numpy, a NumPy number a number by .item().",
         )
 
 
-def _unstorable(value: Any, place: str) -> tuple[str, str] | None:
+def _unstorable(value: Any, where: str) -> tuple[str, str] | None:
     if isinstance(value, Tensor) or type(value) in LEAVES:
         return None
     if type(value) not in BRANCHES:
-        return place, f"{type(value).__module__}.{type(value).__name__}"
+        return where, f"{type(value).__module__}.{type(value).__name__}"
     if isinstance(value, Mapping):
-        inner = [(key, f"{place}, a key") for key in value]
-        inner += [(each, f"{place}[{key!r}]") for key, each in value.items()]
+        inner = [(key, f"{where}, a key") for key in value]
+        inner += [(each, f"{where}[{key!r}]") for key, each in value.items()]
     else:
-        inner = [(each, f"{place}[{number}]") for number, each in enumerate(value)]
+        inner = [(each, f"{where}[{number}]") for number, each in enumerate(value)]
     return next((found for each in inner if (found := _unstorable(*each)) is not None), None)

@@ -41,10 +41,10 @@ class SourceTree:
             return None
         if root.is_file():
             return None if rest else root
-        place = root.joinpath(*rest)
-        if (place / "__init__.py").is_file():
-            return place / "__init__.py"
-        single = place.with_name(f"{place.name}.py")
+        path = root.joinpath(*rest)
+        if (path / "__init__.py").is_file():
+            return path / "__init__.py"
+        single = path.with_name(f"{path.name}.py")
         return single if rest and single.is_file() else None
 
     def closure(self, *modules: str) -> dict[str, Path]:

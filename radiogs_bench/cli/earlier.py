@@ -32,11 +32,11 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
     found = [name for name in reports if _is_own_file(store.folder, name)]
     if all(last[name] == coming[name] for name in SAME_RUN) or not found:  # type: ignore[literal-required]
         return None
-    place = store.folder / EARLIER / name_of(last)
+    kept = store.folder / EARLIER / name_of(last)
     for name in found:
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(store.folder / name, place / name)
-    return place
+        (kept / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(store.folder / name, kept / name)
+    return kept
 
 
 def name_of(run: Sweep) -> str:
@@ -55,4 +55,4 @@ def _is_own_file(folder: Path, name: str) -> bool:
     *within, last = name.split("/")
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
-    return plain and (folder / name).is_file() and not any(place.is_symlink() for place in places)
+    return plain and (folder / name).is_file() and not any(path.is_symlink() for path in places)

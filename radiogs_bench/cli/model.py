@@ -216,16 +216,16 @@ def relight(options: argparse.Namespace) -> int:
     from .reporter import say
 
     device = chosen_device(options)
-    place = lit_folder(options.envmap)
+    lit = lit_folder(options.envmap)
     light, repairs = read_light(options.envmap)
     for repair in repairs:
         say(repair)
     about = read_about(options.folder)
-    mode, turned = chosen_mode(about["method"], options.mode)
+    mode, changes = chosen_mode(about["method"], options.mode)
     if "effects" in about["variant"]:
-        turned["effects"] = options.effects
+        changes["effects"] = options.effects
     with Store(options.folder).keeping_tracebacks():
-        run, model = read_trained(options.folder, device, turned)
+        run, model = read_trained(options.folder, device, changes)
         if run.scene.surrounded:
             say(f"relighting means little here: {NOT_DISTANT}")
         with working(f"preparing {options.envmap.name}"):
@@ -234,7 +234,7 @@ def relight(options: argparse.Namespace) -> int:
             say(remark)
         return write_views(
             about["method"], relit, run, options.views, options.folder / "relight" / mode,
-            lambda kind: f"{'relit' if kind == 'image' else kind}/{place}",
+            lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}",
         )  # fmt: skip
 
 
@@ -296,12 +296,12 @@ def write_views(
         for done, (view, camera) in enumerate(zip(views, cameras, strict=True)):
             progress.advance("rendering", done, len(views))
             for kind, image in on_black(shown, camera, method=method, view=view.name).items():
-                place = folder / place_of(kind) / view.name.replace("/", "_")
-                place.parent.mkdir(parents=True, exist_ok=True)
+                path = folder / place_of(kind) / view.name.replace("/", "_")
+                path.parent.mkdir(parents=True, exist_ok=True)
                 if kind == "image":
-                    write_png(place.with_name(f"{place.name}.png"), image.numpy())
+                    write_png(path.with_name(f"{path.name}.png"), image.numpy())
                 else:
-                    write_exr(place.with_name(f"{place.name}.exr"), image.numpy())
+                    write_exr(path.with_name(f"{path.name}.exr"), image.numpy())
     said = f"{len(views)} views in {folder}"
     if shown.timed:
         with calling(method, "render(), once more to be timed"):

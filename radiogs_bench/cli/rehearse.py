@@ -200,10 +200,10 @@ def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, in
     request = Request(suite, {name: scene}, 1, options.preset, rules, options.device)
     rows = []
     by_key = {row.key: row for row in suite.rows}
-    for place, cell in request.cells():
+    for ref, cell in request.cells():
         if not cell.stages:
             raise UsageError(f"suite '{suite.name}' trains nothing", "There is nothing to rehearse.")
-        row = by_key[place["row"]]
+        row = by_key[ref["row"]]
         rows.append(Row(row.key, request.method(row.method), cell.found_as, cell.variant, cell.budget))
     subject = suite.name if suite.name != "one" else name
     return subject, rows, scene, rules, len(scenes)

@@ -130,14 +130,14 @@ def _run(options: argparse.Namespace) -> int:
 
     from ..store.folder import Store
 
-    request, device = wanted(options, chosen)
+    request, device = request_from_options(options, chosen)
     store = Store(folder)
     if options.worker is not None:
-        return work_along_with(request, store, device, options)
+        return run_as_worker(request, store, device, options)
     say_remarks([*remarks, *repairs_of(request.scenes)], options.json)
     if options.dry_run:
         return show_request(request, store, engine, options.json, options.difference)
-    return run_request(request, store, device, engine, options)
+    return run_and_report(request, store, device, engine, options)
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -182,7 +182,7 @@ def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite,
     return suite, []
 
 
-def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
+def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
     """The request from the options. Raises UsageError or DataError before anything is run."""
     from ..methods import method
     from ..runs.sweep import Request
@@ -245,11 +245,11 @@ def show_request(
     return 0
 
 
-def run_request(
+def run_and_report(
     request: "Request", store: "Store", device: "torch.device", engine: "Engine", options: argparse.Namespace
 ) -> int:
     """Run the missing cells; write and print the reports. Returns the exit code."""
-    from ..runs.engines.run import bring_to_end
+    from ..runs.engines.run import run_request
     from ..runs.interruption import Interruption
     from ..runs.progress import SweepProgress, progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -260,11 +260,11 @@ def run_request(
     manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
-    shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
+    shown = EventProgress(store, [ref for ref, _ in cells]) if options.json else progress_for_stderr()
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
-        ended = bring_to_end(
+        ended = run_request(
             request,
             Bench(store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views),
             engine,
@@ -291,7 +291,7 @@ def write_manifest(request: "Request", store: "Store") -> "Sweep":
     from .earlier import keep_reports
 
     with changing_sweep(store) as write_it:
-        manifest = request.manifest([place for place, _ in request.cells()])
+        manifest = request.manifest([ref for ref, _ in request.cells()])
         manifest, outdated = with_rows_from_files(store, manifest, checksums_of(request))
         kept = keep_reports(store, manifest)
         write_it(manifest)
@@ -334,9 +334,9 @@ def say_other_run(store: "Store", manifest: "Sweep") -> None:
         )
 
 
-def work_along_with(request: "Request", store: "Store", device: "torch.device", options: argparse.Namespace) -> int:
+def run_as_worker(request: "Request", store: "Store", device: "torch.device", options: argparse.Namespace) -> int:
     """Run as one worker of several (``--worker``); returns its exit code."""
-    from ..runs.engines.run import work_along
+    from ..runs.engines.run import run_worker
     from ..runs.interruption import Interruption
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -346,7 +346,7 @@ def work_along_with(request: "Request", store: "Store", device: "torch.device", 
         bench = Bench(
             store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
-        return report_failures(work_along(request, bench, *options.worker).failures)
+        return report_failures(run_worker(request, bench, *options.worker).failures)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:

@@ -141,12 +141,12 @@ def _model(options: argparse.Namespace) -> dict[str, Any]:
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.record import record_of_model
 
-    protocols, place = _protocols(options.protocol), options.predictions
-    method = read_about(place)["method"]
-    run, model = read_trained(place, chosen_device(options))
+    protocols, folder = _protocols(options.protocol), options.predictions
+    method = read_about(folder)["method"]
+    run, model = read_trained(folder, chosen_device(options))
     with progress_for_stderr() as progress:
         return record_of_model(
-            str(place), method, model, run.scene, run.device, protocols,
+            str(folder), method, model, run.scene, run.device, protocols,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
 

@@ -133,12 +133,12 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
         for name in ("step", "a second", "left"):
             table.add_column(name, justify="right", no_wrap=True)
     for cell in standing.cells:
-        row = [label(cell.place), *([cell.place["key"]] if keys else []), _state(cell)]
+        row = [label(cell.ref), *([cell.ref["key"]] if keys else []), _state(cell)]
         table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
     if standing.seconds_left is not None:
         lines.append(f"about {time_left(standing.seconds_left)} left, as cells took that have finished")
-    mine = {place["key"] for place in sweep["cells"]}
+    mine = {ref["key"] for ref in sweep["cells"]}
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
         lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")

@@ -179,5 +179,5 @@ def _edges(places: Float[np.ndarray, "vertices 3"]) -> Places:
 
 def _merged(vertices: Float[np.ndarray, "vertices 3"], keys: Places, faces: Int[np.ndarray, "faces 3"]) -> Mesh:
     """One vertex for each key."""
-    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return Mesh(vertices[first], place.reshape(-1)[faces])
+    _, first, unique = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return Mesh(vertices[first], unique.reshape(-1)[faces])

@@ -51,7 +51,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
     Rows that were scored from files are in none: the paper's rows name budgets, and theirs are not known.
     """
     sweep = measured(sweep)
-    own = {place["key"]: place for place in sweep["cells"]}
+    own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())
     mine = [result for result in results if result["key"] in own]
     if not mine:

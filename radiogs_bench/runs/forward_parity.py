@@ -150,11 +150,11 @@ def transported(surfels: Surfels, equation: RenderingEquation, incident: Inciden
     """Linear radiance of one view, by ``PARTS``, on black; emission counts as direct."""
     outgoing = towards(camera, surfels)
     parts = shade_surfels(surfels, equation.albedo, incident, outgoing[:, None], equation.light.radiance)[:, 0]
-    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in equation.parts]
+    counted = [part for part in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if part in equation.parts]
     direct = parts[:, counted].sum(1)
     if equation.emission is not None:
         direct = direct + equation.emission
-    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in equation.parts]].sum(1)
+    indirect = parts[:, [part for part in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if part in equation.parts]].sum(1)
     channels = {
         "total": direct + indirect,
         "surfels": surfel_radiance(surfels.sh, outgoing),

@@ -31,7 +31,7 @@ def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
         advance(done, len(maps))
 
 
-def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
+def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
     """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
     scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     progress = bench.progress

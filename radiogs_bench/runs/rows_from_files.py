@@ -16,7 +16,7 @@ from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.experiment import FROM_FILES
 from .cell import evaluation_code
-from .sweep import Line, Place, Sweep
+from .sweep import CellRef, Sweep, TableRow
 
 UNKNOWN = "not known"
 """Name of the budget of a row whose training nobody here has seen."""
@@ -77,7 +77,7 @@ def measured(sweep: Sweep) -> Sweep:
     """The manifest without rows that were scored from files."""
     rows = [row for row in sweep["rows"] if "files" not in row]
     keys = {row["key"] for row in rows}
-    return {**sweep, "rows": rows, "cells": [place for place in sweep["cells"] if place["row"] in keys]}
+    return {**sweep, "rows": rows, "cells": [ref for ref in sweep["cells"] if ref["row"] in keys]}
 
 
 def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str]) -> tuple[Sweep, list[str]]:
@@ -100,12 +100,12 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
         if cell["evaluation_code"] != code:
             outdated.add(result["facts"]["row"])
             continue
-        place = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
-        if place not in found or scored_at(found[place]) <= scored_at(result):
-            found[place] = result
+        origin = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
+        if origin not in found or scored_at(found[origin]) <= scored_at(result):
+            found[origin] = result
     lines = {name: _line(name, result) for (name, _, _), result in sorted(found.items(), key=lambda each: each[0])}
     places = [
-        Place(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[])
+        CellRef(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[])
         for (name, scene, seed), result in sorted(found.items(), key=lambda each: each[0])
     ]
     whole: Sweep = {**own, "rows": [*own["rows"], *lines.values()], "cells": [*own["cells"], *places]}
@@ -117,5 +117,5 @@ def scored_at(result: Result) -> str:
     return str(result["facts"]["scored"])
 
 
-def _line(name: str, result: Result) -> Line:
-    return Line(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))
+def _line(name: str, result: Result) -> TableRow:
+    return TableRow(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))

@@ -31,7 +31,7 @@ FINISHED = "finished"
 WITH = " with "
 
 
-class Place(TypedDict):
+class CellRef(TypedDict):
     """A cell's row, scene and seed, its key, and the keys of its stages (see ``cell``)."""
 
     row: str
@@ -42,7 +42,7 @@ class Place(TypedDict):
     """The keys of its stages, in order; empty for an experiment that trains nothing."""
 
 
-class Line(TypedDict):
+class TableRow(TypedDict):
     """A row: its key, and its labels in LaTeX and in plain text."""
 
     key: str
@@ -66,7 +66,7 @@ class Sweep(TypedDict):
     title: str
     published: str | None
     reference: str | None
-    rows: list[Line]
+    rows: list[TableRow]
     """In order."""
     columns: list[str]
     """Metrics as ``task/measure``, in order."""
@@ -81,7 +81,7 @@ class Sweep(TypedDict):
     of earlier versions."""
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
-    cells: list[Place]
+    cells: list[CellRef]
     command: NotRequired[list[str]]
     """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
     seal: NotRequired[str]
@@ -117,8 +117,8 @@ class Request:
         """The function that runs one of the cells, given a bench, the cell and its scene."""
         return EXPERIMENTS[self.suite.experiment].run()
 
-    def cells(self) -> list[tuple[Place, Cell]]:
-        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.
+    def cells(self) -> list[tuple[CellRef, Cell]]:
+        """Every cell with its reference, scene by scene and seed by seed, so that complete comparisons finish early.
 
         Rows that give parts of the truth which their method does not take have none. Raises UsageError where a method
         takes none of the parts of any of its rows, DataError for a scene whose truth is not known.
@@ -140,14 +140,14 @@ class Request:
                 )
         return refused
 
-    def own_cells(self) -> list[tuple[Place, Cell]]:
+    def own_cells(self) -> list[tuple[CellRef, Cell]]:
         """The cells of this shard. Cells that share their first stage are in the same shard."""
         cells = self.cells()
-        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
+        groups = {key: ref for ref, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
         number, count = self.shard
-        return [(place, cell) for place, cell in cells if groups[cell.first_key] % count == number]
+        return [(ref, cell) for ref, cell in cells if groups[cell.first_key] % count == number]
 
-    def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
+    def _cell(self, row: Row, scene: str, seed: int) -> tuple[CellRef, Cell]:
         used = self.method(row.method)
         require_truth(self.scenes[scene], row.given or ())
         work = Work(
@@ -161,17 +161,17 @@ class Request:
         )
         cell = cell_of(used, self.scenes[scene], work, row.method)
         keys = [stage.key for stage in cell.stages]
-        return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
+        return CellRef(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
     def _budget(self, used: Method, row: Row) -> Any:
         """The preset of a row's method, with the fields that are set, times the row's factors."""
         given = settings_of(used, self.preset, self.settings).budget
         return scaled(budget_of(used, self.preset, given), row.budget)
 
-    def _line(self, row: Row) -> Line:
+    def _line(self, row: Row) -> TableRow:
         used = self.method(row.method)
         budget = to_plain(self._budget(used, row))
-        line = Line(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
+        line = TableRow(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
         refusal = self.refused().get(row.key)
@@ -186,7 +186,7 @@ class Request:
         }
         return {name: kind or "" for name, kind in found.items()} if any(found.values()) else {}
 
-    def manifest(self, places: Sequence[Place]) -> Sweep:
+    def manifest(self, refs: Sequence[CellRef]) -> Sweep:
         """The request as stored in the folder."""
         suite = self.suite
         made: Sweep = {
@@ -202,7 +202,7 @@ class Request:
             "device": self.device,
             "seeds": list(range(self.seeds)),
             "scenes": list(self.scenes),
-            "cells": list(places),
+            "cells": list(refs),
         }
         if relighting := relighting_of(self.method(row.method) for row in suite.rows):
             made["relighting"] = relighting
@@ -233,29 +233,29 @@ def plain_preset(text: str) -> str:
     return text.partition(WITH)[0]
 
 
-def label(place: Place) -> str:
+def label(ref: CellRef) -> str:
     """The label of a cell in messages, such as ``corner ours seed 0``."""
-    return f"{place['scene']} {place['row']} seed {place['seed']}"
+    return f"{ref['scene']} {ref['row']} seed {ref['seed']}"
 
 
-def state_of(store: Store, place: Place) -> str:
+def state_of(store: Store, ref: CellRef) -> str:
     """State of a cell: finished, failed, trained but not scored, begun, or to do; last, what of it was damaged."""
-    state = _progress(store, place)
-    key = place["key"]
+    state = _progress(store, ref)
+    key = ref["key"]
     damaged = [name for name in kept_aside(store.folder) if name.startswith((f"{key}.json", f"{key}.npz"))]
     return f"{state} (its results were damaged and are in aside/)" if damaged and state != FINISHED else state
 
 
-def _progress(store: Store, place: Place) -> str:
-    if store.result(place["key"]) is not None:
+def _progress(store: Store, ref: CellRef) -> str:
+    if store.result(ref["key"]) is not None:
         return FINISHED
-    failure = store.failure(place["key"])
+    failure = store.failure(ref["key"])
     if failure is not None:
         return f"failed: {failure['what']}"
-    for number in range(len(place["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
-        key = place["stages"][number - 1]
+    for number in range(len(ref["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
+        key = ref["stages"][number - 1]
         if store.has_tensors(product_name(key)):
-            return "trained, not scored" if number == len(place["stages"]) else f"to do: stage {number} is there"
+            return "trained, not scored" if number == len(ref["stages"]) else f"to do: stage {number} is there"
         if store.has_tensors(checkpoint_name(key)):
             return f"begun: in stage {number}"
     return "to do"
@@ -300,8 +300,8 @@ def read_sweep(folder: Path) -> Sweep:
             "Run the same command again: it repeats no finished cell and writes the file anew.",
         ) from error
     plain_name(stored["suite"], f"the suite of {path}")
-    for place in stored["cells"]:
-        for key in (place["key"], *place["stages"]):
+    for ref in stored["cells"]:
+        for key in (ref["key"], *ref["stages"]):
             plain_name(key, f"a key of {path}")
     return stored
 

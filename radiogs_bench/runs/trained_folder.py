@@ -157,15 +157,15 @@ def _described(about: About) -> str:
     return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
 
 
-def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
+def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
     """The run and the model that were trained in a folder.
 
-    ``turned`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    ``changes`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
     DataError if there is no model or its scene has changed.
     """
     about = read_about(folder)
     used = method(about["method"])
-    variant = with_values(variant_of(used, about["variant"]), turned or {}, f"variant of {used.name}")
+    variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
     scene = scene_of(about)
     workspace = folder / "work" / about["training_key"]
     budget = budget_of(used, about["preset"], about.get("budget"))

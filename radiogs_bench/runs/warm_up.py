@@ -45,7 +45,7 @@ def _warm_up(method: Method, run: Run) -> None:
     product: Mapping[str, Any] = {}
     with calling(method.name, "stages()"):
         specs = method.stages(run.variant, run.budget)
-    needed = max((place for place, spec in enumerate(specs, start=1) if spec.compiles), default=0)
+    needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
     for spec in specs[:needed]:
         product = _warmed(method.name, spec, run, product)
 

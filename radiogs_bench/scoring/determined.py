@@ -118,7 +118,7 @@ def _lowest(slopes: Sequence[float], rises: Sequence[float]) -> tuple[float | No
 
 def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
     """At most that many views, evenly spread over their list."""
-    return [views[place * len(views) // most] for place in range(most)] if len(views) > most else views
+    return [views[index * len(views) // most] for index in range(most)] if len(views) > most else views
 
 
 def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[View]) -> list[float]:

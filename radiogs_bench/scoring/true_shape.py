@@ -109,8 +109,8 @@ def _sees(view: View, points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray,
     column = (camera.fx * local[:, 0] / z + camera.cx).floor()
     row = (camera.fy * local[:, 1] / z + camera.cy).floor()
     inside = before & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    place = torch.where(inside, row, 0).long(), torch.where(inside, column, 0).long()
-    depth, alpha = (view.read(name)[..., 0].double()[place] for name in ("depth", "alpha"))
+    pixel = torch.where(inside, row, 0).long(), torch.where(inside, column, 0).long()
+    depth, alpha = (view.read(name)[..., 0].double()[pixel] for name in ("depth", "alpha"))
     close = (z - depth).abs() <= TOLERANCE * z / min(camera.fx, camera.fy)
     seen: Bool[np.ndarray, " points"] = (inside & (alpha > COVERED) & close).numpy()
     return seen

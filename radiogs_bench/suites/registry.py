@@ -120,8 +120,8 @@ def _check(suite: Suite, reader: PlainReader) -> None:
     if suite.published is not None:
         reader.known("suite.published", "published table", suite.published, published_tables())
     _check_text("suite.title", suite.title, reader)
-    for place, row in enumerate(suite.rows):
-        _check_row(row, reader, f"suite.rows[{place}]")
+    for index, row in enumerate(suite.rows):
+        _check_row(row, reader, f"suite.rows[{index}]")
 
 
 def _check_text(where: str, text: str, reader: PlainReader) -> None:

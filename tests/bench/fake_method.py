@@ -25,7 +25,7 @@ from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.sweep import Place, Request, Sweep, changing_sweep
+from radiogs_bench.runs.sweep import CellRef, Request, Sweep, changing_sweep
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
@@ -189,7 +189,7 @@ def method(name: str) -> FakeMethod:
 class FakeRequest(Request):
     """A request whose rows run the fake."""
 
-    def cells(self) -> list[tuple[Place, Cell]]:
+    def cells(self) -> list[tuple[CellRef, Cell]]:
         with patch.dict(substitutes, {FAKE.name: FAKE}):
             return super().cells()
 
@@ -228,9 +228,9 @@ def fake_cell(seed: int = 0, variant: Variant | None = None, scene: Scene = SCEN
     return cell_of(FAKE, scene, Work(variant or Variant(), budget, seed, **work))
 
 
-def place_of(cell: Cell, row: str = "ours") -> Place:
+def place_of(cell: Cell, row: str = "ours") -> CellRef:
     """Where a table has the cell."""
-    return Place(row=row, scene=cell.scene, seed=cell.seed, key=cell.key, stages=[stage.key for stage in cell.stages])
+    return CellRef(row=row, scene=cell.scene, seed=cell.seed, key=cell.key, stages=[stage.key for stage in cell.stages])
 
 
 class FakeSweep:

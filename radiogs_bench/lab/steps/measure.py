@@ -77,10 +77,10 @@ AUTOGRAD = "torch.autograd"
 def part_of(module: str) -> str | None:
     """The part that a module belongs to; None for one that may serve any."""
     found = [
-        (len(place), part)
+        (len(module_name), part)
         for part, places in PARTS.items()
-        for place in places
-        if module == place or module.startswith(f"{place}.")
+        for module_name in places
+        if module == module_name or module.startswith(f"{module_name}.")
     ]
     return max(found)[1] if found else None
 

@@ -17,14 +17,14 @@ Plain = dict[str, Any]
 
 
 def record_of(
-    session: Mapping[str, Any], place: Mapping[str, str], yardsticks: Yardsticks, sizes: Mapping[str, Plain]
+    session: Mapping[str, Any], subject: Mapping[str, str], yardsticks: Yardsticks, sizes: Mapping[str, Plain]
 ) -> Plain:
-    """Everything that was measured, and where. ``place``: method and scene."""
+    """Everything that was measured, and where. ``subject``: method and scene."""
     medians = yardsticks.medians()
     return {
         "schema": SCHEMA,
         **session,
-        **place,
+        **subject,
         "yardsticks": {name: {"median": medians[name], "seconds": values} for name, values in yardsticks.found.items()},
         "sizes": dict(sizes),
     }
