@@ -180,7 +180,9 @@ def _device(name: str) -> "torch.device":
     import torch
 
     if name == "cuda" and not torch.cuda.is_available():
-        raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
+        raise UsageError(
+            "no CUDA device was found", "PyTorch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
+        )
     return torch.device(name)
 
 
@@ -192,7 +194,9 @@ def _spacing(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0 < value < math.inf:
-        raise UsageError(f"'{text}' is no distance between surfels", "It is a length above zero, in world units.")
+        raise UsageError(
+            f"'{text}' is no distance between surfels", "A distance is a length above zero, in world units."
+        )
     return value
 
 
@@ -227,7 +231,7 @@ def bench_growth(options: argparse.Namespace) -> int:
 
 
 def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """This checkout, in this process, beside yardsticks; ratios to an earlier record where one was named."""
+    """Measure this checkout in this process, beside yardsticks; print ratios to an earlier record if one was named."""
     from ..lab.steps.history import append, line_of
     from ..lab.steps.measure import Here, measured
     from ..lab.steps.ratios import read_record, require_comparable
@@ -260,7 +264,7 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
 
 
 def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """This checkout and another one, each in a process of its own, pass by pass in turn."""
+    """Measure this checkout and another one, each in its own process, pass by pass in turn."""
     from ..lab.steps.against import worker
     from ..lab.steps.measure import measured
     from ..lab.steps.ratios import AGAINST
@@ -268,7 +272,9 @@ def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     from .reporter import complain
 
     if options.history is not None:
-        raise UsageError("--history is of this checkout alone", "", "Leave out --against.")
+        raise UsageError(
+            "--history does not go with --against", "It keeps the times of this checkout alone.", "Leave --against out."
+        )
     device, ours, theirs = chosen_device(options), {}, {}
     given = (options.method, options.scene, options.device, str(options.stages or 0))
     with worker(options.against, given) as other, worker(None, given) as this:
@@ -289,7 +295,9 @@ def _ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any], paired: bool) ->
 
     found = {name: list(compared(each, theirs[name], paired)) for name, each in ours.items() if name in theirs}
     if not found:
-        raise UsageError("the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Choose them: --sizes")
+        raise UsageError(
+            "the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Name them with --sizes."
+        )
     for name, ratios in found.items():
         show(as_table(name, ratios))
     return found

@@ -142,7 +142,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def convert(options: argparse.Namespace) -> int:
-    """Write a scene in another layout, and say what that layout cannot carry."""
+    """Write a scene in another layout, and print what that layout cannot hold."""
     from radiogs_datasets import load_scene
     from radiogs_datasets.reduction import every
     from radiogs_datasets.writing import convert as write
@@ -219,7 +219,7 @@ def _add_fetch(actions: "Commands") -> None:
 
 
 def fetch(options: argparse.Namespace) -> int:
-    """Fetch each data set into ``ROOT/NAME``; where files have to be fetched by hand, say which, at the end."""
+    """Fetch each data set into ``ROOT/NAME``; at the end, print which files have to be fetched by hand."""
     from radiogs_datasets.data_root import DATA_VARIABLE, data_root
 
     from ..errors import NotFetched
@@ -248,7 +248,7 @@ def fetch(options: argparse.Namespace) -> int:
         except NotFetched as error:
             lacking.append(error)
             continue
-        say(f"{root / each.name}: complete")
+        say(f"{root / each.name} is complete")
     if root != data_root():
         say(f"Use it:  --data {root}   or   export {DATA_VARIABLE}={root.resolve()}")
     for other in lacking[:-1]:
@@ -315,7 +315,7 @@ def _add_blend(actions: "Commands") -> None:
 
 
 def blend(options: argparse.Namespace) -> int:
-    """Render a .blend file into ``--out``, and say what its pictures cannot mean."""
+    """Render a .blend file into ``--out``, and print what users of the scene have to know."""
     from radiogs_datasets import load_scene
     from radiogs_datasets.blend.request import Request
     from radiogs_datasets.blend.scene_folder import write_scene
@@ -348,7 +348,7 @@ def blend(options: argparse.Namespace) -> int:
 
 
 def remarks(metadata: dict[str, Any]) -> Iterator[str]:
-    """What whoever uses a scene rendered by Blender has to know of it, a sentence each."""
+    """Yield sentences that users of a scene rendered by Blender have to know: noise, light left out, materials."""
     if metadata["noise_floor_db"] is not None:
         yield f"noise: {metadata['noise_floor_db']:.1f} dB between two seeds of the first test view, in display colour"
     yield f"indirect light: {metadata['indirect_share']:.1%} of what the test views show"

@@ -13,10 +13,10 @@ from ..runs.sweep import Sweep, read_sweep
 from ..store.folder import Store
 
 EARLIER = "earlier"
-"""Folder of reports, below that of the results, by ``name_of`` their run."""
+"""Folder of earlier reports below that of the results; each run has a folder in it (``name_of``)."""
 
 SAME_RUN = ("suite", "preset", "protocol", "device")
-"""What a continued run has in common with the one that it continues."""
+"""Entries of the manifest that a continued run shares with the one that it continues."""
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:
@@ -51,7 +51,7 @@ def name_of(run: Sweep) -> str:
 
 
 def _is_own_file(folder: Path, name: str) -> bool:
-    """Whether a name of the record is a file of the folder, or of one of its folders of reports, and no link."""
+    """Whether a name in the record is a file of the folder, or of one of its folders of reports, and not a link."""
     *within, last = name.split("/")
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]

@@ -30,7 +30,7 @@ def emit_error(error: ExplainedError) -> None:
 
 
 def emit_suite(suite: Suite) -> None:
-    """One event for a suite."""
+    """Write one event that describes a suite."""
     emit(
         "suite",
         name=suite.name,
@@ -63,11 +63,11 @@ class EventProgress:
         self._look()
 
     def say(self, line: str) -> None:
-        """A line for people to read."""
+        """Write a line as an event for people to read."""
         emit("message", text=line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Steps of a task; when cells are counted, also the cells that have ended since."""
+        """Write the steps of a task as an event; when cells are counted, also those that have ended since."""
         if task == "cells":
             self._look()
         now = self.clock()

@@ -1,4 +1,4 @@
-"""``radiogs-bench export``: a run's metrics as one table, the course of its training, or a trained model in some form.
+"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form.
 
 A trained model becomes a file of surfels as another program reads them (``--to``), a triangle mesh with its distance
 from the true shape (``--mesh``), or its test views as a public code writes its own (``--layout-of``).
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TABLES = ("csv", "json", "parquet")
 LOGS = ("tensorboard", "wandb")
-"""The course of training, for a logger."""
+"""Training curves, for a logger."""
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
 """Files of surfels: the forms of ``radiogs_core.surfels.viewer_files``, whose import takes too long for `--help`."""
@@ -102,7 +102,7 @@ def _add_layout(parser: argparse.ArgumentParser) -> None:
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store, the course of its training, or a trained model in some form."""
+    """Write one table of every metric in the store, its training curves, or a trained model in some form."""
     if options.mesh:
         return export_mesh(options)
     if options.layout_of is not None:
@@ -137,7 +137,7 @@ def export(options: argparse.Namespace) -> int:
 
 
 def export_splats(options: argparse.Namespace) -> int:
-    """Write the surfels into OUT/FORM.ply, or the file of --file, and say how many surfels it has."""
+    """Write the surfels into OUT/FORM.ply, or the file of --file, and print their number."""
     import torch
 
     from radiogs_core.errors import DataError
@@ -161,7 +161,7 @@ def export_splats(options: argparse.Namespace) -> int:
 
 
 def export_layout(options: argparse.Namespace) -> int:
-    """Write the test views' files into OUT/CODE, or into the folder of --file, and say how they are scored."""
+    """Write the test views' files into OUT/CODE, or the folder of --file, and print the command that scores them."""
     from radiogs_baselines.outputs.writing import LayoutWriter
 
     from ..export.published_layout import checked, write_as_published
@@ -221,13 +221,13 @@ def export_mesh(options: argparse.Namespace) -> int:
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, options.views)
     write_sealed(path.with_suffix(".json"), record)
-    for line in told(record["shape"]):
+    for line in sentences_of(record["shape"]):
         say(line)
     return 0
 
 
 def record_of(mesh: "Mesh", scene: "Scene", lattice: "Lattice", views: str) -> dict[str, Any]:
-    """What a mesh was made with, in world units, and its distances from the true shape, in shares of the extent."""
+    """Record of a mesh: settings in world units, and distances from the true shape as shares of the extent."""
     return {
         "schema": SCHEMA,
         "scene": scene.name,
@@ -271,8 +271,8 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     return shape
 
 
-def told(shape: dict[str, Any]) -> list[str]:
-    """The record of a shape in sentences."""
+def sentences_of(shape: dict[str, Any]) -> list[str]:
+    """A shape's record in sentences."""
     if "reason" in shape:
         return [f"Chamfer distance: n/a, {shape['reason']}"]
     ours, theirs = shape["samples"]
@@ -283,7 +283,7 @@ def told(shape: dict[str, Any]) -> list[str]:
         f"truth: {shape['truth']}",
     ]
     if "stanford_orb_chamfer" in shape:
-        lines.append(f"as Stanford-ORB has it, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
+        lines.append(f"by Stanford-ORB's definition, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
     return lines
 
 

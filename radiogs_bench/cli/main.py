@@ -135,14 +135,14 @@ def completion(options: argparse.Namespace) -> int:
 
 
 def _words() -> dict[str, list[str]]:
-    """What options may be given that take one of some names, by the options' own names."""
+    """The values of options that take one of some names, by option."""
     from ..scoring.metrics.protocols import PROTOCOLS
 
     return {"protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"]}
 
 
 def _words_or_paths() -> dict[str, list[str]]:
-    """The names of what may also be given as a path."""
+    """The known names for options that also take a path, by option."""
     from radiogs_datasets import known_names
 
     from ..methods import method_names
@@ -162,7 +162,7 @@ _DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
     "zsh": lambda name, words: f"{name}() {{ _alternative 'names:name:({' '.join(words)})' 'files:file:_files' }}",
     "fish": lambda name, words: "",
 }
-"""How a shell defines such a function."""
+"""Definition of such a function, by shell."""
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:

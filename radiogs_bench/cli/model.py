@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from .options import Commands
 
 PAPER = "paper"
-"""The profile of every method: its variant as it is."""
+"""The profile that every method has: its variant without changes."""
 
 ONLY_MODE = "default"
 """Folder of renders by a method that offers no choice of relighting."""
@@ -174,7 +174,7 @@ def fields_from(options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, 
 
 
 def render(options: argparse.Namespace) -> int:
-    """Write the maps of every view, images as PNG, the others as EXR; and the recovered light."""
+    """Write the recovered light and the maps of every view: images as PNG, the others as EXR."""
     from radiogs_datasets.image_files import write_exr
 
     from ..runs.trained_folder import read_about, read_trained
@@ -191,7 +191,7 @@ def render(options: argparse.Namespace) -> int:
 
 
 def prepared(method: str, model: "Trained", *lit: Any) -> "Prepared":
-    """A model under its own light, or under another one, with the factor of its albedo."""
+    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo."""
     from radiogs_core.contract import Prepared
 
     from ..method_calls import calling, require
@@ -261,7 +261,7 @@ def chosen_mode(name: str, mode: str | None) -> tuple[str, dict[str, Any]]:
 
 
 def lit_folder(envmap: Path) -> str:
-    """The folder of what is lit by a map: its name, with the ending where an x.exr lies beside an x.hdr."""
+    """Name of the folder for renders under a map: the map's, with its ending where an x.exr lies beside an x.hdr."""
     from radiogs_datasets.bounded_reading import require_storable
 
     if envmap.stem.strip(".") == "":
@@ -302,10 +302,10 @@ def write_views(
                     write_png(path.with_name(f"{path.name}.png"), image.numpy())
                 else:
                     write_exr(path.with_name(f"{path.name}.exr"), image.numpy())
-    said = f"{len(views)} views in {folder}"
+    line = f"{len(views)} views in {folder}"
     if shown.timed:
         with calling(method, "render(), once more to be timed"):
             times = frame_milliseconds(shown.render, cameras, run.device)
-        said += f"; {statistics.median(times):.2f} ms a frame"
-    say(said)
+        line += f"; {statistics.median(times):.2f} ms a frame"
+    say(line)
     return 0

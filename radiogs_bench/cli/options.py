@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 METHOD = "radiogs"
-"""Trained and probed where no method is named."""
+"""The method that is trained and probed where none is named."""
 
 MOST_SEEDS = 10_000
 SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
@@ -33,7 +33,7 @@ LONGEST_COUNT = 18
 
 
 NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choices>.*)\)")
-"""How argparse says that something is not among its choices."""
+"""The message of argparse for a value that is not among the choices."""
 
 
 class ExplainingParser(argparse.ArgumentParser):
@@ -49,7 +49,7 @@ class ExplainingParser(argparse.ArgumentParser):
         raise UsageError(message, usage, help_is)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[argparse.Namespace, list[str]]:  # type: ignore[override]
-        """Raise UsageError for what is no option of this command: its own names are known here alone."""
+        """Raise UsageError for an unknown option, with the nearest one of this command."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             names = [name for action in self._actions for name in action.option_strings]
@@ -82,7 +82,7 @@ def names(text: str) -> list[str]:
 
 
 def effects(text: str) -> "Effects":
-    """all, auto, or a list of effects separated by commas; ``none`` is the empty list."""
+    """``all``, ``auto``, or a list of effects separated by commas; ``none`` is the empty list."""
     from radiogs_core.transport.plan import checked_effects
 
     if text in ("all", "auto"):
@@ -155,7 +155,7 @@ def views_kept(text: str) -> int:
 
 
 def seeds(text: str) -> int:
-    """A number of seeds: every cell of every one is listed before anything is run."""
+    """A number of seeds, bounded because all cells of all seeds are listed before anything is run."""
     if positive(text) > MOST_SEEDS:
         raise argparse.ArgumentTypeError(f"'{text}' seeds: up to {MOST_SEEDS} are taken in one run")
     return positive(text)
@@ -176,14 +176,14 @@ def differences(text: str) -> dict[str, float]:
 
 
 def pixels(text: str) -> int:
-    """Pixels a side of a picture that is drawn."""
+    """Number of pixels on each side of a picture."""
     if not SMALLEST_PICTURE <= positive(text) <= LARGEST_PICTURE:
         raise argparse.ArgumentTypeError(f"'{text}' is not between {SMALLEST_PICTURE} and {LARGEST_PICTURE} pixels")
     return positive(text)
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:
-    """Add where scenes are looked for and how they are opened; ``scene_options`` reads the latter."""
+    """Add the options that say where scenes are and how they are opened; ``scene_options`` reads the latter."""
     group = parser.add_argument_group("how scenes are opened")
     add_data(group)
     group.add_argument("--layout", help="Read the scene in this layout (default: recognised from its files).")

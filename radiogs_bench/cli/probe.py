@@ -1,4 +1,4 @@
-"""``radiogs-bench probe``: which effects a scene, or a trained model, needs, with evidence."""
+"""``radiogs-bench probe``: which light-transport effects a scene or a trained model needs, with evidence."""
 
 import argparse
 import json
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from .options import Commands
 
 MATTERS = 0.1
-"""Change of a pixel's display colour that is drawn white."""
+"""Changes of a pixel's display colour from this on are drawn white."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -99,7 +99,11 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
     folder = Path(options.subject)
     if folder.is_dir() and (folder / "trained.json").exists():
         if scene_options(options) != AS_STORED:
-            raise UsageError("a trained model has its scene", "It is opened as it was for training.", "Name the scene.")
+            raise UsageError(
+                "options of the scene do not go with a trained model",
+                "Its scene is opened as it was for training.",
+                "Leave them out, or name the scene.",
+            )
         from ..runs.trained_folder import read_about, read_trained
 
         run, model = read_trained(folder, device)
@@ -121,7 +125,11 @@ def _probing(name: str) -> "Probing":
 
     used = method(name)
     if not isinstance(used, Probing):
-        raise UsageError(f"{used.name} cannot say which effects are needed", "It simulates all that it has.")
+        raise UsageError(
+            f"{used.name} cannot be probed",
+            "It does not say which effects a scene needs.",
+            "How a method offers it: radiogs_core.capabilities.Probing",
+        )
     return used
 
 

@@ -1,4 +1,4 @@
-"""``radiogs-bench rehearse``: every phase of a long run with few steps, and what the whole will take."""
+"""``radiogs-bench rehearse``: takes few steps of every phase of a long run, and forecasts the whole."""
 
 import argparse
 import json
@@ -118,7 +118,7 @@ def rehearse(options: argparse.Namespace) -> int:
     if options.by_formula:
         return _by_formula(options)
     device = chosen_device(options)
-    name, rows, scene, rules, cells = _asked(options)
+    name, rows, scene, rules, cells = _subject_of(options)
     memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
     if options.memory is not None:
         memory["host"] = int(options.memory * GIB)
@@ -152,7 +152,7 @@ def rehearse(options: argparse.Namespace) -> int:
 
 
 def _by_formula(options: argparse.Namespace) -> int:
-    """Print the plan; 1 if something will not fit."""
+    """Print the plan; returns 1 if something will not fit."""
     from ..lab.rehearsal.by_formula import by_formula, fit, lines_of
     from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from .device import chosen_device
@@ -165,7 +165,7 @@ def _by_formula(options: argparse.Namespace) -> int:
     else:
         found = memory_there(chosen_device(options))
         there = int(RESERVE * found.get("device", found["host"]))
-    name, rows, scene, _, _ = _asked(options)
+    name, rows, scene, _, _ = _subject_of(options)
     record = by_formula(name, rows, scene, options.sizes or (), there, options.preset)
     if options.json:
         say(json.dumps(record, allow_nan=False))
@@ -175,8 +175,8 @@ def _by_formula(options: argparse.Namespace) -> int:
     return 0 if fit(record) else 1
 
 
-def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
-    """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
+def _subject_of(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
+    """The subject's name, its rows, the rehearsed scene, the protocol, and the number of scenes of the whole run."""
     from ..lab.rehearsal.row import Row
     from ..runs.sweep import Request
     from ..scoring.metrics.protocols import protocol
@@ -221,7 +221,7 @@ def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
 
 
 def _sizes(text: str) -> list[int]:
-    """Sizes of the model, ascending."""
+    """Sizes of the model, in ascending order."""
     return sorted(positive(each) for each in names(text))
 
 
@@ -235,7 +235,7 @@ def _size(text: str) -> tuple[int, int, int]:
 
 
 def _show(record: dict[str, Any], path: Path) -> None:
-    """The lines of the document, on the terminal."""
+    """Print the record as the document has it."""
     from ..lab.rehearsal.document import lines_of
     from .reporter import say
 

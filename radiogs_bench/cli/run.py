@@ -157,7 +157,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def describe(suite: "Suite") -> list[str]:
-    """A suite in a few lines: title, rows, columns, scenes and where to find them, and its protocol unless default."""
+    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, and a protocol of its own."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",
@@ -183,7 +183,7 @@ def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite,
 
 
 def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
-    """The request from the options. Raises UsageError or DataError before anything is run."""
+    """The request that the options describe. Raises UsageError or DataError before anything is run."""
     from ..methods import method
     from ..runs.sweep import Request
     from ..scoring.metrics.protocols import protocol
@@ -272,7 +272,7 @@ def run_and_report(
         )
         reported = report_failures(ended.failures)
         code = ended.code or reported
-    manifest = entered_meanwhile(request, store, manifest)
+    manifest = final_manifest(request, store, manifest)
     from .showing import write, write_and_show  # not before there are results: errors need not wait for its tables
 
     if options.json:
@@ -285,7 +285,7 @@ def run_and_report(
 
 
 def write_manifest(request: "Request", store: "Store") -> "Sweep":
-    """Write what is asked for, with the rows of the folder that were scored from files and can be compared with it."""
+    """Write the run's manifest, with the folder's rows that were scored from files and can be compared with it."""
     from ..runs.rows_from_files import with_rows_from_files
     from ..runs.sweep import changing_sweep
     from .earlier import keep_reports
@@ -305,7 +305,7 @@ def write_manifest(request: "Request", store: "Store") -> "Sweep":
     return manifest
 
 
-def entered_meanwhile(request: "Request", store: "Store", manifest: "Sweep") -> "Sweep":
+def final_manifest(request: "Request", store: "Store", manifest: "Sweep") -> "Sweep":
     """The run's manifest as it ends: rows scored from files may have been added while it ran."""
     from ..runs.rows_from_files import with_rows_from_files
 
@@ -318,7 +318,7 @@ def checksums_of(request: "Request") -> dict[str, str]:
 
 
 def say_other_run(store: "Store", manifest: "Sweep") -> None:
-    """Say so where another run was started in the folder meanwhile: what `report` rebuilds is that one's."""
+    """Print a remark if another run was started in the folder meanwhile: `report` rebuilds that one's reports."""
     from ..runs.sweep import read_sweep
     from ..store.seal import sealed
 
@@ -350,7 +350,7 @@ def run_as_worker(request: "Request", store: "Store", device: "torch.device", op
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:
-    """Explain each failure once; returns the exit code of the whole run."""
+    """Print each failure once; returns the exit code of the whole run."""
     for message in dict.fromkeys(explain(failure) for failure in failures):
         complain(message)
     return worst_exit_code(failures)

@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 ORB = "stanford-orb"
 
 GIVEN = ("row", "seed", "force")
-"""Options that say which row of a run, and mean nothing without ``--into``."""
+"""Options that name a row of a run; they need ``--into``."""
 
 PLAIN_SCORE = ("json", "out")
-"""Options of a score by itself."""
+"""Options that do not go with ``--into``."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -99,7 +99,7 @@ def _record(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def say_without_weights(protocols: "Sequence[Protocol]") -> None:
-    """Complain of each network whose weights are not here: its metrics are n/a."""
+    """Warn of each network whose weights are missing: its metrics are n/a."""
     from ..scoring.metrics.weights import complaint
     from .reporter import complain
 
@@ -132,7 +132,7 @@ def show_record(record: dict[str, Any]) -> None:
 
 
 def _is_trained(options: argparse.Namespace) -> bool:
-    """Whether the folder is one of ``train``, and nothing else was asked for."""
+    """Whether the folder holds a model of ``train``, and no option says otherwise."""
     return options.code is None and options.scene is None and (options.predictions / "trained.json").exists()
 
 
@@ -152,7 +152,7 @@ def _model(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def _are_pairs(options: argparse.Namespace) -> bool:
-    """Whether the folder holds pairs of output and target: if ``--from`` says so or, without options, by its files."""
+    """Whether the folder holds pairs of output and target, as ``--from`` or, without options, its files say."""
     from radiogs_baselines.outputs.reading import likely_codes
     from radiogs_baselines.outputs.stanford_orb import holds_pairs
 
@@ -249,10 +249,12 @@ def _shown(metric: "MetricValue | None") -> str:
 
 
 def is_row_of_a_run(options: argparse.Namespace) -> bool:
-    """Whether a row of a run is meant. Raises UsageError for options that do not go together."""
+    """Whether the options name a row of a run. Raises UsageError for options that do not go together."""
     if options.into is None:
         if alone := [name for name in GIVEN if getattr(options, name) is not None]:
-            raise UsageError(f"--{alone[0]} is of a row in a run", "", "Name the run's folder:  --into OUT")
+            raise UsageError(
+                f"--{alone[0]} needs --into", "It describes a row of a run.", "Name the run's folder:  --into OUT"
+            )
         return False
     if options.row is None:
         raise UsageError("the row has no name", "It stands in the run's tables.", "Add --row NAME")
@@ -304,7 +306,7 @@ def score_into(options: argparse.Namespace) -> int:
 
 
 def require_same_protocol(options: argparse.Namespace, of_run: str) -> None:
-    """Raise UsageError where another protocol is asked for than the run's."""
+    """Raise UsageError if ``--protocol`` is not the run's."""
     if options.protocol not in (None, of_run):
         raise UsageError(
             f"{options.into} was scored under protocol '{of_run}', not '{options.protocol}'",

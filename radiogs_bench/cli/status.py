@@ -1,4 +1,4 @@
-"""``radiogs-bench status``: where a run stands, now or until it has ended.
+"""``radiogs-bench status``: how far a run is, now or until it has ended.
 
 Where no run has left its manifest, it says how far the training is that fills the folder.
 """
@@ -24,10 +24,10 @@ if TYPE_CHECKING:
     from .options import Commands
 
 EVERY_SECONDS = 2
-"""Between two looks of ``--watch``."""
+"""Seconds between two looks of ``--watch``."""
 
 WIDE = 100
-"""Characters of a terminal that has room for the cells' keys."""
+"""Width in characters from which a terminal has room for the cells' keys."""
 
 
 def add_to(commands: "Commands") -> None:
@@ -69,7 +69,7 @@ def status(options: argparse.Namespace) -> int:
 
 
 def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
-    """Write one object a line."""
+    """Write one JSON object a line."""
     from ..results.standing import as_plain_values, standing_of
 
     while True:
@@ -82,7 +82,7 @@ def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
 
 
 def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
-    """Show it again and again, in the same place on a terminal."""
+    """Print the table again at intervals, over the last one on a terminal."""
     from rich.live import Live
 
     from ..results.standing import standing_of
@@ -149,7 +149,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
 
 
 def _state(cell: "CellStanding") -> str:
-    """The state in words; of a cell that is worked on, what is done."""
+    """The state in words; for a running cell, its task."""
     if cell.pace is None:
         return cell.state
     silent = f", silent for {time_left(cell.pace.seconds_silent)}" if cell.silent else ""
@@ -157,7 +157,7 @@ def _state(cell: "CellStanding") -> str:
 
 
 def _pace(cell: "CellStanding") -> tuple[str, str, str]:
-    """Step, speed, and time left of what is done."""
+    """Step, speed, and time left of a running cell's task."""
     pace = cell.pace
     if pace is None:
         return "", "", ""
@@ -178,7 +178,7 @@ def is_training(folder: Path) -> bool:
 
 
 def show_training(folder: Path, plain: bool, every: int | None) -> None:
-    """How far a training is: a line, or with ``plain`` a JSON object; one every so many seconds until it has ended."""
+    """Print how far a training is, as a line or (``plain``) a JSON object, at intervals until it has ended."""
     from ..store.folder import Store
     from ..store.pace import paces
     from .reporter import say, say_whole

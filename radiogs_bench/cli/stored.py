@@ -1,4 +1,4 @@
-"""``radiogs-bench verify``, ``report``, ``gate``: a run's damage, its reports, and how it compares with a baseline."""
+"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, and comparison with a baseline."""
 
 import argparse
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def _declare(
 
 
 def verify(options: argparse.Namespace) -> int:
-    """Print every file that is not as it was stored, and what a rerun would take; 3 if there is any."""
+    """Print every damaged file, and what a rerun would take; returns 3 if there is any."""
     from ..results.verify import verify as look
     from ..runs.progress import working
     from ..store.folder import Store

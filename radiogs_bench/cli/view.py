@@ -49,7 +49,7 @@ def add_to(commands: "Commands") -> None:
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write figures/surfels.html, which turns in a browser, surfels.png and surfels.gif into the folder.
+    """Write surfels.html (turns in a browser), surfels.png and surfels.gif into the folder's ``figures``.
 
     Raises UsageError where no window can be opened, DataError where there are no surfels.
     """
@@ -102,7 +102,7 @@ def require_screen() -> None:
 
 
 def as_image(picture: "Tensor") -> "Image":
-    """A picture in [0, 1], [height, width, 3], with 8 bits."""
+    """The picture ([height, width, 3], in [0, 1]) with 8 bits."""
     from PIL import Image as images
 
     return images.fromarray((picture * 255).round().byte().numpy())

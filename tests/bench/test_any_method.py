@@ -214,7 +214,7 @@ def test_options_that_a_stranger_has_no_field_for_are_refused(
     assert main([*train, "--effects", "auto"]) == 2
     assert "chain has no choice of effects" in capsys.readouterr().err
     assert main([*train, "--profile", "released"]) == 2
-    assert "chain has no profile 'released'" in capsys.readouterr().err
+    assert "unknown profile 'released' of chain" in capsys.readouterr().err
     assert main([*train, "--preset", "papr"]) == 2
     assert "unknown preset 'papr' of chain" in capsys.readouterr().err
     assert main([*train[:3], "chian", *train[4:]]) == 2

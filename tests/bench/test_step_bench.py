@@ -338,7 +338,7 @@ def test_a_history_has_a_line_for_each_time_and_no_name_of_the_host(
         (["--method", "nobody"], 2, "unknown method 'nobody'"),
         (["--compare", "nowhere.json"], 3, "there is no record nowhere.json"),
         (["--against", "."], 2, "is no checkout of this project"),
-        (["--against", ".", "--history", "h.jsonl"], 2, "--history is of this checkout alone"),
+        (["--against", ".", "--history", "h.jsonl"], 2, "--history does not go with --against"),
     ],
 )
 def test_what_cannot_be_measured_is_said(
