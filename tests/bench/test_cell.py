@@ -127,7 +127,7 @@ def test_owner_name_dependencies_and_sources_of_a_stage_change_it_and_all_after(
 
 
 @pytest.mark.parametrize("change", [("title", "another"), ("steps", 99), ("compiles", False)])
-def test_what_a_stage_is_called_for_people_changes_no_key(change: Any) -> None:
+def test_the_title_of_a_stage_changes_no_key(change: Any) -> None:
     """Steps are among what it reads if they decide its outcome."""
     assert changed(differently(0, (change,)), fake_cell()) == [False] * 3
 
@@ -154,7 +154,7 @@ def test_methods_that_name_one_owner_share_a_stage_and_no_more() -> None:
     assert changed(younger, elder) == [False, True, True]
 
 
-def test_a_field_that_showing_alone_reads_changes_the_result_alone() -> None:
+def test_a_field_that_only_rendering_reads_changes_the_result_and_no_stage() -> None:
     chain = Chain(("one", "two", "three"))
     cells = [cell_of(chain, SCENE, Work(Turned(shown=shown), chain.presets["smoke"])) for shown in (1.0, 2.0)]
     assert changed(*cells) == [False, False, False, True]
@@ -203,7 +203,7 @@ def test_the_scene_counts_by_its_content_not_by_its_name() -> None:
     assert changed(fake_cell(scene=replace(SCENE, name="elsewhere/corner")), fake_cell()) == [False] * 3
 
 
-def test_a_method_counts_by_what_it_is_not_by_where_it_was_found() -> None:
+def test_the_key_depends_on_the_method_and_not_on_its_path() -> None:
     work = Work(Variant(), PRESETS["smoke"])
     found = cell_of(FAKE, SCENE, work, "somewhere/fake.toml")
     assert found.found_as == "somewhere/fake.toml"

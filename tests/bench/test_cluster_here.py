@@ -137,7 +137,7 @@ def test_cells_that_share_stages_are_on_the_cluster_together(tmp_path: Path) -> 
     assert list((tmp_path / "locks").iterdir()) == []
 
 
-def test_a_first_stage_that_somebody_else_works_on_holds_its_cells_back(tmp_path: Path) -> None:
+def test_cells_wait_for_a_first_stage_that_another_process_trains(tmp_path: Path) -> None:
     """They are sent as soon as it is let go, and nothing else waits for that."""
     cluster, said = cluster_of(HereInsteadOfRay(), tmp_path), []
     other = asked(2).cells()[-1][1]

@@ -85,7 +85,7 @@ def test_another_scene_under_the_same_path_is_refused() -> None:
     assert "nowhere/fake" in outcome.failure.what
 
 
-def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_remote_failure_keeps_its_three_parts_and_fails_the_cells_that_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     def bad(*arguments: Any) -> Any:
         raise NumericalFailure("the loss is NaN", "it spreads", "look")
 

@@ -85,7 +85,7 @@ def test_training_ends_with_the_scores_of_the_model(folder: Path, capsys: pytest
     assert f"{ended['nvs/psnr']:.4f}" in capsys.readouterr().out
 
 
-def test_what_is_rendered_and_relit_scores_as_the_model_does(folder: Path, tmp_path: Path) -> None:
+def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path: Path) -> None:
     """But for 8 bits of the images and 11 of the maps."""
     ended, light = metrics_of(folder / "score.json"), sorted(load_scene("convex").lights)[0]
     write_exr(tmp_path / f"{light}.exr", load_scene("convex").lights[light].radiance.numpy())

@@ -61,7 +61,7 @@ def test_with_16_bits_a_layout_on_black_scores_as_the_model_to_the_last_digit(
         assert found[name] == pytest.approx(ended[name], abs=5e-4), name
 
 
-def test_8_bits_cost_what_their_rounding_adds(trained: Path, ended: dict[str, float], tmp_path: Path) -> None:
+def test_8_bits_change_scores_by_their_rounding_error(trained: Path, ended: dict[str, float], tmp_path: Path) -> None:
     found = exported(trained, tmp_path, "gs-ir", 8)
     for name, slope in SLOPE.items():
         share = slope**2 * ROUNDING / 10 ** (-ended[name] / 10)
@@ -88,9 +88,7 @@ def test_files_have_the_bits_that_were_asked_for(trained: Path, tmp_path: Path) 
         assert bits == 8 or abs(values / 257 - (values / 257).round()).max() > 0.2, "more than 8 bits are used"
 
 
-def test_a_layout_that_is_not_written_is_refused_with_those_that_are(
-    trained: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unknown_layout_is_refused_with_the_known_ones(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(trained), "--layout-of", "plain"]) == 2
     assert "`render` and `relight` write this layout" in capsys.readouterr().err
     assert main(["export", str(trained), "--layout-of", "gsir"]) == 2

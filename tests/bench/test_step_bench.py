@@ -181,7 +181,7 @@ def test_as_many_surfels_are_laid_as_the_size_asks_for_wherever_a_method_starts(
     assert len(stage.surfels) == 500
 
 
-def test_every_part_is_of_modules_that_there_are() -> None:
+def test_every_part_names_modules_that_exist() -> None:
     for places in PARTS.values():
         for place in places:
             assert importlib.util.find_spec(place) is not None, place
@@ -282,7 +282,7 @@ def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
     assert ratio_of_medians(before[:1], after[:1], True) == (2.0, None, None)
 
 
-def test_what_takes_less_than_a_tick_of_the_clock_has_no_ratio() -> None:
+def test_times_below_a_clock_tick_have_no_ratio() -> None:
     some, none = [[1.0], [2.0], [3.0]], [[0.0], [0.0], [4.0]]
     assert ratio_of_medians(some, none, True) is None
     assert ratio_of_medians(none, some, True) is None
@@ -341,7 +341,7 @@ def test_a_history_has_a_line_for_each_time_and_no_name_of_the_host(
         (["--against", ".", "--history", "h.jsonl"], 2, "--history does not go with --against"),
     ],
 )
-def test_what_cannot_be_measured_is_said(
+def test_wrong_options_are_refused_before_anything_is_measured(
     wrong: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:  # fmt: skip
@@ -362,7 +362,7 @@ def test_the_document_shows_what_was_stored() -> None:
     )
 
 
-def test_parts_are_said_largest_first() -> None:
+def test_parts_are_printed_largest_first() -> None:
     """Stored records have them by name."""
     assert (
         parts_said({"density, forward": 0.1, "tracing, forward": 0.7, "z": 0.2}, 2) == "tracing, forward 70 %, z 20 %"
@@ -393,7 +393,7 @@ def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys:
     assert "times as fast" in capsys.readouterr().out
 
 
-def test_a_history_of_what_takes_less_than_a_tick_has_no_course(measured: tuple[Path, Path], tmp_path: Path) -> None:
+def test_times_below_a_clock_tick_have_no_trend(measured: tuple[Path, Path], tmp_path: Path) -> None:
     (line,) = read_history(measured[1])
     title = next(iter(line["ratios"]["smoke"]))
     line["ratios"]["smoke"][title] = dict.fromkeys(line["yardsticks"], 0.0)

@@ -106,7 +106,7 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ("scenes =", 'experiment = "trainig"\nscenes =', "there is no experiment 'trainig'\nDid you mean 'training'"),
     ],
 )
-def test_what_is_wrong_is_answered_with_its_place_and_the_nearest_name(
+def test_errors_of_a_suite_file_name_the_field_and_the_nearest_name(
     old: str, new: str, says: str, read: Callable[[str], Suite]
 ) -> None:
     assert old in WHOLE

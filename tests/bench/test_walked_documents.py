@@ -130,7 +130,7 @@ def test_every_command_of_the_readme_is_executed(walk: Path) -> None:
 
 
 @pytest.mark.parametrize("document", TUTORIALS, ids=lambda path: path.stem)
-def test_a_tutorial_is_walked_through(document: Path, walk: Path) -> None:
+def test_the_commands_of_a_tutorial_run_in_order(document: Path, walk: Path) -> None:
     environment = environment_of(walk)
     executed = [command for given in commands(document) if (command := prepared(given)) is not None]
     assert len(executed) >= 6
