@@ -20,13 +20,13 @@ from radiogs_core.errors import ExplainedError
 from .errors import MethodFailed
 
 FRAMES = 2
-"""Of a traceback, the last ones: where it was raised, and from where that was called."""
+"""Traceback frames that are shown: the raising one and its caller."""
 
 CONTRACT = "What a method is: docs/your_own_method.md and radiogs_core.contract"
 
 LEAVES = (type(None), bool, int, float, complex, str, bytes, bytearray, torch.Size, torch.dtype, torch.device)
 BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
-"""What PyTorch reads back from a file without running code from it, beside tensors."""
+"""Types beside tensors that PyTorch reads back from a file without running code from it."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def require(method: str, given: object, contract: type, source: str) -> None:
 
 
 def losses_of(method: str, given: Any, stage: str) -> dict[str, float]:
-    """What ``step`` returned as numbers by name; tensors of one element are taken for their values."""
+    """The losses that ``step`` returned, by name; tensors of one element become numbers."""
     if not isinstance(given, Mapping):
         raise refused(
             method,

@@ -180,7 +180,7 @@ def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
 
 
 def describe(of: Method) -> dict[str, Any]:
-    """What ``radiogs-bench methods`` shows: presets with their numbers, fields of the variant with their defaults."""
+    """A method for ``radiogs-bench methods``: presets with their numbers, fields of the variant with their defaults."""
     full = of.variant()
     with calling(of.name, "stages()"):
         stages = {
@@ -238,7 +238,7 @@ SMOKE = "smoke"
 
 
 def _wrong(loaded: Any, name: str) -> str:
-    """What keeps an object from being the method of an entry point, in words; empty for nothing."""
+    """Why an object cannot be the method of an entry point; empty if it can."""
     if isinstance(loaded, type):
         return f"it is the class {loaded.__name__} and has to be an instance of it"
     missing = lacking(loaded, Method)

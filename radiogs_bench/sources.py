@@ -163,7 +163,7 @@ def _stands_alone(node: object) -> bool:
 def _pattern(node: ast.AST) -> str:
     """The path that literals name, alone or joined, with ``*`` for what is computed; empty for anything else.
 
-    What ``glob`` takes counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
+    A pattern of ``glob`` counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
     files are not those that lie here.
     """
     if isinstance(node, ast.Constant):

@@ -214,7 +214,7 @@ def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[
 
 
 def repairs_of(scenes: Mapping[str, "Scene"]) -> list[str]:
-    """What was repaired or assumed when the scenes' files were read."""
+    """Messages on what was repaired or assumed in the scenes' files."""
     return [f"{name}: {repair}" for name, scene in scenes.items() for repair in scene.repairs]
 
 

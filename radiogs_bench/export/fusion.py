@@ -124,7 +124,7 @@ class Fusion:
 
 @dataclass(frozen=True)
 class _Surface:
-    """What rays meet: its inverse z-depth (zero: nothing), and the weight of that, the cosine of ray and normal."""
+    """Inverse z-depth of what rays hit (zero: nothing), and its weight, the cosine of ray and normal."""
 
     inverse: Float[Tensor, "*points"]
     weight: Float[Tensor, "*points"]

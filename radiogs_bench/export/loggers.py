@@ -119,7 +119,7 @@ def _log(run: Any, result: Result) -> None:
 
 
 def _settings(ref: CellRef, result: Result) -> dict[str, Any]:
-    """What the run's table is sorted and filtered by."""
+    """The settings by which the runs' table is sorted and filtered."""
     cell = result["cell"]
     return {
         "scene": ref["scene"],

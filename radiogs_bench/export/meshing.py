@@ -43,8 +43,8 @@ NEEDED = ("depth", "alpha")
 def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRUNCATION) -> Lattice:
     """Voxels of ``share`` of the scene's extent (None: see ``FINEST``), and a truncation in voxels.
 
-    What is more than twice as far from a camera as the scene's centre is from the farthest one is left out. Raises
-    UsageError for sizes that make no field.
+    Surfaces are left out beyond twice the largest distance of a camera from the scene's centre. Raises UsageError for
+    sizes that make no field.
     """
     farthest = 2 * max(distances(scene))
     if share is None:
@@ -58,7 +58,7 @@ def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRU
 
 
 def distances(scene: Scene) -> list[float]:
-    """Of each training camera from the scene's centre, world units."""
+    """Distance of each training camera from the scene's centre, world units."""
     centre = scene.centre
     return [float((view.camera.centre.double() - centre).norm()) for view in scene.train]
 

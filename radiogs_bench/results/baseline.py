@@ -79,7 +79,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
 
 
 def machine_of(results: Iterable[Result]) -> dict[str, Any]:
-    """What a bitwise repetition depends on: processor, threads and versions of all sessions of some results.
+    """The conditions of a bitwise repetition: processor, threads and versions of all sessions of some results.
 
     ``mixed`` where they differ, and where there are none, because then nothing is known to repeat.
     """

@@ -26,7 +26,7 @@ CHANGES: Mapping[str, str] = {
     "brightness, albedo free": f"a light {math.exp(STEPS['brightness, albedo free']):g} times darker, with the albedo"
     " at each point that hides it best,",
 }
-"""What ``scoring.determined`` changes, in words."""
+"""The quantities that ``scoring.determined`` changes, in words."""
 
 BRIGHTNESS = ("brightness", "brightness, albedo free")
 
@@ -122,7 +122,7 @@ def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]
 
 
 def recovered(result: Result, quantity: str) -> float | None:
-    """What a cell found, of any method: mean roughness, or the logarithm of the factor from its albedo to the true."""
+    """A cell's recovered value: mean roughness, or the logarithm of the factor from its albedo to the true one."""
     if quantity == "roughness":
         return result.get("recovered", {}).get("roughness")
     scale = result["albedo_scale"] if quantity == "brightness" else None

@@ -246,7 +246,7 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """What ran for a row, as its label; empty where scenes, image size, variant and budget are the published row's.
+    """A row's label with what ran for it; empty where scenes, image size, variant and budget are the published row's.
 
     In a table of times or memory, a CPU is another condition, too.
     """

@@ -57,7 +57,7 @@ def standing_of(store: Store, sweep: Sweep) -> Standing:
 
 
 def _seconds_left(store: Store, sweep: Sweep) -> float | None:
-    """Of one process that does what is left."""
+    """Seconds of one process that runs what is left."""
     found = {ref["key"]: store.result(ref["key"]) for ref in sweep["cells"]}
     results = {key: result for key, result in found.items() if result is not None}
     keys = {key for ref in sweep["cells"] for key in ref["stages"]}
@@ -90,7 +90,7 @@ def _next_stage(store: Store, ref: CellRef) -> str | None:
 
 
 def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
-    """What ``status --json`` prints (docs/suites.md)."""
+    """The content of ``status --json`` (docs/suites.md)."""
     return {
         "suite": sweep["suite"],
         "preset": sweep["preset"],
@@ -141,10 +141,10 @@ class WorkLeft:
 
 
 def work_left(refs: Sequence[CellRef], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
-    """What is left of the cells at ``refs``: those without a result, and of their stages those without a product.
+    """The cells of ``refs`` without a result, and their stages without a product.
 
-    A stage takes as long as those of the same row did, else as those of all rows. What a checkpoint has of an
-    unfinished stage is not taken off.
+    A stage takes as long as those of the same row did, else as those of all rows. Steps of an unfinished
+    stage that a checkpoint holds are not taken off.
     """
     by_row: dict[tuple[str, int], list[float]] = {}
     overall: dict[int, list[float]] = {}

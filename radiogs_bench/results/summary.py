@@ -176,7 +176,7 @@ def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> 
 
 
 def origin_of(ref: CellRef, kinds: Mapping[str, str]) -> Origin:
-    """What the statistics of reports know of a cell. ``kinds``: of the scenes, where known."""
+    """A cell's scene, seed and kind for the statistics. ``kinds``: the scenes' kinds, where known."""
     return Origin(ref["scene"], ref["seed"], kinds.get(ref["scene"], ""))
 
 
@@ -199,7 +199,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 def why_absent(scene: str, result: Result, column: str) -> str:
     """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
 
-    Of files, only what they show is known.
+    For rows that were scored from files, only the maps in the files are known.
     """
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)

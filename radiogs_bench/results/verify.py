@@ -23,7 +23,7 @@ from .standing import WorkLeft, work_left
 CPU = torch.device("cpu")
 
 RECORDS = ("score.json", "mesh.json", "rehearsal.json")
-"""What `score`, `export --mesh` and `rehearse` write, where no other name is asked for."""
+"""Default names of the files that `score`, `export --mesh` and `rehearse` write."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Finding:
 
 @dataclass
 class Verified:
-    """What was found. ``whole`` counts files that agree; ``others`` were written by another version."""
+    """The findings. ``whole`` counts files that agree; ``others`` were written by another version."""
 
     findings: list[Finding] = field(default_factory=list)
     whole: int = 0
@@ -46,7 +46,7 @@ class Verified:
     products: set[str] = field(default_factory=set)
     """Keys of the stages whose products are whole."""
     rerun: WorkLeft | None = None
-    """What the last run still has to do; None for a folder of `train`, and where the manifest cannot be used."""
+    """The work that the last run has left; None for a folder of `train`, and where the manifest cannot be used."""
 
     def look(self, path: str, check: Callable[[], object]) -> bool:
         """Whether a file passes a check that raises where it does not agree."""

@@ -63,7 +63,7 @@ SILHOUETTE = 5e-3
 linear over a plane; an edge between two faces at 4 units bends it by at most 3e-3, a step of 0.1 units by 6e-3."""
 
 PARTS = ("total", "surfels", "direct", "indirect")
-"""What is compared: shaded radiance, the surfels' own radiance, and the direct and indirect parts of the former."""
+"""Compared quantities: shaded radiance, the surfels' own radiance, and the direct and indirect parts of the former."""
 
 
 SOLVE, SOLVING = "solve", "solving for the radiance"

@@ -1,7 +1,7 @@
 """Rows of a run that were scored from files which another program wrote (``score --into``).
 
-Their cells are results like others: the key is over the files' digest in place of the method's sources. What trained
-the files is not known, so variant, stages and seconds of training are empty, and the budget is named ``UNKNOWN``. The
+Their cells are results like others: the key is over the files' digest in place of the method's sources. The
+training is not known, so variant, stages and seconds of training are empty, and the budget is named ``UNKNOWN``. The
 store alone says which rows there are; a manifest has those that its run can be compared with.
 """
 
@@ -47,7 +47,7 @@ def row_key(name: str) -> str:
 
 
 def cell_content(name: str, files: str, scene: Mapping[str, str], seed: int, protocol: str) -> dict[str, Any]:
-    """What the cell's key is the hash of. ``files``: their digest; ``scene``: the scene's ``checksum`` and ``loader``.
+    """The content whose hash is the cell's key. ``files``: their digest; ``scene``: its ``checksum`` and ``loader``.
 
     The method is called ``NAME (files)``, so that nobody's files are taken for a method of that name that was run.
     """

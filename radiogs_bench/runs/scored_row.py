@@ -254,7 +254,7 @@ def maps_of(predictions: Predictions) -> list[str]:
 
 
 def facts_of(row: NewRow, predictions: Predictions) -> dict[str, Any]:
-    """What is known of the files; ``labels`` stand below the tables."""
+    """Facts about the files; ``labels`` stand below the tables."""
     labels = {
         "source": f"scored from files, read as {predictions.code} writes them; what trained it is not known here",
         "files": ", ".join(formats_of(predictions)),

@@ -111,7 +111,7 @@ def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
 
 
 def facts_of(method: str, model: Trained) -> dict[str, Any]:
-    """What the method says of its model. Raises MethodFailed where that is not plain."""
+    """The method's facts about its model. Raises MethodFailed where that is not plain."""
     with calling(method, "facts()"):
         facts = dict(model.facts())
     try:

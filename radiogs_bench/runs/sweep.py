@@ -83,7 +83,7 @@ class Sweep(TypedDict):
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
     cells: list[CellRef]
     command: NotRequired[list[str]]
-    """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
+    """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 

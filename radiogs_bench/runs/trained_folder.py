@@ -57,7 +57,7 @@ class About(TypedDict):
     scene: str
     """As given to ``train``: a name, or a path relative to its working folder."""
     options: NotRequired[dict[str, Any]]
-    """What the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
+    """The options that the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
     checksum: str
     """Checksum of the scene's files at training."""
     preset: str

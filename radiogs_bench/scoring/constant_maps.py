@@ -1,4 +1,4 @@
-"""What a map would score that is the same everywhere: a recovered map that scores no better carries no information.
+"""Scores of constant maps: a recovered map that scores no better carries no information.
 
 ``roughness/constant`` is the error of the one roughness that suits all test views best, ``environment/constant`` that
 of the best light that is the same from all directions, each under the protocol of the metric it is compared with.

@@ -44,7 +44,7 @@ Error = Sequence[float]
 def determined(
     trained: Trained, scene: Scene, device: torch.device, method: str, still_there: Callable[[], None] = lambda: None
 ) -> dict[str, Determined]:
-    """What is known of each quantity that the trained model can be shown with changed; empty if it offers none.
+    """Tests each quantity that the trained model can be shown with changed; empty if it offers none.
 
     ``still_there`` is called after each change and may raise to stop. Raises MethodFailed for an exception of the
     method and for images of another number or size than the cameras, NumericalFailure for one that is not finite.
@@ -70,7 +70,7 @@ def determined(
 
 
 def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
-    """What three errors of each view say of a quantity: as recovered, and with it a step above and a step below.
+    """Judges a quantity by three errors of each view: as recovered, and a step above and below.
 
     Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
     point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point

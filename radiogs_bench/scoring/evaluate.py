@@ -52,7 +52,7 @@ Advance = Callable[[int, int], None]
 
 @dataclass(frozen=True)
 class Scope:
-    """What is done besides scoring. timed: measure milliseconds and memory per frame.
+    """Work besides scoring. timed: measure milliseconds and memory per frame.
 
     kept_views: of how many views codes of 8 bits are kept (``KeptViews``); None: of as many as fit its limit.
     """

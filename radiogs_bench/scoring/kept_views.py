@@ -20,7 +20,7 @@ KEPT_BYTES = 128 * 2**20
 """Codes of a cell, before compression, if no number of views is asked for: predictions and truth together."""
 
 CHANNELS = 14
-"""Of ``MAPS`` together."""
+"""Channels of all ``MAPS`` together."""
 
 MARGIN = 0.1
 """The range of depths is wider than that of the true ones by this share of it, on both sides."""

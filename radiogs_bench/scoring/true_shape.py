@@ -117,7 +117,7 @@ def _sees(view: View, points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray,
 
 
 def _seen_points(view: View) -> Float[np.ndarray, "points 3"]:
-    """What a view's true depth map sees, a point a pixel."""
+    """The points of a view's true depth map, one a pixel."""
     camera: Camera = view.camera.to("cpu", torch.float64)
     depth, alpha = (view.read(name)[..., 0].double() for name in ("depth", "alpha"))
     kept = (alpha > COVERED) & (depth > 0)

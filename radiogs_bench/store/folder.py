@@ -57,7 +57,7 @@ class Store:
         return patient_claim(self.folder / "locks" / name)
 
     def result(self, key: str) -> Result | None:
-        """The finished result of a cell, or None. What does not agree with its seal is moved aside, and said.
+        """The finished result of a cell, or None. A file that does not agree with its seal is moved aside.
 
         A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
         result of another version, StoreError where the folder cannot be read.
@@ -173,14 +173,14 @@ class Store:
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
-        """What a method raises within is raised again with the place of its traceback."""
+        """Raises failures of a method again, with the path of the stored traceback."""
         try:
             yield
         except MethodFailed as failure:
             raise self.with_traceback(failure) from failure
 
     def with_traceback(self, failure: MethodFailed) -> MethodFailed:
-        """The same failure, which says where its traceback is kept: under a name of its content, so once for many."""
+        """The failure with the path of its traceback, which is stored under a digest of its content, once for many."""
         if not failure.trace:
             return failure
         content = failure.trace.encode(errors="replace")
@@ -192,7 +192,7 @@ class Store:
         return MethodFailed(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
-        """What ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as absent.
+        """The content that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and is absent.
 
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """

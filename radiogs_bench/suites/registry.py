@@ -62,7 +62,7 @@ def suite(name: str) -> Suite:
 
 
 LARGEST_FACTOR = 1e4
-"""Of a number of the budget: the largest preset times it is more than any machine finishes."""
+"""Largest factor of a number of the budget: the largest preset times it is more than any machine finishes."""
 
 
 def read_suite(path: Path) -> Suite:

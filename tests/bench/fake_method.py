@@ -53,7 +53,7 @@ def scene_of(name: str, layout: str = "none", width: int = 40) -> Scene:
 
 SCENE = scene_of("fake")
 SOURCES = ("radiogs_core.errors",)
-"""What the fake says that it depends on: little, and not what is edited to see a test fail."""
+"""Sources of the fake method: few, and none that is edited to see a test fail."""
 
 
 def model_at(place: torch.Tensor) -> Model:
@@ -200,7 +200,7 @@ def asked(seeds: int = 1, suite: Suite = ABLATIONS, preset: str = "smoke") -> Fa
 
 
 def evaluate(bench: Bench, cell: Cell, scene: Scene, model: FakeTrained) -> Evaluation:
-    """Of a scene without views."""
+    """Scores of a scene without views."""
     count(evaluated=1)
     bench.progress.advance("evaluation", 1, 1)
     bench.interruption.check()

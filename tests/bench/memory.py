@@ -1,4 +1,4 @@
-"""What each phase of a run takes of memory, beside what the formula says.
+"""Measured memory of each phase of a run, beside the formula's.
 
     python -m bench.memory SPACING [SIDE]
 

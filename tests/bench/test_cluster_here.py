@@ -1,4 +1,4 @@
-"""What is put on a cluster, and in which order, by a stand-in for Ray that runs every task at once in this process."""
+"""Tasks of a cluster and their order, by a stand-in for Ray that runs every task at once in this process."""
 
 import pickle
 from collections.abc import Callable, Sequence

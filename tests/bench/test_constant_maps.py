@@ -1,4 +1,4 @@
-"""What a constant map scores, against a search for the best one."""
+"""Scores of constant maps, against a search for the best one."""
 
 from dataclasses import replace
 

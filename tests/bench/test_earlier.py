@@ -1,4 +1,4 @@
-"""What a run or a training finds in its folder is kept: reports of another run, and another model's files."""
+"""Runs and trainings keep what is in their folder: reports of another run, and another model's files."""
 
 from collections.abc import Callable
 from pathlib import Path

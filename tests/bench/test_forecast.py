@@ -1,4 +1,4 @@
-"""What is expected of missing cells is what finished ones of their like took; what nothing tells of is unknown."""
+"""Missing cells are forecast from finished cells like them; without any, the forecast is unknown."""
 
 from dataclasses import replace
 from pathlib import Path

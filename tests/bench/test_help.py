@@ -37,7 +37,7 @@ def test_every_command_and_option_is_explained_by_sentences(name: str) -> None:
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name != "completion"])
 def test_the_example_of_a_command_is_one_that_it_takes(name: str) -> None:
-    """Those of commands with subjects name one of these."""
+    """The example of a command with subjects names one of these."""
     epilog = COMMANDS[name].epilog
     assert epilog is not None
     start, _, words = epilog.partition("radiogs-bench ")

@@ -1,4 +1,4 @@
-"""What is measured is what it says: scenes, yardsticks that compute the same, and the command."""
+"""The kernel bench: its scenes, yardsticks that compute the same, and the command."""
 
 import json
 from dataclasses import replace

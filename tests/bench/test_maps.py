@@ -1,4 +1,4 @@
-"""What any method renders becomes one thing to score: on black, display images clipped, of the declared shape."""
+"""Maps of any method are scored alike: on black, display images clipped, of the declared shape."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -44,7 +44,7 @@ STRAIGHT = Offering(
 
 
 def on_black(offering: Offering, rendered: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """What scoring gets of these maps."""
+    """These maps as scoring receives them."""
     offering.rendered = rendered
     return module.on_black(offering, CAMERA)
 

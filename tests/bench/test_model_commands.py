@@ -109,7 +109,7 @@ def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
-    """What the scene was opened with is kept beside the model: `render` has no such option."""
+    """The scene's options are kept beside the model: `render` has no such option."""
     out = tmp_path / "small"
     arguments = ["train", "convex", "--preset", "smoke", "--out", str(out)]
     assert main([*arguments, "--long-side", "41"]) == 0

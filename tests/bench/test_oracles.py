@@ -44,7 +44,7 @@ SCENE = replace(sphere_scene(views=2, size=16), surfaces=no_samples)
 
 @dataclass(frozen=True)
 class Told(Turned):
-    """What ablations turn, and what it was told."""
+    """Fields that ablations change, and the parts that are given."""
 
     told: tuple[str, ...] = ()
 

@@ -1,4 +1,4 @@
-"""What only Linux has is not needed: with it hidden, files are read, cores are counted and memory is known."""
+"""The harness works without what only Linux has: files are read, cores counted, memory known."""
 
 import ast
 import io

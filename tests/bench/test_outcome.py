@@ -1,4 +1,4 @@
-"""What a training of about a minute has to find: shape, light and materials, and not the pixels alone.
+"""A training of about a minute finds shape, light and materials, and not the pixels alone.
 
 Bounds are what was measured, and a margin for other machines; the values of a run as short as this are no benchmark.
 """

@@ -18,10 +18,10 @@ ROUNDING = 1 / (12 * 255**2)
 """Mean square of the error of 8 bits, in units of the stored values."""
 
 SLOPE = {"nvs/psnr": 1.0, "relight/psnr": 1.0, "albedo/psnr": 3.4}
-"""Of what is compared by what is stored: albedo is stored linear and compared as sRGB, 3.4 times as steep at .03."""
+"""Ratio of compared to stored errors: albedo is stored linear and compared as sRGB, 3.4 times as steep at .03."""
 
 CORRELATION = {"nvs/psnr": 0.05, "relight/psnr": 0.05, "albedo/psnr": 0.15}
-"""Of rounding with the error of the view, at most: pixels of one material have nearly one albedo, rounded alike."""
+"""Largest correlation of rounding with the view's error: pixels of one material have nearly one albedo."""
 
 
 @pytest.fixture(scope="module")

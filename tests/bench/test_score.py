@@ -21,8 +21,8 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 
 TOLERANCE = {"psnr": 0.02, "ssim": 1e-3, "mae": 0.02, "mse": 2e-5, "delta_e": 0.3}
-"""What 8 bits a second time (albedo as sRGB; white taken away at soft edges) may move: an added error of variance
-1 / (12 255^2) beside the noise of 0.05^2 is 0.002 dB; edges add up to ten times that at 96 x 96 pixels."""
+"""Differences that 8 bits a second time may make (albedo as sRGB; white taken away at soft edges): an added error of
+variance 1 / (12 255^2) beside the noise of 0.05^2 is 0.002 dB; edges add up to ten times that at 96 x 96 pixels."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What the store keeps carries seals: a changed digit, a swapped or a missing file is seen, and said."""
+"""Stored files carry seals: a changed digit, a swapped or a missing file is noticed and reported."""
 
 import json
 import shutil
@@ -81,7 +81,7 @@ def test_content_that_does_not_agree_with_its_seal_is_broken(content: bytes, say
 
 @pytest.mark.parametrize("older", [{"value": 1}, sealed({"schema": "radiogs-bench/thing/2"})])
 def test_a_file_of_another_version_is_no_damage(older: dict[str, Any], tmp_path: Path) -> None:
-    """Those of versions before there were seals have none."""
+    """Files of versions before there were seals have none."""
     (tmp_path / "f.json").write_bytes(strict_json({"schema": "radiogs-bench/thing/0", **older}))
     with pytest.raises(OtherSchema, match="thing/1"):
         read_sealed(tmp_path / "f.json", SCHEMA, ())

@@ -1,6 +1,6 @@
 """README and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
 
-What is changed about a command is listed here. What is not executed: commands that need a network (``datasets fetch``,
+Changes to a command are listed here. Commands are not executed that need a network (``datasets fetch``,
 ``datasets weights``) or a cluster; that the command line takes them is tested in tests/ci.
 """
 
@@ -25,7 +25,7 @@ NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |path/to/met
 """A network, a cluster, what `make test` itself is, and a code of somebody's (tests/baselines/commands have one)."""
 
 WHOLE_SUITES = re.compile(r"^radiogs-bench run (?!forward-parity|stability)(?!.*--(list|dry-run))")
-"""Those of the README train hours: one scene of few pixels, and one seed, have the same path."""
+"""Commands of the README train for hours: one scene of few pixels, and one seed, have the same path."""
 
 TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--list)")
 

@@ -1,4 +1,4 @@
-"""What is left of a run takes what the same row took, and shared stages are trained once."""
+"""The time left of a run is taken from the same row, and shared stages count once."""
 
 from typing import Any, cast
 

@@ -29,7 +29,7 @@ FACTOR = 4.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a rehearsal may take: bytes by place, and seconds."""
+    """Bounds of a rehearsal: bytes on the host and on the device, and seconds."""
 
     memory: Mapping[str, int]
     seconds: float
@@ -56,7 +56,7 @@ class Refusal:
 
 @dataclass(frozen=True)
 class Climb:
-    """What was measured at which sizes, why it went no further, and whether that is because it was stopped.
+    """The measurements by size, why the rehearsal ended, and whether it was stopped.
 
     ``largest`` is the size that was wanted. The last of the sizes may lack phases (``Rung.whole``).
     """

@@ -1,4 +1,4 @@
-"""What a phase takes at another size of the model than those that were measured: a line through the last two."""
+"""Extrapolates a phase to sizes of the model that were not measured, by a line through the last two."""
 
 import math
 from collections.abc import Mapping, Sequence

@@ -1,4 +1,4 @@
-"""What memory there is, and how fast this machine is beside another one."""
+"""The machine's free memory, and its speed beside another machine's."""
 
 import ctypes
 import gc
@@ -90,7 +90,7 @@ def in_use(device: torch.device) -> dict[str, int]:
 
 
 def speed_of(device: torch.device) -> Speed:
-    """What one device does, on as many threads as it computes with: a matrix product, and a copy."""
+    """Speed of one device with all its threads: a matrix product, and a copy."""
     square = torch.rand(MATRIX, MATRIX, device=device)
     values = torch.rand(COPIED, device=device)
     target = torch.empty_like(values)

@@ -21,17 +21,19 @@ SCHEMA = "radiogs-bench/rehearsal/1"
 
 @dataclass(frozen=True)
 class Asked:
-    """What was rehearsed: name of the suite or scene, preset, the scene, on how many scenes the rows are run, and
-    which seconds are counted, "wall" or "core"."""
+    """The subject of a rehearsal and its settings."""
 
     name: str
+    """The name of the suite or scene."""
     preset: str
     scene: Scene
     cells: int
+    """The number of scenes that the whole run has for each row."""
     bounds: Bounds
     device: torch.device
     other_device: str | None = None
     clock: str = "wall"
+    """The seconds that are counted, "wall" or "core"."""
 
 
 def record_of(asked: Asked, rows: Sequence[Row], climbed: Climb) -> dict[str, Any]:

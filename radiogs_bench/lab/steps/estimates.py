@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 DRAWS = 2000
-"""Of a bootstrap."""
+"""Resamples of a bootstrap."""
 
 Passes = Sequence[Sequence[float]]
 """Seconds of something, pass by pass."""

@@ -24,7 +24,7 @@ SCHEMA = "radiogs-bench/growth/1"
 REPETITIONS = 3
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
-"""Of a kernel while something else grows."""
+"""Sizes of a kernel's input while another size grows."""
 
 LEAST_BYTES = 1 << 20
 """Peaks below it are pages and rounding; an exponent is of those above it."""
@@ -34,13 +34,14 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True)
 class Axis:
-    """What grows, while all else stays. at_most: the exponent that seconds should not exceed, where one is expected."""
+    """One size that grows, while all others stay."""
 
     what: str
     grows: str
     fixed: str
     values: tuple[int, ...]
     at_most: float | None = None
+    """The exponent that seconds should not exceed, where one is expected."""
 
 
 KERNELS = (
@@ -60,7 +61,7 @@ STEPS = (
 """Everything that ``bench steps`` does, at preset tiny."""
 
 USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
-"""Of a step while something else grows."""
+"""Size of a step while one part of it grows."""
 
 
 def bench_growth(

@@ -20,7 +20,7 @@ Plain = dict[str, Any]
 
 
 def line_of(record: Mapping[str, Any]) -> Plain:
-    """What is kept of a record of steps. Raises DataError where the sources have no commit."""
+    """The line of the history for a record of steps. Raises DataError where the sources have no commit."""
     if record["git"] is None:
         raise DataError(
             "these sources have no commit", "A history says which commit each value is of.", "Leave out --history."

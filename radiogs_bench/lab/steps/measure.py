@@ -100,8 +100,8 @@ def placed(frame: FrameType | None) -> tuple[str, str]:
 class Looking:
     """Seconds by part and direction of what is done within ``with``, in the main thread.
 
-    What a look finds is charged with the processor time since the look before it: a long operation delays looks, and
-    is charged with all of its time.
+    Each look charges the processor time since the look before it to the part that it finds running: a long operation
+    delays looks, and is charged with all of its time.
     """
 
     def __init__(self) -> None:
@@ -155,7 +155,7 @@ class Here:
         one_pass(subject(WARM_UP.name), lambda titles, work: work())
 
     def passed(self, size: str, counts: bool) -> Plain:
-        """What is measured and where its model lies; seconds and parts by title, and, if asked for, counts."""
+        """Measures one pass: its settings, seconds and parts by title, and with ``counts`` the counters."""
         subject = self._subject(size)
         times = Times(subject.device, counts)
         gc.collect()  # not while something is timed
@@ -208,7 +208,7 @@ SHOWN_WORK = ("rays", "hits", "blended_pairs", "shaded_samples")
 
 @dataclass(frozen=True)
 class Counted:
-    """Of one piece of work: PyTorch's operations, launches of own kernels, and work counters."""
+    """Counts of one piece of work: PyTorch's operations, launches of own kernels, and work counters."""
 
     operations: int
     launches: int

@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 AGAINST = "radiogs-bench/steps-against/1"
-"""Of a record of two checkouts."""
+"""Schema of a record of two checkouts."""
 
 MACHINE = ("cpu", "cores", "memory_bytes", "gpu", "threads")
-"""What has to agree of two machines for their seconds to be compared."""
+"""Properties that two machines have to share for their seconds to be compared."""
 
 MODEL = ("preset", "side", "views", "surfels", "model")
 

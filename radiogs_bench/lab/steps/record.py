@@ -48,13 +48,13 @@ def parts_said(parts: Mapping[str, float], most: int = MOST_PARTS) -> str:
 
 
 def headline(name: str, size: Mapping[str, Any]) -> str:
-    """What a size is."""
+    """A size in words."""
     surfels = "its own number of surfels" if size["surfels"] is None else f"{size['surfels']:,} surfels"
     return f"{name}: {size['side']} x {size['side']}, {surfels} {size['model']}, {size['views']} views"
 
 
 def yardstick_said(record: Mapping[str, Any]) -> str:
-    """What the yardsticks took."""
+    """The yardsticks' median times as one sentence."""
     return "; ".join(f"{name}: {milliseconds(each['median'])}" for name, each in record["yardsticks"].items())
 
 

@@ -1,4 +1,4 @@
-"""What is measured: a method on a scene of stated size, with a model that lies on surfaces as a trained one does."""
+"""The subject of a measurement: a method on a scene of stated size, with surfels on surfaces as after training."""
 
 import math
 from dataclasses import dataclass, replace

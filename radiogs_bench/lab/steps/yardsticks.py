@@ -1,4 +1,4 @@
-"""What does not change with this project's code: seconds of Embree and of PyTorch, measured in the same run."""
+"""Yardsticks that this project's code does not change: seconds of Embree and of PyTorch, measured in the same run."""
 
 from collections.abc import Callable
 from statistics import median

@@ -60,7 +60,7 @@ class RemoteCell:
 
 @dataclass(frozen=True)
 class RemoteResult:
-    """What a remote machine returns: files to store, or the failure; ``node`` is the machine that ran it."""
+    """The answer of a remote machine: files to store, or the failure; ``node`` is the machine that ran it."""
 
     files: Files
     failure: ExplainedError | None

@@ -189,7 +189,7 @@ class OthersProgress:
 
 
 def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
-    """What to say of workers that ended without a word: by a signal, or well with cells left; ``left`` counts those."""
+    """The error for workers that were killed, or that ended well with ``left`` cells unfinished."""
     signals = sorted({-code for code in codes if code < 0})
     if not signals and any(codes):
         return []  # they have explained their failures themselves
