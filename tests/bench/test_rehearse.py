@@ -23,7 +23,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.lab.rehearsal import climb as climbing
 from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
 from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
-from radiogs_bench.lab.rehearsal.growth import Rung, extended
+from radiogs_bench.lab.rehearsal.growth import SizeResult, extended
 from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
 from radiogs_bench.lab.rehearsal.record import whole_of
@@ -229,9 +229,9 @@ def test_a_variant_that_never_looks_for_hidden_surfels_has_no_such_step() -> Non
     }  # fmt: skip
 
 
-def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> Rung:
+def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> SizeResult:
     phase = Phase("step", f"key-{size}", (seconds, seconds), 10, {"host": round(peak * GIB)})
-    return Rung(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
+    return SizeResult(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
 
 
 def test_another_size_lies_on_the_line_through_the_last_two() -> None:
