@@ -101,9 +101,8 @@ def rehearse(options: argparse.Namespace) -> int:
     from ..lab.rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
     from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from ..lab.rehearsal.record import Asked, fits, record_of
-    from ..runs.preflight import COMPILED_ON
+    from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
-    from ..runs.warm_up import compile_kernels
     from ..store.seal import write_sealed
     from .device import chosen_device
     from .reporter import say_whole

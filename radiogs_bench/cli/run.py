@@ -264,12 +264,10 @@ def run_and_report(
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
-        ended = run_request(
-            request,
-            Bench(store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views),
-            engine,
-            options.arguments,
+        bench = Bench(
+            store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
+        ended = run_request(request, bench, engine)
         reported = report_failures(ended.failures)
         code = ended.code or reported
     manifest = final_manifest(request, store, manifest)

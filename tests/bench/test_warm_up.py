@@ -9,7 +9,7 @@ from bench.chain_method import Chain, Turned
 from radiogs.budget import PRESETS
 from radiogs.method import RADIOGS
 from radiogs.variant import Variant
-from radiogs_bench.runs.warm_up import compile_kernels
+from radiogs_bench.runs.preflight import compile_kernels
 from radiogs_core.contract import Run
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
 from scenes import sphere_scene

@@ -21,11 +21,11 @@ from radiogs_bench.method_calls import calling, lacking, losses_of, members, req
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.preflight import compile_kernels
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
 from radiogs_bench.runs.stages import Bench, facts_of
 from radiogs_bench.runs.train import train_and_score
-from radiogs_bench.runs.warm_up import compile_kernels
 from radiogs_bench.scoring.maps import on_black
 from radiogs_bench.store.folder import Store
 from radiogs_core.contract import Method, NotOffered, Prepared, Stage, Trained

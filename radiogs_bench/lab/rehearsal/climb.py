@@ -100,7 +100,7 @@ def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: B
         if refusal is not None:
             return Rehearsal(rungs, largest, refusal)
         setting.progress.say(f"size {size:,}" if size is not None else "its own sizes")
-        rung = _rung(rows, scene, size, rules, folder, setting)
+        rung = _measured(rows, scene, size, rules, folder, setting)
         rungs.append(rung)
         if rung.stopped:
             last = rung.phases[-1].title if rung.phases else "the beginning"
@@ -114,7 +114,7 @@ def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: B
     return Rehearsal(rungs, largest, None)
 
 
-def _rung(
+def _measured(
     rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting
 ) -> SizeResult:
     phases = Phases(setting.device, setting.clock, setting.progress.say)

@@ -23,10 +23,10 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 from ...store.folder import Store, checkpoint_name, product_name
 from ..cell import Cell, StageKey, Work, cell_of
 from ..interruption import Interruption
+from ..preflight import compile_kernels
 from ..progress import LogProgress
 from ..scene_digest import checksum_now
 from ..stages import Bench, all_but_last
-from ..warm_up import compile_kernels
 
 Files = Mapping[str, bytes]
 """Contents of files by path within a store."""

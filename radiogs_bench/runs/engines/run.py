@@ -45,17 +45,17 @@ class Ended:
     code: int = DONE
 
 
-def run_request(request: Request, bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
-    """Run the missing cells. ``arguments`` are those of the command line, which the workers of a pool receive too.
+def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
+    """Run the missing cells. The workers of a pool are started by the request's command.
 
-    Raises what ends a whole run: Interrupted, DataError, StoreError.
+    Raises the errors that end a whole run: Interrupted, DataError, StoreError.
     """
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
     preflight(request, unfinished, bench)
     tasks = [Task(cell, label(ref)) for ref, cell in cells]
     if engine.name == "pool" and unfinished:
-        return _by_pool(cells, bench, engine, arguments)
+        return _by_pool(cells, bench, engine, request.command)
     if engine.name == "ray" and unfinished:
         return _on_cluster(request, tasks, bench, engine)
     return Ended(run_tasks(request, tasks, bench))
@@ -86,7 +86,7 @@ def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[Exp
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
 
 
-def _by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
+def _by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, command: Sequence[str]) -> Ended:
     labels = {cell.key: label(ref) for ref, cell in cells}
     shown = OthersProgress(bench.progress, bench.store, labels)
 
@@ -96,7 +96,7 @@ def _by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine
         shown.look()
 
     threads = workers(CPU)
-    commands = worker_commands(arguments, engine.workers or threads, threads)
+    commands = worker_commands(command, engine.workers or threads, threads)
     codes = run_pool(commands, bench.progress.say, look, bench.interruption)
     bench.interruption.check()
     # A worker that was killed costs time only, if the others have taken up its cells.
