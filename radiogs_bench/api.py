@@ -11,12 +11,13 @@
 docs/python_api.md is a longer walk. Names that are not in ``radiogs_bench.__all__`` may change without notice.
 """
 
+import math
 import tempfile
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
 import pandas as pd
 import torch
@@ -24,23 +25,26 @@ from jaxtyping import Float
 from torch import Tensor
 
 from radiogs_core.contract import Method, Run, Trained
+from radiogs_core.errors import unknown
 from radiogs_core.kernels.runtime import use_threads, workers
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets import known_names, load_scene
 from radiogs_datasets.lights import read_light as read_light_file
+from radiogs_datasets.options import AS_STORED, SceneOptions
 
 from .export.records import rows
 from .methods import budget_of, method_names, variant_of
 from .methods import method as installed_method
-from .runs.cell import Work, cell_of
+from .runs.cell import Cell, Work, cell_of
 from .runs.interruption import Interruption
+from .runs.kept_pace import KeptPace
 from .runs.preflight import read_everything
 from .runs.progress import progress_for_stderr
 from .runs.scene_digest import checksum_now
-from .runs.stages import Bench, trained
+from .runs.stages import Bench, facts_of, trained
 from .runs.sweep import read_sweep
-from .runs.trained_folder import read_trained, write_trained
+from .runs.trained_folder import Origin, read_about, read_trained, set_other_model_aside, write_trained
 from .scoring.evaluate import SCORES_ALONE, evaluate
 from .scoring.maps import on_black
 from .scoring.metrics.protocols import PROTOCOLS
@@ -64,18 +68,23 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Model:
-    """A trained model of any method, and what it was trained on.
-
-    ``trained`` is the method's own object (``radiogs_core.contract.Trained``); ``facts`` what it says of itself.
-    """
+    """A trained model of any method, and what it was trained on."""
 
     trained: Trained
+    """The method's own object (``radiogs_core.contract.Trained``)."""
     run: Run
+    """Scene, variant, budget, seed and device."""
+    method: str
+    """The method's name."""
+    seconds: float | None = None
+    """Seconds that all stages of training took; None for a model that ``open_model`` has read."""
+    files: tuple[Path, ...] = ()
+    """The files that ``train`` wrote for other programs, and ``trained.json``."""
 
     @property
     def facts(self) -> dict[str, Any]:
-        """Plain values such as ``surfels``, how many it has."""
-        return self.trained.facts()
+        """The method's facts about its model: plain values such as ``surfels``, their number."""
+        return facts_of(self.method, self.trained)
 
     @property
     def light(self) -> EnvironmentMap | None:
@@ -146,6 +155,19 @@ def read_light(path: str | Path) -> EnvironmentMap:
     return light
 
 
+class TrainingOptions(TypedDict, total=False):
+    """Further options of ``train``, by keyword."""
+
+    budget: Mapping[str, Any]
+    """Numbers that replace those of the preset, as plain values, by dotted names or in nested tables."""
+    scene_options: SceneOptions
+    """How a scene that is given by its name or folder is opened (layout, reduction, held-out views)."""
+    replace: bool
+    """Whether another model in ``out`` is moved aside. Without it, ``train`` raises UsageError there."""
+    say: Callable[[str], None]
+    """Receives the messages of a training, such as what was repaired in the scene's files. Default: none are shown."""
+
+
 def train(
     method: str | Method,
     scene: str | Scene,
@@ -154,37 +176,61 @@ def train(
     seed: int = 0,
     device: str = "cpu",
     out: str | Path | None = None,
+    **options: Unpack[TrainingOptions],
 ) -> Model:
     """Train a method on a scene, or continue, and return the model.
 
-    ``variant`` holds the fields in which the method differs from its full form, as plain values. What is kept in
-    ``out`` (default: nothing) is what ``radiogs-bench train`` keeps: a run that was stopped continues there, a finished
-    one is read. Raises UsageError, DataError, NumericalFailure, and Interrupted after Ctrl-C.
+    ``variant`` holds the fields in which the method differs from its full form, as plain values, by dotted names
+    (``"materials.rates.light"``) or in nested tables. ``out`` keeps what
+    ``radiogs-bench train`` keeps (default: nothing is kept): a training that was stopped continues there, and a
+    finished model is read. ``options``: see ``TrainingOptions``. Raises UsageError, DataError, NumericalFailure, and
+    Interrupted after Ctrl-C.
     """
+    for name in options.keys() - TrainingOptions.__annotations__.keys():
+        raise unknown("option", name, TrainingOptions.__annotations__, of="train()")
+    say = options.get("say", lambda line: None)
     used = installed_method(method) if isinstance(method, str) else method
-    read = load_scene(scene) if isinstance(scene, str) else scene
-    use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
-    work = Work(variant_of(used, variant or {}), budget_of(used, preset), seed, device)
+    opened = options.get("scene_options", AS_STORED)
+    read = load_scene(scene, options=opened) if isinstance(scene, str) else scene
+    for repair in read.repairs:
+        say(f"{read.name}: {repair}")
+    changes = options.get("budget", {})
+    work = Work(variant_of(used, variant or {}), budget_of(used, preset, changes), seed, device)
     cell = cell_of(used, read, work, method if isinstance(method, str) else "")
-    with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as kept_nowhere:
-        store = Store(Path(kept_nowhere if out is None else out))
-        with saying_who_holds(str(out)), progress_for_stderr() as progress, Interruption() as interruption:
-            read_everything(read, lambda done, total: progress.advance(f"reading {read.name}", done, total))
-            bench = Bench(store, torch.device(device), progress, interruption, lambda name: used, checksum_now)
-            model, _ = trained(bench, cell, read)
-        if out is not None:
-            write_trained(store, str(read.folder or read.name), read, cell, model)
-    return Model(model, Run(read, cell.variant, cell.budget, seed, torch.device(device)))
+    run = Run(read, cell.variant, cell.budget, seed, torch.device(device))
+    if out is None:
+        with tempfile.TemporaryDirectory(prefix="radiogs-bench-") as nowhere:
+            return _trained(Store(Path(nowhere)), cell, run, used)
+    store = Store(Path(out))
+    replaced = set_other_model_aside(store.folder, cell, options.get("replace", False))
+    if replaced is not None:
+        say(f"the files of the model that was here are in {replaced}")
+    with store.keeping_tracebacks():
+        name = scene if isinstance(scene, str) else str(read.folder or read.name)
+        return _trained(store, cell, run, used, Origin(name, preset, changes))
 
 
-def open_model(folder: str | Path, device: str = "cpu", **turned: Any) -> Model:
+def _trained(store: Store, cell: Cell, run: Run, method: Method, origin: Origin | None = None) -> Model:
+    """The cell's model, trained in a store or read from it; its files are written there if it has an ``origin``."""
+    use_threads(workers(torch.device("cpu")))  # as many as chosen before, else as PyTorch has
+    scene = run.scene
+    with saying_who_holds(str(store.folder)), progress_for_stderr() as progress, Interruption() as interruption:
+        read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
+        with KeptPace(progress, store, cell.key) as kept:
+            bench = Bench(store, run.device, kept, interruption, lambda name: method, checksum_now)
+            model, ledgers = trained(bench, cell, scene)
+        files = () if origin is None else tuple(write_trained(store, origin, scene, cell, model))
+    return Model(model, run, method.name, math.fsum(ledger["seconds"] for ledger in ledgers.values()), files)
+
+
+def open_model(folder: str | Path, device: str = "cpu", **changes: Any) -> Model:
     """The model that ``train`` left in a folder.
 
-    ``turned`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
+    ``changes`` are fields of the variant that showing alone reads, such as RadioGS's ``relighting="surfels"``. Raises
     DataError where there is none or its scene has changed.
     """
-    run, model = read_trained(Path(folder), torch.device(device), turned)
-    return Model(model, run)
+    run, model = read_trained(Path(folder), torch.device(device), changes)
+    return Model(model, run, installed_method(read_about(Path(folder))["method"]).name)
 
 
 def open_store(folder: str | Path) -> pd.DataFrame:
@@ -194,9 +240,8 @@ def open_store(folder: str | Path) -> pd.DataFrame:
     seed, device, protocol, metric, value, reason, seconds by stage, counters of work and guards, surfels, key. Raises
     DataError where nothing was run.
     """
-    place = Path(folder)
-    named = {cell["key"]: cell["row"] for cell in read_sweep(place)["cells"]}
-    table = pd.DataFrame(list(rows(Store(place))))
+    named = {cell["key"]: cell["row"] for cell in read_sweep(Path(folder))["cells"]}
+    table = pd.DataFrame(list(rows(Store(Path(folder)))))
     table.insert(0, "row", [named.get(key) for key in table["key"]] if len(table) else [])
     return table
 

@@ -20,13 +20,13 @@ from radiogs_core.errors import ExplainedError
 from .errors import MethodFailed
 
 FRAMES = 2
-"""Frames of a traceback that are shown: the raising one and its caller."""
+"""Traceback frames that are shown: the raising one and its caller."""
 
 CONTRACT = "What a method is: docs/your_own_method.md and radiogs_core.contract"
 
 LEAVES = (type(None), bool, int, float, complex, str, bytes, bytearray, torch.Size, torch.dtype, torch.device)
 BRANCHES = (list, tuple, set, dict, OrderedDict, Counter)
-"""Types that PyTorch reads from a file without running code from it, beside tensors."""
+"""Types beside tensors that PyTorch reads back from a file without running code from it."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def require(method: str, given: object, contract: type, source: str) -> None:
 
 
 def losses_of(method: str, given: Any, stage: str) -> dict[str, float]:
-    """The losses that ``step`` returned, as numbers by name; tensors of one element are converted."""
+    """The losses that ``step`` returned, by name; tensors of one element become numbers."""
     if not isinstance(given, Mapping):
         raise refused(
             method,
@@ -119,23 +119,23 @@ def require_storable(method: str, content: Mapping[str, Any], source: str, stage
     """Raise MethodFailed for what could be written and not be read again, by its place in ``source``."""
     found = _unstorable(content, "")
     if found is not None:
-        place, kind = found
+        where, kind = found
         raise refused(
             method,
-            f"{source}{place} of stage '{stage}' is a {kind}",
+            f"{source}{where} of stage '{stage}' is a {kind}",
             "What is stored is tensors, numbers, strings, and lists, tuples, sets and dicts of them; an array becomes a"
             " tensor by torch.from_numpy, a NumPy number a number by .item().",
         )
 
 
-def _unstorable(value: Any, place: str) -> tuple[str, str] | None:
+def _unstorable(value: Any, where: str) -> tuple[str, str] | None:
     if isinstance(value, Tensor) or type(value) in LEAVES:
         return None
     if type(value) not in BRANCHES:
-        return place, f"{type(value).__module__}.{type(value).__name__}"
+        return where, f"{type(value).__module__}.{type(value).__name__}"
     if isinstance(value, Mapping):
-        inner = [(key, f"{place}, a key") for key in value]
-        inner += [(each, f"{place}[{key!r}]") for key, each in value.items()]
+        inner = [(key, f"{where}, a key") for key in value]
+        inner += [(each, f"{where}[{key!r}]") for key, each in value.items()]
     else:
-        inner = [(each, f"{place}[{number}]") for number, each in enumerate(value)]
+        inner = [(each, f"{where}[{number}]") for number, each in enumerate(value)]
     return next((found for each in inner if (found := _unstorable(*each)) is not None), None)

@@ -5,10 +5,10 @@ A package offers a method by an entry point of the group ``radiogs_bench.methods
 (docs/methods_as_commands.md).
 """
 
+import json
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, asdict, fields, is_dataclass
-from difflib import get_close_matches
+from dataclasses import MISSING, asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
 from importlib import resources
 from importlib.metadata import EntryPoint, entry_points
@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 from radiogs_core.capabilities import PARTS, TakesGiven
-from radiogs_core.contract import Method
-from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import from_plain
+from radiogs_core.contract import LARGEST_COUNT, Method
+from radiogs_core.errors import UsageError, unknown
+from radiogs_core.plain_values import flat, leaf_names, value_at, with_values
 
 from .method_calls import calling, lacking
 
@@ -57,12 +57,7 @@ def method(name: str) -> Method:
     if name not in offered and name in recipes():
         return _from_file(recipes()[name])
     if name not in offered:
-        near = get_close_matches(name, method_names(), 1)
-        raise UsageError(
-            f"there is no method '{name}'",
-            f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(method_names())}.",
-            "See them all:  radiogs-bench methods",
-        )
+        raise unknown("method", name, method_names(), "See them all:  radiogs-bench methods")
     return _loaded(offered[name])
 
 
@@ -75,11 +70,12 @@ def origin(name: str) -> str:
 
 
 def variant_of(of: Method, given: Mapping[str, Any]) -> Any:
-    """A variant of a method: its full form with the given fields turned. Raises UsageError for what it does not have.
+    """A variant of a method: its full form with the given fields changed. Raises UsageError for what it does not have.
 
-    Values are plain, as a suite's file or a stored result has them: lists for tuples, tables for nested settings.
+    Values are plain, as a suite's file or a stored result has them: lists for tuples. Fields of nested settings are
+    given by dotted names or by tables.
     """
-    return from_plain(of.variant, given, f"variant of {of.name}")
+    return with_values(of.variant(), given, f"variant of {of.name}")
 
 
 def why_not_given(of: Method, parts: Sequence[str]) -> str:
@@ -103,20 +99,88 @@ def with_given(of: Method, variant: Any, parts: Sequence[str]) -> Any:
         return of.with_given(variant, tuple(parts))
 
 
-def budget_of(of: Method, preset: str) -> Any:
-    """A method's budget by the name of its preset. Raises UsageError for an unknown one."""
+def budget_of(of: Method, preset: str, given: Mapping[str, Any] | None = None) -> Any:
+    """A method's budget by the name of its preset, with ``given`` numbers in place of some of the preset's.
+
+    The name of a budget whose numbers are not the preset's says so: ``tiny, inverse_iterations = 300``. ``given`` has
+    plain values by dotted names or in nested tables. Raises UsageError for an unknown preset or field, and for a number
+    that is no amount of work: a whole number has to be 1 or above, and up to 2^31 - 1; any other is not negative.
+    """
     if preset not in of.presets:
-        near = get_close_matches(preset, of.presets, 1)
-        raise UsageError(
-            f"unknown preset '{preset}' of {of.name}",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Presets: {', '.join(of.presets)}.",
+        raise unknown("preset", preset, of.presets, of=of.name)
+    budget, values = of.presets[preset], flat(given or {})
+    if "name" in values:
+        raise UsageError("the name of a budget cannot be set", "It says which preset and which changes it is made of.")
+    changed = with_values(budget, values, f"budget of {of.name}")
+    for name in values:
+        number = value_at(changed, name)
+        least, most = (1, LARGEST_COUNT) if type(number) is int else (0, float("inf"))
+        if isinstance(number, int | float) and not least <= number <= most:
+            raise UsageError(f"budget of {of.name}: {name}: {number} is not between {least} and {most}")
+    marks = [
+        mark(name, value_at(changed, name)) for name in values if value_at(changed, name) != value_at(budget, name)
+    ]
+    return replace(changed, name=", ".join([preset, *sorted(marks)]))
+
+
+def mark(name: str, value: Any) -> str:
+    """A field and the value that it was set to, as labels say it: ``inverse_iterations = 300``."""
+    return f"{name} = {value if isinstance(value, str) and value.isprintable() else json.dumps(value)}"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Values for fields of one method, by dotted names."""
+
+    variant: Mapping[str, Any]
+    budget: Mapping[str, Any]
+
+
+def settings_of(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
+    """The ``given`` values whose names are fields of a method, those of its variant and those of its budget.
+
+    ``variant.NAME`` and ``budget.NAME`` are full names. Other names are left out. Raises UsageError for a name that is
+    a field of both.
+    """
+    values: dict[str, dict[str, Any]] = {"variant": {}, "budget": {}}
+    names = _names_by_owner(of, preset)
+    for name, value in given.items():
+        owner, _, rest = name.partition(".")
+        found = (
+            [(owner, rest)] if rest in names.get(owner, ()) else [(each, name) for each in names if name in names[each]]
         )
-    return of.presets[preset]
+        if len(found) > 1:
+            raise UsageError(
+                f"both the variant and the budget of {of.name} have a field '{name}'",
+                "It is not clear which of them is meant.",
+                f"Write variant.{name} or budget.{name}.",
+            )
+        for owner, field in found:
+            values[owner][field] = value
+    return Settings(**values)
+
+
+def settable(of: Method, preset: str) -> list[str]:
+    """Dotted names of all fields of a method's variant and budget."""
+    return [name for names in _names_by_owner(of, preset).values() for name in names]
+
+
+def _names_by_owner(of: Method, preset: str) -> dict[str, list[str]]:
+    budget = [name for name in leaf_names(budget_of(of, preset)) if name != "name"]
+    return {"variant": leaf_names(of.variant()), "budget": budget}
+
+
+def settings_for(of: Method, preset: str, given: Mapping[str, Any]) -> Settings:
+    """The ``given`` values, all of which have to be fields of the method. Raises UsageError for one that is none."""
+    for name in given:
+        found = settings_of(of, preset, {name: given[name]})
+        if not (found.variant or found.budget):
+            raise unknown("field", name, settable(of, preset), "See its fields:  radiogs-bench methods", of=of.name)
+    return settings_of(of, preset, given)
 
 
 def describe(of: Method) -> dict[str, Any]:
-    """What ``radiogs-bench methods`` shows: presets with their numbers, fields of the variant with their defaults."""
+    """A method for ``radiogs-bench methods``: presets with their numbers, fields of the variant with their defaults."""
     full = of.variant()
     with calling(of.name, "stages()"):
         stages = {
@@ -174,7 +238,7 @@ SMOKE = "smoke"
 
 
 def _wrong(loaded: Any, name: str) -> str:
-    """What keeps an object from being the method of an entry point, in words; empty for nothing."""
+    """Why an object cannot be the method of an entry point; empty if it can."""
     if isinstance(loaded, type):
         return f"it is the class {loaded.__name__} and has to be an instance of it"
     missing = lacking(loaded, Method)

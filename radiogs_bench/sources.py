@@ -41,10 +41,10 @@ class SourceTree:
             return None
         if root.is_file():
             return None if rest else root
-        place = root.joinpath(*rest)
-        if (place / "__init__.py").is_file():
-            return place / "__init__.py"
-        single = place.with_name(f"{place.name}.py")
+        path = root.joinpath(*rest)
+        if (path / "__init__.py").is_file():
+            return path / "__init__.py"
+        single = path.with_name(f"{path.name}.py")
         return single if rest and single.is_file() else None
 
     def closure(self, *modules: str) -> dict[str, Path]:
@@ -163,8 +163,8 @@ def _stands_alone(node: object) -> bool:
 def _pattern(node: ast.AST) -> str:
     """The path that literals name, alone or joined, with ``*`` for what is computed; empty for anything else.
 
-    A pattern of ``glob`` counts only if its folder is the module's own (``__file__``, ``__package__``): in another
-    folder it does not match files that lie here.
+    A pattern of ``glob`` counts where its folder is the module's own (``__file__``, ``__package__``): another folder's
+    files are not those that lie here.
     """
     if isinstance(node, ast.Constant):
         return "" if not isinstance(node.value, str) or "*" in node.value else _literal(node.value)

@@ -10,8 +10,9 @@ from radiogs.initialise import Initialisation
 from radiogs.invert import InverseRendering
 from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS, Budget, Variant
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.kernels.surfel.footprint import frames
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.scene.scene import Scene, View
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
@@ -52,7 +53,7 @@ def ball() -> Surfels:
 
 SCENE = ball_scene()
 BALL = ball()
-BUDGET = replaced(
+BUDGET = with_values(
     PRESETS["smoke"],
     {
         "geometry.steps": 1000,

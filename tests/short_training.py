@@ -6,11 +6,11 @@ from typing import Any
 import torch
 
 from radiogs.settings import PRESETS
-from radiogs_core.contract import replaced
+from radiogs_core.plain_values import with_values
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-BUDGET = replaced(
+BUDGET = with_values(
     PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
 )
 SCENE = sphere_scene(views=4, size=16)

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError, did_you_mean, unknown
 from radiogs_core.scene.scene import Scene
 
 from .bounded_reading import printable
@@ -95,12 +94,11 @@ def scene_folder(name_or_path: str) -> Path:
     folder = located(name_or_path)
     if folder is None:
         known = known_names()
-        near = get_close_matches(name_or_path, known, 1)
         raise DataError(
             f"there is no scene '{printable(name_or_path)}'",
             f"It is neither a folder{below_root()} nor one of the scenes that come with the package"
             f" ({', '.join(known)}).",
-            f"Did you mean '{near[0]}'?" if near else "Give a scene's name, or the path of its folder.",
+            did_you_mean(name_or_path, known) or "Give a scene's name, or the path of its folder.",
         )
     return folder
 
@@ -161,9 +159,7 @@ def _as_stored(name_or_path: str, layout: str | None, options: SceneOptions) -> 
     folder = scene_folder(name_or_path)
     chosen = _recognised(folder) if layout is None else layout
     if chosen not in LAYOUTS:
-        near = get_close_matches(chosen, LAYOUTS, 1)
-        hint = f"Did you mean '{near[0]}'?" if near else ""
-        raise UsageError(f"unknown layout '{chosen}'", hint, f"Layouts: {', '.join(LAYOUTS)}.")
+        raise unknown("layout", chosen, LAYOUTS)
     load = LAYOUTS[chosen].load
     files = SameBytes(folder.name)
     with files.required():

@@ -7,14 +7,13 @@ it wrote.
 import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, unknown
 from radiogs_core.scene.colour import srgb_decode, srgb_encode
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.scene.scene import Scene, View
@@ -34,9 +33,7 @@ def convert(scene: Scene, folder: Path, layout: str, advance: Advance = lambda d
     the layout cannot say.
     """
     if layout not in WRITERS:
-        near = get_close_matches(layout, WRITERS, 1)
-        hint = f"Did you mean '{near[0]}'?" if near else ""
-        raise UsageError(f"no writer for layout '{layout}'", hint, f"Writers: {', '.join(WRITERS)}.")
+        raise unknown("layout to write", layout, WRITERS)
     unfinished = require_new(folder)
     shutil.rmtree(unfinished, ignore_errors=True)
     try:

@@ -14,7 +14,7 @@ from .initialise import Initialisation
 from .invert import InverseRendering
 from .model import Model
 from .rehearsing import memory_of, short_run, sizes
-from .settings import INVERSE_ONLY, PRESETS, PROFILES, Budget, Variant
+from .settings import INVERSE_ONLY, PRESETS, PROFILES, RELIGHTING, Budget, Variant
 from .showing import TrainedRadioGS
 
 
@@ -31,6 +31,7 @@ class RadioGS:
     presets: Mapping[str, Budget] = PRESETS
     given_parts = PARTS
     size_name = "surfels"
+    relighting_modes = RELIGHTING
     sources = ("radiogs.showing",)
     profiles: Mapping[str, Mapping[str, Any]] = {name: {"deviations": each} for name, each in PROFILES.items()}
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
 
-from radiogs_core.capabilities import PARTS
+from radiogs_core.capabilities import PARTS, RelightingModes
 from radiogs_core.errors import UsageError
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.on_surfels.settings import GEOMETRY_PRESETS, SurfelBudget, SurfelVariant, by_name
@@ -138,6 +138,18 @@ START_RADIANCE = 1.5
 Relighting = Literal["pbr", "finetuned", "surfels"]
 """How a model is seen under another light: by rays whose L_ind is a split sum at what they meet ("pbr"), by rays whose
 L_ind is the radiance of surfels that were fine-tuned under that light ("finetuned"), or by splatting that radiance."""
+
+RELIGHTING = RelightingModes(
+    field="relighting",
+    titles={
+        "pbr": "rays that meet split-sum radiance",
+        "finetuned": "rays to fine-tuned surfels",
+        "surfels": "fine-tuned surfels alone",
+    },
+    default="pbr",
+    by_steps=("surfels", "finetuned"),
+    steps="finetune_iterations",
+)
 
 Shading = Literal["monte-carlo", "split-sum"]
 """L_PBR of stage 2: Eq. 8 over traced rays, or pre-filtered light without occlusion or indirect light."""

@@ -40,6 +40,35 @@ class Profiled(Protocol):
         """Fields of the variant by the profile's name, as plain values."""
 
 
+@dataclass(frozen=True)
+class RelightingModes:
+    """The ways in which a method shows a trained model under another light."""
+
+    field: str
+    """The field of the variant that holds the mode, by its dotted name. Training does not read it."""
+    titles: Mapping[str, str]
+    """What each mode renders, for tables and figures, by the mode's name."""
+    default: str
+    """The mode of the full method."""
+    by_steps: tuple[str, ...] = ()
+    """The modes that prepare for a light by steps of optimisation, such as fine-tuning, in the order of figures."""
+    steps: str = ""
+    """The field of the budget with the number of these steps, by its dotted name."""
+
+    def plain(self) -> dict[str, Any]:
+        """The modes as plain values, as the manifest of a run keeps them."""
+        return {**asdict(self), "titles": dict(self.titles), "by_steps": list(self.by_steps)}
+
+
+@runtime_checkable
+class RelitInModes(Protocol):
+    """A method that can show a trained model under another light in several ways, for ``radiogs-bench relight``."""
+
+    @property
+    def relighting_modes(self) -> RelightingModes:
+        """The modes; each is a value of a field of the variant."""
+
+
 @runtime_checkable
 class Remarking(Protocol):
     """A prepared model that has something to say of how it is shown."""

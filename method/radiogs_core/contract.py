@@ -12,7 +12,7 @@ Nothing here knows of surfels: a radiance field, or a program that is run as a c
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Generic, Literal, Protocol, TypeVar, runtime_checkable
 
@@ -21,7 +21,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from .errors import ExplainedError, UsageError
-from .plain_values import flat
+from .plain_values import leaf_names, value_at, with_values
 from .scene.camera import Camera
 from .scene.light import EnvironmentMap
 from .scene.scene import Scene
@@ -242,7 +242,7 @@ def _plain(value: Any) -> Any:
 
 def whole_numbers(budget: Any) -> tuple[str, ...]:
     """The fields of a budget that rows of a suite may multiply; those of a nested half by dotted names."""
-    return tuple(name for name, value in flat(asdict(budget)).items() if type(value) is int)
+    return tuple(name for name in leaf_names(budget) if type(value_at(budget, name)) is int)
 
 
 LARGEST_COUNT = 2**31 - 1
@@ -258,7 +258,6 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
     if not factors:
         return budget
     factors = {current_name(budget, name): factor for name, factor in factors.items()}
-    counts = flat(asdict(budget))
     whole = whole_numbers(budget)
     for name in factors:
         if name not in whole:
@@ -267,7 +266,7 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
             )
     if not all(math.isfinite(factor) for factor in factors.values()):
         raise UsageError(f"preset '{budget.name}' is multiplied by what is not finite", f"{dict(factors)}")
-    changes = {name: round(counts[name] * factor) for name, factor in factors.items()}
+    changes = {name: round(value_at(budget, name) * factor) for name, factor in factors.items()}
     for name, value in changes.items():
         if value < 1:
             raise UsageError(f"preset '{budget.name}' is too small: {name} times {factors[name]:g} is less than one")
@@ -276,7 +275,7 @@ def scaled(budget: Any, factors: Mapping[str, float]) -> Any:
                 f"preset '{budget.name}' is too large: {name} would be {value:g}", "Kernels count to 2^31."
             )
     marks = ", ".join(f"{name} x {factor:g}" for name, factor in factors.items() if factor != 1)
-    return replaced(budget, {"name": f"{budget.name}, {marks}" if marks else budget.name, **changes})
+    return with_values(budget, {"name": f"{budget.name}, {marks}" if marks else budget.name, **changes})
 
 
 def current_name(budget: Any, name: str) -> str:
@@ -286,16 +285,3 @@ def current_name(budget: Any, name: str) -> str:
         return name
     warnings.warn(f"'{name}' of a budget is called '{renamed[name]}' now", FutureWarning, stacklevel=3)
     return renamed[name]
-
-
-def replaced(value: Any, changes: Mapping[str, Any]) -> Any:
-    """A copy of a dataclass with some fields changed; names of fields of nested dataclasses are dotted."""
-    own: dict[str, Any] = {}
-    nested: dict[str, dict[str, Any]] = {}
-    for name, change in changes.items():
-        field, _, rest = name.partition(".")
-        if rest:
-            nested.setdefault(field, {})[rest] = change
-        else:
-            own[field] = change
-    return replace(value, **own, **{name: replaced(getattr(value, name), inner) for name, inner in nested.items()})

@@ -3,12 +3,11 @@
 import json
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, asdict, fields, is_dataclass
-from difflib import get_close_matches
+from dataclasses import MISSING, Field, asdict, fields, is_dataclass, replace
 from types import UnionType
 from typing import Any, Literal, NoReturn, Union, get_args, get_origin, get_type_hints
 
-from .errors import UsageError
+from .errors import UsageError, did_you_mean
 
 WORDS: Mapping[Any, str] = {
     str: "text",
@@ -39,12 +38,8 @@ class PlainReader:
     def known(self, where: str, kind: str, given: str, names: Mapping[str, object] | tuple[str, ...]) -> None:
         """Fail unless ``given`` is one of the names, with the nearest one."""
         if given not in names:
-            near = get_close_matches(given, names, 1)
-            self.fail(
-                where,
-                f"there is no {kind} '{given}'",
-                f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(names)}.",
-            )
+            hint = did_you_mean(given, names) or f"There are: {', '.join(names)}."
+            self.fail(where, f"there is no {kind} '{given}'", hint)
 
     def expect(self, holds: bool, where: str, value: Any, wanted: str) -> None:
         """Fail unless the value is what is wanted."""
@@ -66,6 +61,35 @@ class PlainReader:
         try:
             return kind(**values)
         except UsageError as refused:  # by the dataclass itself, which does not know where it stands
+            self.fail(where, refused.what, refused.why, refused.remedy)
+
+    def change(self, instance: Any, values: object, where: str) -> Any:
+        """A copy of a dataclass with some fields changed, by name, by dotted name, or by a table for a nested one."""
+        if not isinstance(values, Mapping):
+            self.fail(where, f"{values!r} is no table", f"It has fields of its own: {', '.join(leaf_names(instance))}.")
+        prefix = f"{where}." if where else ""
+        hints, names = get_type_hints(type(instance)), [each.name for each in fields(instance)]
+        changed: dict[str, Any] = {}
+        below: dict[str, dict[str, Any]] = {}
+        for name, value in values.items():
+            field, _, rest = name.partition(".")
+            nested = is_dataclass(getattr(instance, field, None))
+            if field not in names or (rest and not nested):
+                self.known(where, "field", name, tuple(leaf_names(instance)))
+            if not nested:
+                changed[field] = self.convert(hints[field], value, f"{prefix}{field}")
+            elif rest or isinstance(value, Mapping):
+                table = {rest: value} if rest else value
+                for twice in below.setdefault(field, {}).keys() & table.keys():
+                    self.fail(where, f"{field}.{twice} is given twice")
+                below[field].update(table)
+            else:
+                self.change(getattr(instance, field), value, f"{prefix}{field}")  # fails: it is no table
+        for field, table in below.items():
+            changed[field] = self.change(getattr(instance, field), table, f"{prefix}{field}")
+        try:
+            return replace(instance, **changed)
+        except UsageError as refused:
             self.fail(where, refused.what, refused.why, refused.remedy)
 
     def convert(self, hint: Any, value: Any, where: str) -> Any:
@@ -117,6 +141,31 @@ class PlainReader:
 def from_plain(kind: type, values: Mapping[str, Any], what: str) -> Any:
     """An instance of a dataclass from plain values. Raises UsageError that names ``what`` and the field."""
     return PlainReader(what, "See its fields:  radiogs-bench methods").build(kind, values, "")
+
+
+def with_values(instance: Any, values: Mapping[str, Any], what: str = "settings") -> Any:
+    """A copy of a dataclass with some fields changed to plain values, by dotted names or by nested tables.
+
+    Raises UsageError that names ``what`` and the field: for an unknown field, with the nearest one; for a value of
+    another type; and for one that the dataclass refuses.
+    """
+    return PlainReader(what, "See its fields:  radiogs-bench methods").change(instance, values, "")
+
+
+def leaf_names(instance: Any) -> list[str]:
+    """Dotted names of a dataclass's fields; in place of a field that is a dataclass, those of its own fields."""
+    found: list[str] = []
+    for each in fields(instance):
+        value = getattr(instance, each.name)
+        found += [f"{each.name}.{name}" for name in leaf_names(value)] if is_dataclass(value) else [each.name]
+    return found
+
+
+def value_at(instance: Any, name: str) -> Any:
+    """The value of a field by its dotted name."""
+    for part in name.split("."):
+        instance = getattr(instance, part)
+    return instance
 
 
 def to_plain(value: Any) -> dict[str, Any]:

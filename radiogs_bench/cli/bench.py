@@ -6,10 +6,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, unknown
 
 from .device import chosen_device
-from .options import add_verbose, names, positive
+from .options import METHOD, add_verbose, declare, names, positive
 
 if TYPE_CHECKING:
     import torch
@@ -27,46 +27,83 @@ STEP_SIZES = ("tiny", "20k")
 
 def add_to(commands: "Commands") -> None:
     """Declare the command and its subjects."""
-    parser = commands.add_parser("bench", help="measure speed and memory", allow_abbrev=False)
+    parser = declare(
+        commands, "bench", "Measure the speed and memory of kernels, frames and single steps.",
+        "bench kernels --kernels trace --scenes S",
+    )  # fmt: skip
     subjects = parser.add_subparsers(title="subjects", required=True, metavar="SUBJECT")
-    measuring = subjects.add_parser("kernels", help="tracing, rasterizing, shading", allow_abbrev=False)
+    measuring = declare(
+        subjects, "kernels", "Measure tracing, rasterizing and shading.", "bench kernels --kernels trace --scenes S"
+    )
     measuring.set_defaults(command=bench_kernels)
-    measuring.add_argument("--kernels", type=names, default=KERNELS, metavar="A,B", help="(default: all)")
-    measuring.add_argument("--scenes", type=names, default=SCENES, metavar="A,B", help="(default: S,M,Mi)")
-    measuring.add_argument("--points", type=Path, metavar="NPZ", help="real points, as gsplat's test_garden.npz")
-    measuring.add_argument("--repetitions", type=positive, default=5, metavar="N", help="(default: 5)")
-    framing = subjects.add_parser("frames", help="a relit frame, by rays and by surfels alone", allow_abbrev=False)
+    measuring.add_argument(
+        "--kernels", type=names, default=KERNELS, metavar="A,B", help="Measure these kernels (default: all)."
+    )
+    measuring.add_argument(
+        "--scenes", type=names, default=SCENES, metavar="A,B", help="Measure on these arrangements (default: S,M,Mi)."
+    )
+    measuring.add_argument(
+        "--points", type=Path, metavar="NPZ", help="Also measure on real points, such as gsplat's test_garden.npz."
+    )
+    measuring.add_argument(
+        "--repetitions", type=positive, default=5, metavar="N", help="Measure everything N times (default: 5)."
+    )
+    framing = declare(
+        subjects, "frames", "Measure a relit frame, by rays and by surfels alone.", "bench frames --spacings 0.12"
+    )
     framing.set_defaults(command=bench_frames)
-    framing.add_argument("--scene", default="corner-128", help="a generated scene (default: corner-128)")
-    framing.add_argument("--spacings", type=names, default=SPACINGS, metavar="A,B", help="world units between surfels")
+    framing.add_argument("--scene", default="corner-128", help="Relight this generated scene (default: corner-128).")
+    framing.add_argument(
+        "--spacings", type=names, default=SPACINGS, metavar="A,B",
+        help=f"Lay surfels at these distances, in world units (default: {','.join(SPACINGS)}).",
+    )  # fmt: skip
     for each in (measuring, framing):
-        each.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-        each.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-        add_verbose(each)
+        _add_device_and_record(each)
     _add_steps(subjects)
+
+
+def _add_device_and_record(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--device", choices=["cpu", "cuda"], default="cpu", help="Measure on this device (default: cpu)."
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="Write everything that was measured to FILE.")
+    add_verbose(parser)
 
 
 def _add_steps(subjects: "Commands") -> None:
     """Declare the subjects ``steps`` and ``growth``."""
-    steps = subjects.add_parser("steps", help="steps, starting points and relit frames of a method", allow_abbrev=False)
+    steps = declare(
+        subjects, "steps", "Measure a method's steps, starting points and relit frames.", "bench steps --sizes tiny"
+    )
     steps.set_defaults(command=bench_steps, threads=1)
     steps.add_argument(
-        "--sizes", type=names, default=STEP_SIZES, metavar="A,B", help="of tiny,20k,small,paper (default: tiny,20k)"
+        "--sizes", type=names, default=STEP_SIZES, metavar="A,B",
+        help="Measure at these sizes, of smoke, tiny, 20k, small and paper (default: tiny,20k).",
+    )  # fmt: skip
+    steps.add_argument(
+        "--passes", type=positive, metavar="N", help="Measure everything N times (default: 1 to 4, by size)."
     )
-    steps.add_argument("--passes", type=positive, metavar="N", help="how often all is done (default: by size, 1 to 4)")
-    steps.add_argument("--stages", type=positive, metavar="N", help="only the first N stages, without relighting")
+    steps.add_argument(
+        "--stages", type=positive, metavar="N", help="Measure only the first N stages, and no relighting."
+    )
     other = steps.add_mutually_exclusive_group()
-    other.add_argument("--compare", type=Path, metavar="FILE", help="ratios to an earlier record of this machine")
-    other.add_argument("--against", type=Path, metavar="CHECKOUT", help="ratios to another checkout, pass by pass")
-    steps.add_argument("--history", type=Path, metavar="FILE", help="add a line: this commit, relative to yardsticks")
-    growth = subjects.add_parser("growth", help="how seconds and bytes grow with size", allow_abbrev=False)
+    other.add_argument(
+        "--compare", type=Path, metavar="FILE", help="Print ratios to an earlier record of this machine in FILE."
+    )
+    other.add_argument(
+        "--against", type=Path, metavar="CHECKOUT", help="Print ratios to another checkout, pass by pass in turn."
+    )
+    steps.add_argument(
+        "--history", type=Path, metavar="FILE", help="Add a line to FILE: this commit's times relative to yardsticks."
+    )
+    growth = declare(
+        subjects, "growth", "Measure how seconds and bytes grow with surfels, pixels and views.", "bench growth"
+    )
     growth.set_defaults(command=bench_growth, threads=1)
     for each in (steps, growth):
-        each.add_argument("--method", default="radiogs", metavar="NAME", help="(default: radiogs)")
-        each.add_argument("--scene", default="corner", help="enlarged to each size (default: corner)")
-        each.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-        each.add_argument("--json", type=Path, metavar="FILE", help="write everything that was measured")
-        add_verbose(each)
+        each.add_argument("--method", default=METHOD, metavar="NAME", help=f"Measure this method (default: {METHOD}).")
+        each.add_argument("--scene", default="corner", help="Enlarge this scene to each size (default: corner).")
+        _add_device_and_record(each)
 
 
 def bench_kernels(options: argparse.Namespace) -> int:
@@ -75,15 +112,14 @@ def bench_kernels(options: argparse.Namespace) -> int:
 
     from ..lab.kernels import bench, record
     from ..lab.kernels.embree import missing_embree
-    from ..store.atomic import write_atomically
     from ..store.provenance import session
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .reporter import complain, say, show
 
     for kind, given, known in (("kernel", options.kernels, KERNELS), ("scene", options.scenes, SCENES)):
         for name in given:
             if name not in known:
-                raise UsageError(f"there is no {kind} '{name}' to measure", "", f"There are: {', '.join(known)}.")
+                raise unknown(kind, name, known)
     device = _device(options.device)
     reasons = [missing_embree()] if "trace" in options.kernels else []
     if options.points is None and "trace" in options.kernels:
@@ -108,7 +144,7 @@ def bench_kernels(options: argparse.Namespace) -> int:
         say(f"skipped: {reason}")
     if options.json is not None:
         kept = record.as_json(rows, scaling, skipped, dict(session(device)))
-        write_atomically(options.json, strict_json(sealed(kept)))
+        write_sealed(options.json, kept)
     return 0
 
 
@@ -121,9 +157,8 @@ def bench_frames(options: argparse.Namespace) -> int:
     from radiogs_datasets import load_scene
 
     from ..lab.kernels import frames
-    from ..store.atomic import write_atomically
     from ..store.provenance import session
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .reporter import complain, show
 
     device, spacings = _device(options.device), [_spacing(text) for text in options.spacings]
@@ -137,7 +172,7 @@ def bench_frames(options: argparse.Namespace) -> int:
     show(table)
     if options.json is not None:
         record = {**session(device), "scene": options.scene, "rows": [{**asdict(r), "ratio": r.ratio} for r in rows]}
-        write_atomically(options.json, strict_json(sealed(record)))
+        write_sealed(options.json, record)
     return 0
 
 
@@ -145,7 +180,9 @@ def _device(name: str) -> "torch.device":
     import torch
 
     if name == "cuda" and not torch.cuda.is_available():
-        raise UsageError("there is no CUDA device", "PyTorch finds none.", "Use --device cpu.")
+        raise UsageError(
+            "no CUDA device was found", "PyTorch sees no GPU, or is a build without CUDA.", "Leave --device cuda out."
+        )
     return torch.device(name)
 
 
@@ -157,17 +194,21 @@ def _spacing(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0 < value < math.inf:
-        raise UsageError(f"'{text}' is no distance between surfels", "It is a length above zero, in world units.")
+        raise UsageError(
+            f"'{text}' is no distance between surfels", "A distance is a length above zero, in world units."
+        )
     return value
 
 
 def bench_steps(options: argparse.Namespace) -> int:
     """Measure single steps, print, and write the record."""
     from ..lab.steps.sizes import size_of
+    from ..lab.steps.subject import require_size
     from ..methods import method
 
-    method(options.method)  # an unknown name is told before anything is measured
-    sizes = [size_of(name) for name in options.sizes]
+    used, sizes = method(options.method), [size_of(name) for name in options.sizes]
+    for size in sizes:
+        require_size(used, size)
     return _alone(options, sizes) if options.against is None else _in_turn(options, sizes)
 
 
@@ -190,7 +231,7 @@ def bench_growth(options: argparse.Namespace) -> int:
 
 
 def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """This checkout, in this process, beside yardsticks; ratios to an earlier record where one was named."""
+    """Measure this checkout in this process, beside yardsticks; print ratios to an earlier record if one was named."""
     from ..lab.steps.history import append, line_of
     from ..lab.steps.measure import Here, measured
     from ..lab.steps.ratios import read_record, require_comparable
@@ -223,7 +264,7 @@ def _alone(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
 
 
 def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
-    """This checkout and another one, each in a process of its own, pass by pass in turn."""
+    """Measure this checkout and another one, each in its own process, pass by pass in turn."""
     from ..lab.steps.against import worker
     from ..lab.steps.measure import measured
     from ..lab.steps.ratios import AGAINST
@@ -231,7 +272,9 @@ def _in_turn(options: argparse.Namespace, sizes: Sequence["Size"]) -> int:
     from .reporter import complain
 
     if options.history is not None:
-        raise UsageError("--history is of this checkout alone", "", "Leave out --against.")
+        raise UsageError(
+            "--history does not go with --against", "It keeps the times of this checkout alone.", "Leave --against out."
+        )
     device, ours, theirs = chosen_device(options), {}, {}
     given = (options.method, options.scene, options.device, str(options.stages or 0))
     with worker(options.against, given) as other, worker(None, given) as this:
@@ -252,7 +295,9 @@ def _ratios(ours: Mapping[str, Any], theirs: Mapping[str, Any], paired: bool) ->
 
     found = {name: list(compared(each, theirs[name], paired)) for name, each in ours.items() if name in theirs}
     if not found:
-        raise UsageError("the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Choose them: --sizes")
+        raise UsageError(
+            "the record has none of these sizes", f"It has: {', '.join(theirs)}.", "Name them with --sizes."
+        )
     for name, ratios in found.items():
         show(as_table(name, ratios))
     return found
@@ -263,8 +308,7 @@ def _place(options: argparse.Namespace) -> dict[str, str]:
 
 
 def _write(path: Path | None, record: Mapping[str, Any]) -> None:
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
 
     if path is not None:
-        write_atomically(path, strict_json(sealed(record)))
+        write_sealed(path, record)

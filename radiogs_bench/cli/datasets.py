@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, unknown
 
-from .options import add_scene_options, add_verbose, names, positive, scene_options
+from .options import add_scene_options, add_verbose, declare, names, positive, scene_options
 
 if TYPE_CHECKING:
     from ..fetching.catalogue import DataSet
@@ -25,43 +25,78 @@ DATA_EXIT = 3
 
 def add_to(commands: "Commands") -> None:
     """Declare the command and its actions."""
-    parser = commands.add_parser("datasets", help="list, check, convert, generate, fetch; weights", allow_abbrev=False)
+    parser = declare(
+        commands, "datasets", "List, check, convert, make and fetch scenes, and fetch the weights of LPIPS.",
+        "datasets check path/to/scene",
+    )  # fmt: skip
     actions = parser.add_subparsers(title="actions", required=True, metavar="ACTION")
-    listing = actions.add_parser("list", help="scenes that are at hand", allow_abbrev=False)
+    listing = declare(actions, "list", "List the scenes that come with the package.", "datasets list")
     listing.set_defaults(command=list_scenes)
-    checking = actions.add_parser("check", help="all that is wrong with a scene, at once", allow_abbrev=False)
-    checking.set_defaults(command=check)
-    checking.add_argument("scene", metavar="PATH", help="scene name or folder")
-    add_scene_options(checking)
-    checking.add_argument("--json", action="store_true", help="print the findings as JSON")
-    converting = actions.add_parser("convert", help="write a scene in another layout", allow_abbrev=False)
-    converting.set_defaults(command=convert)
-    converting.add_argument("scene", metavar="PATH", help="scene name or folder")
-    converting.add_argument("--to", required=True, metavar="LAYOUT", help="tensoir, synthetic4relight or blender")
-    converting.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
-    converting.add_argument("--every", type=positive, default=1, metavar="N", help="keep every Nth view (default: 1)")
-    add_scene_options(converting)
-    generating = actions.add_parser("generate", help="path-trace miniature scenes ([generate])", allow_abbrev=False)
-    generating.set_defaults(command=generate)
-    generating.add_argument("names", nargs="+", metavar="NAME")
-    generating.add_argument("--out", type=Path, default=Path("out/scenes"), metavar="DIR", help="(default: out/scenes)")
-    generating.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
-    generating.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
-    generating.add_argument("--size", type=positive, default=96, metavar="N", help="pixels a side (default: 96)")
-    generating.add_argument("--train", type=positive, metavar="N", help="training views (default: the recipe's)")
-    generating.add_argument("--test", type=positive, default=8, metavar="N", help="test views (default: 8)")
-    generating.add_argument("--depth", type=positive, default=8, metavar="N", help="of light paths (default: 8)")
-    generating.add_argument(
-        "--samples", type=positive, default=256, metavar="N", help="paths a pixel of a training view (default: 256)"
+    checking = declare(
+        actions, "check", "Print everything that is wrong with a scene.", "datasets check path/to/scene --json"
     )
-    fetching = actions.add_parser("weights", help="fetch the published weights of LPIPS", allow_abbrev=False)
+    checking.set_defaults(command=check)
+    checking.add_argument("scene", metavar="PATH", help="Check this scene, by name or folder.")
+    add_scene_options(checking)
+    checking.add_argument("--json", action="store_true", help="Print the findings as JSON.")
+    converting = declare(
+        actions, "convert", "Write a scene in another layout.", "datasets convert corner --to blender --out out/corner"
+    )
+    converting.set_defaults(command=convert)
+    converting.add_argument("scene", metavar="PATH", help="Convert this scene, by name or folder.")
+    converting.add_argument(
+        "--to", required=True, metavar="LAYOUT", help="Write this layout: tensoir, synthetic4relight or blender."
+    )
+    converting.add_argument("--out", required=True, type=Path, metavar="DIR", help="Make this folder.")
+    converting.add_argument("--every", type=positive, default=1, metavar="N", help="Keep every Nth view (default: 1).")
+    add_scene_options(converting)
+    generating = _add_generate(actions)
+    fetching = declare(actions, "weights", "Fetch the published weights of LPIPS.", "datasets weights --nets alex")
     fetching.set_defaults(command=weights)
-    fetching.add_argument("--to", type=Path, metavar="DIR", help="(default: where they are looked for)")
-    fetching.add_argument("--nets", type=names, metavar="NET,...", help="(default: alex,vgg,squeeze; 0.8 GB)")
+    fetching.add_argument(
+        "--to", type=Path, metavar="DIR", help="Write to this folder (default: the one where they are looked for)."
+    )
+    fetching.add_argument(
+        "--nets", type=names, metavar="NET,...", help="Fetch these networks (default: alex,vgg,squeeze, 0.8 GB)."
+    )
     for action in (listing, checking, converting, generating, fetching):
         add_verbose(action)
     _add_blend(actions)
     _add_fetch(actions)
+
+
+LAYOUT_HELP = "Write this layout (default: tensoir; the others lack some of the maps)."
+
+
+def _add_generate(actions: "Commands") -> argparse.ArgumentParser:
+    """Declare the action ``generate``."""
+    parser = declare(
+        actions, "generate", "Path-trace generated scenes (needs the extra [generate]).",
+        "datasets generate corner --size 64 --samples 64",
+    )  # fmt: skip
+    parser.set_defaults(command=generate)
+    parser.add_argument("names", nargs="+", metavar="NAME", help="Make the scenes of these recipes.")
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/scenes"), metavar="DIR",
+        help="Make the scenes' folders in this one (default: out/scenes).",
+    )  # fmt: skip
+    parser.add_argument("--layout", default="tensoir", help=LAYOUT_HELP)
+    parser.add_argument("--seed", type=int, default=0, help="Seed the path tracer with this (default: 0).")
+    parser.add_argument(
+        "--size", type=positive, default=96, metavar="N", help="Render N pixels on each side (default: 96)."
+    )
+    parser.add_argument(
+        "--train", type=positive, metavar="N", help="Render N training views (default: as many as the recipe has)."
+    )
+    parser.add_argument("--test", type=positive, default=8, metavar="N", help="Render N test views (default: 8).")
+    parser.add_argument(
+        "--depth", type=positive, default=8, metavar="N", help="Follow light over N segments (default: 8)."
+    )
+    parser.add_argument(
+        "--samples", type=positive, default=256, metavar="N",
+        help="Trace N paths for each pixel of a training view (default: 256).",
+    )  # fmt: skip
+    return parser
 
 
 def list_scenes(options: argparse.Namespace) -> int:
@@ -107,7 +142,7 @@ def check(options: argparse.Namespace) -> int:
 
 
 def convert(options: argparse.Namespace) -> int:
-    """Write a scene in another layout, and say what that layout cannot carry."""
+    """Write a scene in another layout, and print what that layout cannot hold."""
     from radiogs_datasets import load_scene
     from radiogs_datasets.reduction import every
     from radiogs_datasets.writing import convert as write
@@ -135,7 +170,7 @@ def generate(options: argparse.Namespace) -> int:
     from .reporter import say
 
     if options.layout not in LAYOUTS:
-        raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
+        raise unknown("layout to write", options.layout, LAYOUTS)
     pictures = Pictures(options.size, options.train, options.test, options.depth, options.samples)
     for name in options.names:
         folder = options.out / name
@@ -169,20 +204,22 @@ def weights(options: argparse.Namespace) -> int:
 
 def _add_fetch(actions: "Commands") -> None:
     """Declare the action ``fetch``."""
-    parser = actions.add_parser(
-        "fetch", help="download public data sets; without a name, list them", allow_abbrev=False
-    )
+    parser = declare(
+        actions, "fetch", "Download public data sets; without a name, list them.",
+        "datasets fetch tensoir --data path/to/data",
+    )  # fmt: skip
     parser.set_defaults(command=fetch)
-    parser.add_argument("names", nargs="*", metavar="NAME")
+    parser.add_argument("names", nargs="*", metavar="NAME", help="Download these data sets.")
     # Not ``data``, which has to be a folder before a command begins: this one makes it.
     parser.add_argument(
-        "--data", dest="root", type=Path, metavar="ROOT", help="folder to fill (default: RADIOGS_BENCH_DATA)"
-    )
+        "--data", dest="root", type=Path, metavar="ROOT",
+        help="Fill this folder (default: the variable RADIOGS_BENCH_DATA).",
+    )  # fmt: skip
     add_verbose(parser)
 
 
 def fetch(options: argparse.Namespace) -> int:
-    """Fetch each data set into ``ROOT/NAME``; where files have to be fetched by hand, say which, at the end."""
+    """Fetch each data set into ``ROOT/NAME``; at the end, print which files have to be fetched by hand."""
     from radiogs_datasets.data_root import DATA_VARIABLE, data_root
 
     from ..errors import NotFetched
@@ -211,7 +248,7 @@ def fetch(options: argparse.Namespace) -> int:
         except NotFetched as error:
             lacking.append(error)
             continue
-        say(f"{root / each.name}: complete")
+        say(f"{root / each.name} is complete")
     if root != data_root():
         say(f"Use it:  --data {root}   or   export {DATA_VARIABLE}={root.resolve()}")
     for other in lacking[:-1]:
@@ -234,38 +271,51 @@ def described(of: "DataSet") -> list[str]:
 
 def _add_blend(actions: "Commands") -> None:
     """Declare the action ``blend``."""
-    parser = actions.add_parser("blend", help="path-trace a .blend file with Cycles ([blend])", allow_abbrev=False)
+    parser = declare(
+        actions, "blend", "Path-trace a .blend file with Blender's Cycles (needs the extra [blend]).",
+        "datasets blend scene.blend --out out/scene --size 200",
+    )  # fmt: skip
     parser.set_defaults(command=blend)
-    parser.add_argument("file", type=Path, metavar="FILE.blend")
-    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make")
+    parser.add_argument("file", type=Path, metavar="FILE.blend", help="Render the scene in this file.")
+    parser.add_argument("--out", required=True, type=Path, metavar="DIR", help="Make this folder.")
     parser.add_argument(
-        "--lights",
-        type=Path,
-        metavar="FOLDER",
-        help=".hdr, .exr maps, Z up (default: those of the miniatures)",
-    )
+        "--lights", type=Path, metavar="FOLDER",
+        help="Light the scene by the .hdr and .exr maps in FOLDER, Z up (default: those of the generated scenes).",
+    )  # fmt: skip
     parser.add_argument(
-        "--training-light", metavar="NAME", help="the map of the training views (default: 'training', or the first)"
-    )
+        "--training-light", metavar="NAME",
+        help="Light the training views by this map (default: 'training', else the first).",
+    )  # fmt: skip
     parser.add_argument(
         "--cameras", default="published", metavar="HOW",
-        help="'published': NeRF-synthetic's sphere; 'fit': around the scene; or a folder with transforms files",
+        help="Place cameras on NeRF-synthetic's sphere ('published'), around the scene ('fit'), or as the transforms"
+        " files in a folder say (default: published).",
     )  # fmt: skip
-    parser.add_argument("--views", type=positive, default=100, metavar="N", help="training views (default: 100)")
-    parser.add_argument("--test", type=positive, default=20, metavar="N", help="test views (default: 20)")
-    parser.add_argument("--size", type=positive, default=400, metavar="N", help="pixels a side (default: 400)")
-    parser.add_argument("--samples", type=positive, default=256, metavar="N", help="a pixel (default: 256)")
-    parser.add_argument("--bounces", type=positive, default=12, metavar="N", help="of light (default: 12)")
-    parser.add_argument("--seed", type=int, default=0, help="of the path tracer (default: 0)")
-    parser.add_argument("--layout", default="tensoir", help="(default: tensoir; others lack some of the maps)")
-    parser.add_argument("--device", choices=("cpu", "cuda"), default="cpu", help="(default: cpu)")
-    parser.add_argument("--workers", type=positive, default=1, metavar="N", help="processes (default: 1)")
-    parser.add_argument("--keep-passes", action="store_true", help="keep every pass of test views, in DIR.passes")
+    parser.add_argument(
+        "--views", type=positive, default=100, metavar="N", help="Render N training views (default: 100)."
+    )
+    parser.add_argument("--test", type=positive, default=20, metavar="N", help="Render N test views (default: 20).")
+    parser.add_argument(
+        "--size", type=positive, default=400, metavar="N", help="Render N pixels on each side (default: 400)."
+    )
+    parser.add_argument(
+        "--samples", type=positive, default=256, metavar="N", help="Trace N paths for each pixel (default: 256)."
+    )
+    parser.add_argument(
+        "--bounces", type=positive, default=12, metavar="N", help="Follow light over N bounces (default: 12)."
+    )
+    parser.add_argument("--seed", type=int, default=0, help="Seed the path tracer with this (default: 0).")
+    parser.add_argument("--layout", default="tensoir", help=LAYOUT_HELP)
+    parser.add_argument(
+        "--device", choices=("cpu", "cuda"), default="cpu", help="Render on this device (default: cpu)."
+    )
+    parser.add_argument("--workers", type=positive, default=1, metavar="N", help="Render in N processes (default: 1).")
+    parser.add_argument("--keep-passes", action="store_true", help="Keep every pass of the test views, in DIR.passes.")
     add_verbose(parser)
 
 
 def blend(options: argparse.Namespace) -> int:
-    """Render a .blend file into ``--out``, and say what its pictures cannot mean."""
+    """Render a .blend file into ``--out``, and print what users of the scene have to know."""
     from radiogs_datasets import load_scene
     from radiogs_datasets.blend.request import Request
     from radiogs_datasets.blend.scene_folder import write_scene
@@ -278,7 +328,7 @@ def blend(options: argparse.Namespace) -> int:
     from .reporter import say
 
     if options.layout not in LAYOUTS:
-        raise UsageError(f"no writer for layout '{options.layout}'", "", f"Writers: {', '.join(LAYOUTS)}.")
+        raise unknown("layout to write", options.layout, LAYOUTS)
     request = Request(
         options.file, options.lights or OWN_LIGHTS, options.training_light, options.cameras, options.views,
         options.test, options.size, options.samples, options.bounces, options.seed, options.device,
@@ -298,7 +348,7 @@ def blend(options: argparse.Namespace) -> int:
 
 
 def remarks(metadata: dict[str, Any]) -> Iterator[str]:
-    """What whoever uses a scene rendered by Blender has to know of it, a sentence each."""
+    """Yield sentences that users of a scene rendered by Blender have to know: noise, light left out, materials."""
     if metadata["noise_floor_db"] is not None:
         yield f"noise: {metadata['noise_floor_db']:.1f} dB between two seeds of the first test view, in display colour"
     yield f"indirect light: {metadata['indirect_share']:.1%} of what the test views show"

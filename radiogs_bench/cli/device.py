@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def chosen_device(options: argparse.Namespace) -> "torch.device":
-    """The device, after setting the number of threads. Raises UsageError."""
+    """The device that the options name; sets the number of threads. Raises UsageError where there is no such device."""
     import torch
 
     from radiogs_core.kernels.runtime import use_threads
@@ -25,5 +25,5 @@ def chosen_device(options: argparse.Namespace) -> "torch.device":
 
 
 def usable_cores() -> int:
-    """Cores that this process may use; where the system does not say, those that there are."""
+    """Number of cores that this process may use; where the system does not say, of all cores."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

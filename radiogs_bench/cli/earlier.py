@@ -1,25 +1,22 @@
-"""Keeps what a new run or training would replace: reports of another run in the folder, and another model's files."""
+"""Keeps the reports of another run in the folder, which a new run would replace."""
 
+import hashlib
 import os
+import re
 from pathlib import Path
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError
 from radiogs_reports.record import RECORD, recorded
 from radiogs_reports.summary import PLAIN
 
-from ..runs.cell import Cell
 from ..runs.sweep import Sweep, read_sweep
-from ..runs.trained_folder import About, read_about
 from ..store.folder import Store
 
 EARLIER = "earlier"
-"""Folder of reports, below that of the results, by ``name_of`` their run."""
+"""Folder of earlier reports below that of the results; each run has a folder in it (``name_of``)."""
 
 SAME_RUN = ("suite", "preset", "protocol", "device")
-"""What a continued run has in common with the one that it continues."""
-
-OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
-"""Folders that models share: their files are named by keys, and none replaces another's."""
+"""Entries of the manifest that a continued run shares with the one that it continues."""
 
 
 def keep_reports(store: Store, coming: Sweep) -> Path | None:
@@ -35,51 +32,27 @@ def keep_reports(store: Store, coming: Sweep) -> Path | None:
     found = [name for name in reports if _is_own_file(store.folder, name)]
     if all(last[name] == coming[name] for name in SAME_RUN) or not found:  # type: ignore[literal-required]
         return None
-    place = store.folder / EARLIER / name_of(last)
+    kept = store.folder / EARLIER / name_of(last)
     for name in found:
-        (place / name).parent.mkdir(parents=True, exist_ok=True)
-        os.replace(store.folder / name, place / name)
-    return place
+        (kept / name).parent.mkdir(parents=True, exist_ok=True)
+        os.replace(store.folder / name, kept / name)
+    return kept
 
 
 def name_of(run: Sweep) -> str:
-    """Suite, preset, protocol and device, as the name of a folder."""
-    return "-".join(run[name] for name in SAME_RUN)  # type: ignore[literal-required]
+    """Suite, preset, protocol and device, as the name of a folder.
+
+    A preset with fields that were set has characters that no name may have: its name ends with a digest.
+    """
+    name = "-".join(run[each] for each in SAME_RUN)  # type: ignore[literal-required]
+    if PLAIN.fullmatch(name):
+        return name
+    return f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)[:80]}-{hashlib.sha256(name.encode()).hexdigest()[:6]}"
 
 
 def _is_own_file(folder: Path, name: str) -> bool:
-    """Whether a name of the record is a file of the folder, or of one of its folders of reports, and no link."""
+    """Whether a name in the record is a file of the folder, or of one of its folders of reports, and not a link."""
     *within, last = name.split("/")
     plain = PLAIN.fullmatch(last) is not None and within in ([], ["tables"], ["figures"], ["report_files"])
     places = [folder.joinpath(*within), folder / name]
-    return plain and (folder / name).is_file() and not any(place.is_symlink() for place in places)
-
-
-def keep_model(folder: Path, cell: Cell, force: bool) -> Path | None:
-    """Move the files of another model aside if ``force`` says so; returns where they are, None if there is no other.
-
-    Raises UsageError without it.
-    """
-    try:
-        about = read_about(folder)
-    except DataError:
-        return None
-    if about["training_key"] == cell.training_key:
-        return None
-    if not force:
-        raise UsageError(
-            f"{folder} holds another trained model: {described(about)}",
-            "It was trained from another scene, with other settings, or by another version of the code.",
-            "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
-        )
-    place = folder / f"replaced-{about['training_key']}"
-    place.mkdir(exist_ok=True)
-    for path in sorted(folder.iterdir()):
-        if path.name not in OF_THE_STORE and not path.name.startswith("replaced-"):
-            os.replace(path, place / path.name)
-    return place
-
-
-def described(about: About) -> str:
-    """Which model it is."""
-    return f"{about['method']} of scene '{about['scene']}', preset {about['preset']}, seed {about['seed']}"
+    return plain and (folder / name).is_file() and not any(path.is_symlink() for path in places)

@@ -10,7 +10,7 @@ from typing import Any
 from radiogs_core.errors import ExplainedError
 
 from ..errors import exit_code
-from ..runs.sweep import Place, label
+from ..runs.sweep import CellRef, label
 from ..store.folder import Store
 from ..suites.suite import Suite
 
@@ -30,7 +30,7 @@ def emit_error(error: ExplainedError) -> None:
 
 
 def emit_suite(suite: Suite) -> None:
-    """One event for a suite."""
+    """Write one event that describes a suite."""
     emit(
         "suite",
         name=suite.name,
@@ -46,10 +46,10 @@ def emit_suite(suite: Suite) -> None:
 class EventProgress:
     """Writes lines, steps and ended cells as events; cells that other processes ran are found in the store."""
 
-    def __init__(self, store: Store, places: Sequence[Place], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, store: Store, refs: Sequence[CellRef], clock: Callable[[], float] = time.monotonic) -> None:
         self.store, self.clock = store, clock
         self.reported: dict[str, float] = {}
-        self.open = {place["key"]: place for place in places}
+        self.open = {ref["key"]: ref for ref in refs}
         self.failed = {key: store.failure(key) for key in self.open}
 
     def __enter__(self) -> "EventProgress":
@@ -63,11 +63,11 @@ class EventProgress:
         self._look()
 
     def say(self, line: str) -> None:
-        """A line for people to read."""
+        """Write a line as an event for people to read."""
         emit("message", text=line)
 
     def advance(self, task: str, done: int, total: int) -> None:
-        """Steps of a task; when cells are counted, also the cells that have ended since."""
+        """Write the steps of a task as an event; when cells are counted, also those that have ended since."""
         if task == "cells":
             self._look()
         now = self.clock()
@@ -78,7 +78,7 @@ class EventProgress:
             del self.reported[task]
 
     def _look(self) -> None:
-        for key, place in list(self.open.items()):
+        for key, ref in list(self.open.items()):
             if self.store.has_result(key):
                 self._finished(key, new=True)
                 continue
@@ -86,15 +86,15 @@ class EventProgress:
             if failure is not None and failure != self.failed[key]:
                 self.failed[key] = failure
                 said = {name: failure[name] for name in ("what", "why", "remedy", "exit_code")}
-                emit("cell", state="failed", **_of(place), **said)
+                emit("cell", state="failed", **_of(ref), **said)
 
     def _finished(self, key: str, new: bool) -> None:
         result = self.store.result(key)
         if result is not None:
-            place = self.open.pop(key)
+            ref = self.open.pop(key)
             metrics = {name: each["value"] for name, each in result["metrics"].items()}
-            emit("cell", state="finished", new=new, **_of(place), metrics=metrics, seconds=result["seconds"])
+            emit("cell", state="finished", new=new, **_of(ref), metrics=metrics, seconds=result["seconds"])
 
 
-def _of(place: Place) -> Mapping[str, Any]:
-    return {"cell": label(place), **{name: place[name] for name in ("scene", "row", "seed", "key")}}
+def _of(ref: CellRef) -> Mapping[str, Any]:
+    return {"cell": label(ref), **{name: ref[name] for name in ("scene", "row", "seed", "key")}}

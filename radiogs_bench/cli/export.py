@@ -1,4 +1,4 @@
-"""``radiogs-bench export``: a run's metrics as one table, the course of its training, or a trained model in some form.
+"""``radiogs-bench export``: a run's metrics as one table, its training curves, or a trained model in some form.
 
 A trained model becomes a file of surfels as another program reads them (``--to``), a triangle mesh with its distance
 from the true shape (``--mesh``), or its test views as a public code writes its own (``--layout-of``).
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .device import chosen_device
-from .options import add_data, add_verbose, positive
+from .options import add_data, add_device, add_verbose, declare
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 TABLES = ("csv", "json", "parquet")
 LOGS = ("tensorboard", "wandb")
-"""The course of training, for a logger."""
+"""Training curves, for a logger."""
 
 FORMS = ("3dgs-ply", "2dgs-ply", "supersplat")
 """Files of surfels: the forms of ``radiogs_core.surfels.viewer_files``, whose import takes too long for `--help`."""
@@ -33,65 +33,76 @@ SCHEMA = "radiogs-bench/mesh/1"
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "export", help="a run's metrics as one table; a trained model as a mesh or images", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "export",
+        "Write a run's metrics as one table or as a logger's files, or a trained model as surfels, a mesh or images.",
+        "export out/ablations --to csv", help="Write a run's metrics, or a trained model, for other programs.",
+    )  # fmt: skip
     parser.set_defaults(command=export)
-    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Read the run or the model in this folder.")
     add_verbose(parser)
     parser.add_argument(
-        "--to",
-        choices=(*TABLES, *LOGS, *FORMS),
-        default="csv",
-        help="metrics; their course; surfels (default: csv)",
-    )
+        "--to", choices=(*TABLES, *LOGS, *FORMS), default="csv",
+        help="Write metrics (csv, json, parquet), training curves (tensorboard, wandb), or surfels (the others)"
+        " (default: csv).",
+    )  # fmt: skip
     parser.add_argument(
-        "--file",
-        type=Path,
-        help="(default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb, OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE)",
-    )
-    parser.add_argument("--row", metavar="ROW", help="of a run: the row whose surfels are written (default: the first)")
+        "--file", type=Path,
+        help="Write to this file or folder (default: OUT/export.csv and so on, OUT/tensorboard, OUT/wandb,"
+        " OUT/3dgs.ply, OUT/mesh.ply, OUT/CODE).",
+    )  # fmt: skip
+    parser.add_argument("--row", metavar="ROW", help="Write the surfels of this row of a run (default: the first).")
     _add_mesh(parser)
     _add_layout(parser)
 
 
 def _add_mesh(parser: argparse.ArgumentParser) -> None:
-    """Add ``--mesh`` and what belongs to it."""
-    group = parser.add_argument_group("of a model that `train` made")
-    group.add_argument("--mesh", action="store_true", help="write the fused depth maps of its views as OUT/mesh.ply")
+    """Add ``--mesh`` and its options."""
+    group = parser.add_argument_group("a model of `train` as a mesh")
+    group.add_argument(
+        "--mesh", action="store_true", help="Fuse the depth maps of its views, and write the mesh to OUT/mesh.ply."
+    )
     group.add_argument(
         "--voxel", type=above_zero, metavar="SHARE",
-        help="size of a voxel as a share of the scene's extent (default: 1/512, or half a pixel if that is larger)",
+        help="Make voxels this share of the scene's extent (default: 1/512, or half a pixel if that is larger).",
     )  # fmt: skip
     group.add_argument(
         "--truncation", type=above_zero, default=4.0, metavar="VOXELS",
-        help="how far from surfaces distances are kept (default: 4)",
+        help="Keep distances up to this many voxels from surfaces (default: 4).",
     )  # fmt: skip
     group.add_argument(
-        "--memory", type=above_zero, default=2.0, metavar="GIB", help="that voxels may take (default: 2)"
+        "--memory", type=above_zero, default=2.0, metavar="GIB", help="Use at most this much for voxels (default: 2)."
     )
-    group.add_argument("--views", choices=["train", "test"], default="train", help="that are fused (default: train)")
-    group.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="that renders them (default: cpu)")
+    group.add_argument(
+        "--views", choices=["train", "test"], default="train", help="Fuse the views of this split (default: train)."
+    )
+    add_device(group)
     add_data(group)
-    group.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
 
 
 def _add_layout(parser: argparse.ArgumentParser) -> None:
-    """Add ``--layout-of`` and what belongs to it; device and data are those of ``_add_mesh``."""
-    group = parser.add_argument_group("the test views of a model that `train` made, as files (docs/scoring.md)")
+    """Add ``--layout-of`` and its options; device and data are those of ``_add_mesh``."""
+    group = parser.add_argument_group("the test views of a model of `train` as files (docs/scoring.md)")
     group.add_argument(
         "--layout-of", metavar="CODE",
-        help="write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg,"
-        " svg-ir, tensoir",
+        help="Write new views, materials and relit views as this public code does: radiogs, irgs, gs-ir, gi-gs, r3dg,"
+        " svg-ir or tensoir.",
     )  # fmt: skip
-    group.add_argument("--bits", type=int, choices=[8, 16], default=8, help="of these files (default: 8, as they have)")
     group.add_argument(
-        "--protocol", default="default", help="whose factor of the albedo relit views have (default: default)"
+        "--bits",
+        type=int,
+        choices=[8, 16],
+        default=8,
+        help="Write images of this many bits (default: 8, as the codes).",
     )
+    group.add_argument(
+        "--protocol", default="default",
+        help="Relight with the albedo scale of this metric protocol (default: default).",
+    )  # fmt: skip
 
 
 def export(options: argparse.Namespace) -> int:
-    """Write one table of every metric in the store, the course of its training, or a trained model in some form."""
+    """Write one table of every metric in the store, its training curves, or a trained model in some form."""
     if options.mesh:
         return export_mesh(options)
     if options.layout_of is not None:
@@ -126,7 +137,7 @@ def export(options: argparse.Namespace) -> int:
 
 
 def export_splats(options: argparse.Namespace) -> int:
-    """Write the surfels into OUT/FORM.ply, or the file of --file, and say how many surfels it has."""
+    """Write the surfels into OUT/FORM.ply, or the file of --file, and print their number."""
     import torch
 
     from radiogs_core.errors import DataError
@@ -150,7 +161,7 @@ def export_splats(options: argparse.Namespace) -> int:
 
 
 def export_layout(options: argparse.Namespace) -> int:
-    """Write the test views' files into OUT/CODE, or into the folder of --file, and say how they are scored."""
+    """Write the test views' files into OUT/CODE, or the folder of --file, and print the command that scores them."""
     from radiogs_baselines.outputs.writing import LayoutWriter
 
     from ..export.published_layout import checked, write_as_published
@@ -191,9 +202,8 @@ def export_mesh(options: argparse.Namespace) -> int:
     from ..export.meshing import lattice_of, mesh_of
     from ..runs.progress import progress_for_stderr
     from ..runs.trained_folder import read_about, read_trained
-    from ..store.atomic import write_atomically
     from ..store.folder import Store
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .model import prepared
     from .reporter import say
 
@@ -210,14 +220,14 @@ def export_mesh(options: argparse.Namespace) -> int:
         write_mesh(made, path)
         say(f"{path}: {len(made.vertices)} vertices, {len(made.faces)} faces, voxels of {lattice.voxel:.4g}")
         record = record_of(made, scene, lattice, options.views)
-    write_atomically(path.with_suffix(".json"), strict_json(sealed(record)))
-    for line in told(record["shape"]):
+    write_sealed(path.with_suffix(".json"), record)
+    for line in sentences_of(record["shape"]):
         say(line)
     return 0
 
 
 def record_of(mesh: "Mesh", scene: "Scene", lattice: "Lattice", views: str) -> dict[str, Any]:
-    """What a mesh was made with, in world units, and its distances from the true shape, in shares of the extent."""
+    """Record of a mesh: settings in world units, and distances from the true shape as shares of the extent."""
     return {
         "schema": SCHEMA,
         "scene": scene.name,
@@ -261,8 +271,8 @@ def shape_of(mesh: "Mesh", scene: "Scene") -> dict[str, Any]:
     return shape
 
 
-def told(shape: dict[str, Any]) -> list[str]:
-    """The record of a shape in sentences."""
+def sentences_of(shape: dict[str, Any]) -> list[str]:
+    """A shape's record in sentences."""
     if "reason" in shape:
         return [f"Chamfer distance: n/a, {shape['reason']}"]
     ours, theirs = shape["samples"]
@@ -273,7 +283,7 @@ def told(shape: dict[str, Any]) -> list[str]:
         f"truth: {shape['truth']}",
     ]
     if "stanford_orb_chamfer" in shape:
-        lines.append(f"as Stanford-ORB has it, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
+        lines.append(f"by Stanford-ORB's definition, mean squares in world units: {shape['stanford_orb_chamfer']:.6f}")
     return lines
 
 

@@ -93,7 +93,7 @@ def build_parser() -> ExplainingParser:
 
 SHELLS = ("bash", "zsh", "fish")
 
-COMPLETION_HELP = """Write it where the shell looks for such scripts:
+COMPLETION_HELP = """Example:  write it where the shell looks for such scripts.
   bash  radiogs-bench completion bash > ~/.local/share/bash-completion/completions/radiogs-bench
   zsh   radiogs-bench completion zsh > DIR/_radiogs-bench   (DIR: one of $fpath)
   fish  radiogs-bench completion fish > ~/.config/fish/completions/radiogs-bench.fish
@@ -102,15 +102,17 @@ It has the names of suites, scenes and methods that are installed now: write it 
 
 def _add_completion(commands: "Commands") -> None:
     """Declare ``completion``."""
+    purpose = "Print a script with which a shell completes commands, options and names."
     parser = commands.add_parser(
         "completion",
-        help="write a script with which a shell completes commands, options and names",
+        help=purpose,
+        description=purpose,
         epilog=COMPLETION_HELP,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
     parser.set_defaults(command=completion)
-    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help=", ".join(SHELLS))
+    parser.add_argument("shell", choices=SHELLS, metavar="SHELL", help="Complete in this shell: bash, zsh or fish.")
     add_verbose(parser)
 
 
@@ -133,14 +135,14 @@ def completion(options: argparse.Namespace) -> int:
 
 
 def _words() -> dict[str, list[str]]:
-    """What options may be given that take one of some names, by the options' own names."""
+    """The values of options that take one of some names, by option."""
     from ..scoring.metrics.protocols import PROTOCOLS
 
     return {"protocol": list(PROTOCOLS), "preset": ["smoke", "tiny", "small", "paper"]}
 
 
 def _words_or_paths() -> dict[str, list[str]]:
-    """The names of what may also be given as a path."""
+    """The known names for options that also take a path, by option."""
     from radiogs_datasets import known_names
 
     from ..methods import method_names
@@ -160,7 +162,7 @@ _DEFINED: dict[str, Callable[[str, Iterable[str]], str]] = {
     "zsh": lambda name, words: f"{name}() {{ _alternative 'names:name:({' '.join(words)})' 'files:file:_files' }}",
     "fish": lambda name, words: "",
 }
-"""How a shell defines such a function."""
+"""Definition of such a function, by shell."""
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from radiogs_core.errors import ExplainedError
 
-from .options import add_verbose
+from .options import add_verbose, declare
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -15,15 +15,19 @@ if TYPE_CHECKING:
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("methods", help="list the methods that are installed", allow_abbrev=False)
+    parser = declare(
+        commands, "methods", "List the installed methods, or the presets and fields of one.", "methods radiogs"
+    )
     parser.set_defaults(command=methods)
-    parser.add_argument("name", nargs="?", metavar="NAME", help="one method, or a TOML file: every preset and field")
-    parser.add_argument("--json", action="store_true", help="one JSON object a line")
+    parser.add_argument(
+        "name", nargs="?", metavar="NAME", help="Show every preset and field of this method, or TOML file."
+    )
+    parser.add_argument("--json", action="store_true", help="Print one JSON object a line.")
     add_verbose(parser)
 
 
 def methods(options: argparse.Namespace) -> int:
-    """List all methods, or say everything about one."""
+    """List all methods, or print everything about one."""
     from ..errors import explain, worst_exit_code
     from ..methods import describe, method, method_names
     from .reporter import complain, say_whole
@@ -80,7 +84,7 @@ def _show_one(described: Mapping[str, Any]) -> None:
         steps = " + ".join(f"{stage['steps']}" for stage in described["stages"][preset])
         say(f"preset {preset}: {steps} steps")
     show(numbers)
-    fields = Table("field", "default", title="variant: what a row of a suite may turn")
+    fields = Table("field", "default", title="variant: fields that rows of a suite and --set may change")
     for name, value in flat(described["variant"]).items():
         fields.add_row(name, json.dumps(value))
     show(fields)

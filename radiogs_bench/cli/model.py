@@ -9,57 +9,90 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import METHOD, add_data, add_effects, add_scene_options, add_verbose, positive, scene_options
+from .options import (
+    METHOD,
+    PRESETS_HELP,
+    add_data,
+    add_device,
+    add_effects,
+    add_scene_options,
+    add_set,
+    add_verbose,
+    declare,
+    scene_options,
+    settings_from,
+)
 
 if TYPE_CHECKING:
-    import torch
-
     from radiogs_core.contract import Prepared, Run, Trained
-    from radiogs_core.scene.scene import Scene
 
+    from ..api import Model
     from .options import Commands
 
 PAPER = "paper"
-"""The profile of every method: its variant as it is."""
+"""The profile that every method has: its variant without changes."""
 
-MODES = ("pbr", "finetuned", "surfels")
+ONLY_MODE = "default"
+"""Folder of renders by a method that offers no choice of relighting."""
 
 
 def add_to(commands: "Commands") -> None:
     """Declare the commands."""
-    training = commands.add_parser("train", help="train a model on one scene", allow_abbrev=False)
+    training = declare(
+        commands, "train", "Train a model on one scene, or continue, and score it.",
+        "train corner --out out/corner --preset smoke",
+    )  # fmt: skip
     training.set_defaults(command=train)
-    training.add_argument("scene", metavar="SCENE", help="scene name or folder")
-    training.add_argument("--out", required=True, type=Path, metavar="DIR", help="folder to make, or to continue in")
-    training.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
-    training.add_argument("--seed", type=int, default=0, help="(default: 0)")
-    training.add_argument("--method", default=METHOD, help=f"see `methods`, or a TOML file (default: {METHOD})")
-    training.add_argument("--profile", default=PAPER, help="whose formulas: paper or released (default: paper)")
-
-    training.add_argument("--force", action="store_true", help="also where another model is: its files are moved aside")
+    training.add_argument("scene", metavar="SCENE", help="Train on this scene, by name or folder.")
     training.add_argument(
-        "--no-score", dest="score", action="store_false", help="do not score the test views at the end"
+        "--out", required=True, type=Path, metavar="DIR", help="Make this folder, or continue the training in it."
+    )
+    training.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
+    training.add_argument("--seed", type=int, default=0, help="Seed all random numbers with this (default: 0).")
+    training.add_argument(
+        "--method", default=METHOD, help=f"Train this method (see `methods`), or a TOML file's (default: {METHOD})."
+    )
+    training.add_argument(
+        "--profile", default=PAPER,
+        help="Take these named settings of the method; RadioGS has paper and released (default: paper).",
+    )  # fmt: skip
+    training.add_argument(
+        "--force", action="store_true", help="Move the files of another model in the folder aside, and train."
+    )
+    training.add_argument(
+        "--no-score", dest="score", action="store_false", help="Leave out the scores of the test views at the end."
     )
     add_effects(training)
+    add_set(training)
     add_scene_options(training)
 
-    rendering = commands.add_parser("render", help="render a trained model's views", allow_abbrev=False)
+    rendering = declare(commands, "render", "Render the views of a trained model.", "render out/corner --views test")
     rendering.set_defaults(command=render)
-    relighting = commands.add_parser("relight", help="render a trained model under another light", allow_abbrev=False)
+    relighting = declare(
+        commands, "relight", "Render the views of a trained model under another light.",
+        "relight out/corner --envmap sunset.hdr",
+    )  # fmt: skip
     relighting.set_defaults(command=relight)
-    relighting.add_argument("--envmap", required=True, type=Path, metavar="FILE", help=".hdr or .exr, lat-long, Z up")
-    relighting.add_argument("--mode", choices=MODES, default="pbr", help="(default: pbr)")
     relighting.add_argument(
-        "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B", help="of the albedo (default: 1,1,1)"
+        "--envmap", required=True, type=Path, metavar="FILE",
+        help="Relight by this .hdr or .exr file: latitude-longitude, Z up.",
+    )  # fmt: skip
+    relighting.add_argument(
+        "--mode", metavar="NAME", help="Choose one of the ways in which the method relights (default: the method's)."
     )
+    relighting.add_argument(
+        "--albedo-scale", type=factors, default=(1.0, 1.0, 1.0), metavar="R,G,B",
+        help="Multiply the recovered albedo by these factors (default: 1,1,1).",
+    )  # fmt: skip
     add_effects(relighting)
     for command in (rendering, relighting):
-        command.add_argument("folder", type=Path, metavar="DIR", help="where the model was trained")
-        command.add_argument("--views", choices=["test", "train"], default="test", help="(default: test)")
+        command.add_argument("folder", type=Path, metavar="DIR", help="Open the model that `train` left in DIR.")
+        command.add_argument(
+            "--views", choices=["test", "train"], default="test", help="Render the views of this split (default: test)."
+        )
         add_data(command)
     for command in (training, rendering, relighting):
-        command.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-        command.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+        add_device(command)
         add_verbose(command)
 
 
@@ -76,54 +109,29 @@ def factors(text: str) -> tuple[float, float, float]:
 
 def train(options: argparse.Namespace) -> int:
     """Train, or continue, and write the model."""
-    from radiogs_datasets import load_scene
-
-    from ..methods import budget_of, method
-    from ..runs.cell import Work, cell_of
-    from ..runs.interruption import Interruption
-    from ..runs.kept_pace import KeptPace
-    from ..runs.preflight import read_everything
-    from ..runs.progress import progress_for_stderr
-    from ..runs.scene_digest import checksum_now
-    from ..runs.stages import Bench, facts_of, trained
-    from ..runs.trained_folder import write_trained
-    from ..store.claim import saying_who_holds
-    from ..store.folder import Store
-    from .earlier import keep_model
+    from .. import api
     from .reporter import say
 
-    device = chosen_device(options)
-    opened = scene_options(options)
-    used, scene, store = method(options.method), load_scene(options.scene, options=opened), Store(options.out)
-    for repair in scene.repairs:
-        say(f"{scene.name}: {repair}")
-    work = Work(variant_asked(options), budget_of(used, options.preset), options.seed, options.device)
-    cell = cell_of(used, scene, work, options.method)
-    replaced = keep_model(options.out, cell, options.force)
-    if replaced is not None:
-        say(f"the files of the model that was here are in {replaced}")
-    held = saying_who_holds(str(options.out))
-    with store.keeping_tracebacks(), held, progress_for_stderr() as progress, Interruption() as interruption:
-        read_everything(scene, lambda done, total: progress.advance(f"reading {scene.name}", done, total))
-        with KeptPace(progress, store, cell.key) as kept:
-            model, ledgers = trained(Bench(store, device, kept, interruption, method, checksum_now), cell, scene)
-        facts, written = facts_of(cell.method, model), write_trained(store, options.scene, scene, cell, model)
-    seconds = sum(ledger["seconds"] for ledger in ledgers.values())
-    size = f"{facts['surfels']} surfels in " if "surfels" in facts else ""
-    say(f"{scene.name}: {size}{seconds:.0f} s")
-    for remark in facts.get("remarks", ()):
+    chosen_device(options)  # also sets the number of threads
+    variant, budget = fields_from(options)
+    model = api.train(
+        options.method, options.scene, options.preset, variant, options.seed, options.device, options.out,
+        budget=budget, scene_options=scene_options(options), replace=options.force, say=say,
+    )  # fmt: skip
+    written = [path.name for path in model.files]
+    size = f"{model.facts['surfels']} surfels in " if "surfels" in model.facts else ""
+    say(f"{model.run.scene.name}: {size}{model.seconds:.0f} s")
+    for remark in model.facts.get("remarks", ()):
         say(remark)
     if options.score:
-        written.append(options.out / "score.json")
-        _score(options, cell.method, model, scene, device, written[-1])
-    say(f"{options.out}: {', '.join(path.name for path in written)}")
+        _score(model, options.out, options.out / "score.json")
+        written.append("score.json")
+    say(f"{options.out}: {', '.join(written)}")
     say(f"Look at it:  radiogs-bench view {options.out}")
     return 0
 
 
-def _score(
-    options: argparse.Namespace, name: str, model: "Trained", scene: "Scene", device: "torch.device", path: Path
-) -> None:
+def _score(model: "Model", folder: Path, path: Path) -> None:
     """Print the new model's metrics, and write their record."""
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -132,42 +140,41 @@ def _score(
     from ..scoring.record import record_of_model
     from .score import say_without_weights, show_record, write_record
 
-    rules = [protocol("default")]
+    rules, run = [protocol("default")], model.run
     say_without_weights(rules)
     with progress_for_stderr() as progress:
         record = record_of_model(
-            str(options.out), name, model, scene, device, rules,
+            str(folder), model.method, model.trained, run.scene, run.device, rules,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
-    require_unchanged(scene, checksum_now)
+    require_unchanged(run.scene, checksum_now)
     write_record(record, path)
     show_record(record)
 
 
-def variant_asked(options: argparse.Namespace) -> Any:
-    """The variant for ``train``: the full method with the fields that the options set."""
-    from dataclasses import fields
-
+def fields_from(options: argparse.Namespace) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The fields of the variant and of the budget that the options of ``train`` set. Raises UsageError."""
     from radiogs_core.capabilities import Profiled
+    from radiogs_core.errors import unknown
+    from radiogs_core.plain_values import leaf_names
 
-    from ..methods import method, variant_of
+    from ..methods import method, settings_for
 
     used = method(options.method)
     profiles: Mapping[str, Mapping[str, Any]] = used.profiles if isinstance(used, Profiled) else {PAPER: {}}
     if options.profile not in profiles:
-        raise UsageError(
-            f"{used.name} has no profile '{options.profile}'", f"It has: {', '.join(profiles)}.", "Leave --profile out."
-        )
-    given = dict(profiles[options.profile])
+        raise unknown("profile", options.profile, profiles, "Leave --profile out.", of=used.name)
+    variant = dict(profiles[options.profile])
     if options.effects != "all":
-        if "effects" not in {field.name for field in fields(used.variant)}:
+        if "effects" not in leaf_names(used.variant()):
             raise UsageError(f"{used.name} has no choice of effects", "", "Leave --effects out.")
-        given["effects"] = options.effects
-    return variant_of(used, given)
+        variant["effects"] = options.effects
+    settings = settings_for(used, options.preset, settings_from(options))
+    return {**variant, **settings.variant}, dict(settings.budget)
 
 
 def render(options: argparse.Namespace) -> int:
-    """Write the maps of every view, images as PNG, the others as EXR; and the recovered light."""
+    """Write the recovered light and the maps of every view: images as PNG, the others as EXR."""
     from radiogs_datasets.image_files import write_exr
 
     from ..runs.trained_folder import read_about, read_trained
@@ -184,7 +191,7 @@ def render(options: argparse.Namespace) -> int:
 
 
 def prepared(method: str, model: "Trained", *lit: Any) -> "Prepared":
-    """A model under its own light, or under another one, with the factor of its albedo."""
+    """The model, ready to be rendered under its own light, or under another light with a factor of the albedo."""
     from radiogs_core.contract import Prepared
 
     from ..method_calls import calling, require
@@ -209,15 +216,16 @@ def relight(options: argparse.Namespace) -> int:
     from .reporter import say
 
     device = chosen_device(options)
-    place = lit_folder(options.envmap)
+    lit = lit_folder(options.envmap)
     light, repairs = read_light(options.envmap)
     for repair in repairs:
         say(repair)
     about = read_about(options.folder)
-    asked = {"relighting": options.mode, "effects": options.effects}
-    turned = {name: value for name, value in asked.items() if name in about["variant"]}
+    mode, changes = chosen_mode(about["method"], options.mode)
+    if "effects" in about["variant"]:
+        changes["effects"] = options.effects
     with Store(options.folder).keeping_tracebacks():
-        run, model = read_trained(options.folder, device, turned)
+        run, model = read_trained(options.folder, device, changes)
         if run.scene.surrounded:
             say(f"relighting means little here: {NOT_DISTANT}")
         with working(f"preparing {options.envmap.name}"):
@@ -225,13 +233,35 @@ def relight(options: argparse.Namespace) -> int:
         for remark in relit.remarks if isinstance(relit, Remarking) else ():
             say(remark)
         return write_views(
-            about["method"], relit, run, options.views, options.folder / "relight" / options.mode,
-            lambda kind: f"{'relit' if kind == 'image' else kind}/{place}",
+            about["method"], relit, run, options.views, options.folder / "relight" / mode,
+            lambda kind: f"{'relit' if kind == 'image' else kind}/{lit}",
         )  # fmt: skip
 
 
+def chosen_mode(name: str, mode: str | None) -> tuple[str, dict[str, Any]]:
+    """The relighting mode of a method that was chosen, else its default, and the field of the variant that holds it.
+
+    Raises UsageError for a mode that the method does not offer.
+    """
+    from radiogs_core.capabilities import RelitInModes
+    from radiogs_core.errors import unknown
+
+    from ..methods import method
+
+    used = method(name)
+    if not isinstance(used, RelitInModes):
+        if mode is not None:
+            raise UsageError(f"{used.name} relights in one way alone", "", "Leave --mode out.")
+        return ONLY_MODE, {}
+    modes = used.relighting_modes
+    if mode is not None and mode not in modes.titles:
+        raise unknown("relighting mode", mode, modes.titles, of=used.name)
+    chosen = modes.default if mode is None else mode
+    return chosen, {modes.field: chosen}
+
+
 def lit_folder(envmap: Path) -> str:
-    """The folder of what is lit by a map: its name, with the ending where an x.exr lies beside an x.hdr."""
+    """Name of the folder for renders under a map: the map's, with its ending where an x.exr lies beside an x.hdr."""
     from radiogs_datasets.bounded_reading import require_storable
 
     if envmap.stem.strip(".") == "":
@@ -266,16 +296,16 @@ def write_views(
         for done, (view, camera) in enumerate(zip(views, cameras, strict=True)):
             progress.advance("rendering", done, len(views))
             for kind, image in on_black(shown, camera, method=method, view=view.name).items():
-                place = folder / place_of(kind) / view.name.replace("/", "_")
-                place.parent.mkdir(parents=True, exist_ok=True)
+                path = folder / place_of(kind) / view.name.replace("/", "_")
+                path.parent.mkdir(parents=True, exist_ok=True)
                 if kind == "image":
-                    write_png(place.with_name(f"{place.name}.png"), image.numpy())
+                    write_png(path.with_name(f"{path.name}.png"), image.numpy())
                 else:
-                    write_exr(place.with_name(f"{place.name}.exr"), image.numpy())
-    said = f"{len(views)} views in {folder}"
+                    write_exr(path.with_name(f"{path.name}.exr"), image.numpy())
+    line = f"{len(views)} views in {folder}"
     if shown.timed:
         with calling(method, "render(), once more to be timed"):
             times = frame_milliseconds(shown.render, cameras, run.device)
-        said += f"; {statistics.median(times):.2f} ms a frame"
-    say(said)
+        line += f"; {statistics.median(times):.2f} ms a frame"
+    say(line)
     return 0

@@ -1,15 +1,13 @@
-"""What the commands' options share: the parser, the types of values, and how a suite and scene options are read."""
+"""Shared by the commands: the parser, the types of options' values, and options that several commands have."""
 
 import argparse
 import math
 import re
 import sys
-from collections.abc import Sequence
-from difflib import get_close_matches
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, did_you_mean
 
 if TYPE_CHECKING:
     from radiogs_core.transport.plan import Effects
@@ -21,24 +19,21 @@ if TYPE_CHECKING:
 
 
 METHOD = "radiogs"
-"""Trained and probed where no method is named."""
+"""The method that is trained and probed where none is named."""
 
 MOST_SEEDS = 10_000
 SMALLEST_PICTURE, LARGEST_PICTURE = 16, 8192
 """Pixels a side: the buffers that VTK draws into end near 16384, where it aborts the process."""
+
+BARE_WORD = re.compile(r"[A-Za-z][\w.+-]*")
+"""A value of ``--set`` that needs no quotes."""
 
 LONGEST_COUNT = 18
 """Digits of a whole number: those of 64 bits."""
 
 
 NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*)' \(choose from (?P<choices>.*)\)")
-"""How argparse says that something is not among its choices."""
-
-
-def did_you_mean(given: str, names: Sequence[str]) -> str:
-    """A question with the name that is nearest, or nothing."""
-    near = get_close_matches(given, names, n=1)
-    return f"Did you mean '{near[0]}'?" if near else ""
+"""The message of argparse for a value that is not among the choices."""
 
 
 class ExplainingParser(argparse.ArgumentParser):
@@ -54,7 +49,7 @@ class ExplainingParser(argparse.ArgumentParser):
         raise UsageError(message, usage, help_is)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[argparse.Namespace, list[str]]:  # type: ignore[override]
-        """Raise UsageError for what is no option of this command: its own names are known here alone."""
+        """Raise UsageError for an unknown option, with the nearest one of this command."""
         options, unknown = super().parse_known_args(args, namespace)
         if unknown:
             names = [name for action in self._actions for name in action.option_strings]
@@ -67,13 +62,27 @@ class ExplainingParser(argparse.ArgumentParser):
         return options, unknown
 
 
+def declare(commands: "Commands", name: str, purpose: str, example: str, help: str = "") -> ExplainingParser:
+    """A command with its ``--help``: its purpose as a sentence, and an example without the program's name.
+
+    ``help`` is its line in the list of commands; without it, the purpose.
+    """
+    return commands.add_parser(
+        name,
+        help=help or purpose,
+        description=purpose,
+        epilog=f"Example:  radiogs-bench {example}",
+        allow_abbrev=False,
+    )
+
+
 def names(text: str) -> list[str]:
     """A list separated by commas."""
     return [name for name in text.split(",") if name]
 
 
 def effects(text: str) -> "Effects":
-    """all, auto, or a list of effects separated by commas; ``none`` is the empty list."""
+    """``all``, ``auto``, or a list of effects separated by commas; ``none`` is the empty list."""
     from radiogs_core.transport.plan import checked_effects
 
     if text in ("all", "auto"):
@@ -85,8 +94,48 @@ def add_effects(parser: argparse.ArgumentParser, default: str | None = "all") ->
     """Add ``--effects``, for commands that simulate light."""
     parser.add_argument(
         "--effects", type=effects, default=default, metavar="all|auto|LIST",
-        help="what is simulated: all, those that the scene needs, or the effects that are on (default: all)",
+        help="Simulate all effects, those that the scene needs (auto), or the ones in this list (default: all).",
     )  # fmt: skip
+
+
+def setting(text: str) -> tuple[str, Any]:
+    """FIELD=VALUE: a dotted name and a value, which is TOML (``0.01``, ``["a"]``) or a bare word (``auto``)."""
+    import tomllib
+
+    name, sign, written = text.partition("=")
+    name, written = name.strip(), written.strip()
+    if not sign or not all(part.isidentifier() for part in name.split(".")):
+        raise argparse.ArgumentTypeError(f"'{text}' is not FIELD=VALUE, such as materials.rates.light=0.01")
+    try:
+        read = tomllib.loads(f"value = {written}")
+    except (ValueError, RecursionError):
+        if not BARE_WORD.fullmatch(written):
+            raise argparse.ArgumentTypeError(f"'{written}' of {name} is neither TOML nor a single word") from None
+        return name, written
+    if read.keys() != {"value"}:
+        raise argparse.ArgumentTypeError(f"'{written}' of {name} is more than one value")
+    return name, read["value"]
+
+
+def add_set(parser: argparse.ArgumentParser) -> None:
+    """Add ``--set``, for commands that train."""
+    parser.add_argument(
+        "--set", dest="settings", action="append", type=setting, default=[], metavar="FIELD=VALUE",
+        help="Set a field of the method's variant or budget, by its dotted name as `methods NAME` lists it, such as"
+        " materials.rates.light=0.01. This option may be repeated.",
+    )  # fmt: skip
+
+
+def settings_from(options: argparse.Namespace) -> dict[str, Any]:
+    """The fields that ``--set`` changes, by dotted names. Raises UsageError for one that is set twice."""
+    names = [name for name, _ in options.settings]
+    if options.effects not in (None, "all"):
+        names.append("effects")
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise UsageError(
+            f"'{twice[0]}' is set twice", "", "Give every field once (--effects sets the field 'effects')."
+        )
+    return dict(options.settings)
 
 
 def positive(text: str) -> int:
@@ -106,7 +155,7 @@ def views_kept(text: str) -> int:
 
 
 def seeds(text: str) -> int:
-    """A number of seeds: every cell of every one is listed before anything is run."""
+    """A number of seeds, bounded because all cells of all seeds are listed before anything is run."""
     if positive(text) > MOST_SEEDS:
         raise argparse.ArgumentTypeError(f"'{text}' seeds: up to {MOST_SEEDS} are taken in one run")
     return positive(text)
@@ -127,26 +176,33 @@ def differences(text: str) -> dict[str, float]:
 
 
 def pixels(text: str) -> int:
-    """Pixels a side of a picture that is drawn."""
+    """Number of pixels on each side of a picture."""
     if not SMALLEST_PICTURE <= positive(text) <= LARGEST_PICTURE:
         raise argparse.ArgumentTypeError(f"'{text}' is not between {SMALLEST_PICTURE} and {LARGEST_PICTURE} pixels")
     return positive(text)
 
 
 def add_scene_options(parser: argparse.ArgumentParser) -> None:
-    """Add where scenes are looked for and how they are opened; ``scene_options`` reads the latter."""
+    """Add the options that say where scenes are and how they are opened; ``scene_options`` reads the latter."""
     group = parser.add_argument_group("how scenes are opened")
     add_data(group)
-    group.add_argument("--layout", help="(default: told by the files)")
+    group.add_argument("--layout", help="Read the scene in this layout (default: recognised from its files).")
     sizes = group.add_mutually_exclusive_group()
-    sizes.add_argument("--reduce", type=positive, metavar="N", help="divide the sides of images by N")
-    sizes.add_argument("--long-side", type=positive, metavar="PIXELS", help="of images, at most")
-    group.add_argument("--hold-out", type=positive, metavar="N", help="score every Nth view of photos (default: 8)")
-    group.add_argument("--mask-folder", type=Path, metavar="DIR", help="a mask for every photo, named as it is")
+    sizes.add_argument("--reduce", type=positive, metavar="N", help="Divide both sides of every image by N.")
+    sizes.add_argument(
+        "--long-side", type=positive, metavar="PIXELS",
+        help="Downscale images to at most this many pixels on their longer side.",
+    )  # fmt: skip
+    group.add_argument(
+        "--hold-out", type=positive, metavar="N", help="Keep every Nth view of photos for testing (default: 8)."
+    )
+    group.add_argument(
+        "--mask-folder", type=Path, metavar="DIR", help="Read a mask for every photo, by the photo's name, from DIR."
+    )
 
 
 def scene_options(options: argparse.Namespace) -> "SceneOptions":
-    """What ``add_scene_options`` was given. Raises UsageError."""
+    """The values of the options of ``add_scene_options``. Raises UsageError."""
     from radiogs_datasets.options import SceneOptions, absolute
 
     return SceneOptions(
@@ -176,10 +232,24 @@ def part_of(text: str) -> tuple[int, int]:
 def add_data(parser: argparse._ActionsContainer) -> None:
     """Add ``--data``, for commands that read scenes; ``main`` sets it."""
     parser.add_argument(
-        "--data", type=Path, metavar="ROOT", help="folder of data sets (default: the variable RADIOGS_BENCH_DATA)"
+        "--data", type=Path, metavar="ROOT",
+        help="Look for scenes in this folder of data sets (default: the variable RADIOGS_BENCH_DATA).",
+    )  # fmt: skip
+
+
+PRESETS_HELP = "Take the amount of work of this preset: smoke, tiny, small or paper (default: {})."
+
+
+def add_device(
+    parser: argparse._ActionsContainer, threads: str = "Use N CPU threads (default: as many as there are cores)."
+) -> None:
+    """Add ``--device`` and ``--threads``, for commands that compute; ``device.chosen_device`` reads them."""
+    parser.add_argument(
+        "--device", choices=["cpu", "cuda"], default="cpu", help="Compute on this device (default: cpu)."
     )
+    parser.add_argument("--threads", type=positive, metavar="N", help=threads)
 
 
 def add_verbose(parser: argparse.ArgumentParser) -> None:
     """Add ``--verbose``, which every command has."""
-    parser.add_argument("--verbose", action="store_true", help="log what happens, and tracebacks of errors")
+    parser.add_argument("--verbose", action="store_true", help="Print a log, and the tracebacks of errors.")

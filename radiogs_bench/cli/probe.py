@@ -1,4 +1,4 @@
-"""``radiogs-bench probe``: which effects a scene, or a trained model, needs, with evidence."""
+"""``radiogs-bench probe``: which light-transport effects a scene or a trained model needs, with evidence."""
 
 import argparse
 import json
@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .options import METHOD, add_scene_options, add_verbose, positive, scene_options
+from .options import METHOD, add_scene_options, add_verbose, declare, positive, scene_options
 
 if TYPE_CHECKING:
     import torch
@@ -17,25 +17,36 @@ if TYPE_CHECKING:
     from .options import Commands
 
 MATTERS = 0.1
-"""Change of a pixel's display colour that is drawn white."""
+"""Changes of a pixel's display colour from this on are drawn white."""
 
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "probe", help="measure which effects a scene or a trained model needs", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "probe", "Measure which light-transport effects a scene or a trained model needs.",
+        "probe corner --preset tiny",
+    )  # fmt: skip
     parser.set_defaults(command=probe)
     parser.add_argument(
-        "subject", metavar="SCENE|DIR", help="a generated scene (its true surfaces and light), or a folder of `train`"
+        "subject", metavar="SCENE|DIR",
+        help="Probe a generated scene by its true surfaces and light, or the model that `train` left in DIR.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--preset", default="tiny", help="Weigh rays by the steps of this preset (default: tiny; for DIR its own)."
     )
-    parser.add_argument("--preset", default="tiny", help="budget whose steps are weighed (default: tiny; DIR: its own)")
-    parser.add_argument("--method", default=METHOD, help=f"of a scene: which is to be trained (default: {METHOD})")
-    parser.add_argument("--seed", type=int, help="(default: 0; DIR: its own)")
-    parser.add_argument("--envmap", type=Path, metavar="FILE", help="relit by this light: .hdr or .exr, lat-long, Z up")
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="where effects matter (default: probe-NAME.png)")
-    parser.add_argument("--json", action="store_true", help="the records instead of a table")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
+    parser.add_argument("--method", default=METHOD, help=f"Probe a scene for this method (default: {METHOD}).")
+    parser.add_argument("--seed", type=int, help="Seed the samples with this (default: 0; for DIR its own).")
+    parser.add_argument(
+        "--envmap", type=Path, metavar="FILE",
+        help="Probe relighting by this .hdr or .exr file: latitude-longitude, Z up.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--picture", type=Path, metavar="PNG", help="Draw where effects matter here (default: probe-NAME.png)."
+    )
+    parser.add_argument("--json", action="store_true", help="Print the records instead of a table.")
+    parser.add_argument(
+        "--threads", type=positive, metavar="N", help="Use N CPU threads (default: as many as there are cores)."
+    )
     add_scene_options(parser)
     parser.set_defaults(device="cpu")
     add_verbose(parser)
@@ -88,7 +99,11 @@ def _probed(options: argparse.Namespace, device: "torch.device", light: "Environ
     folder = Path(options.subject)
     if folder.is_dir() and (folder / "trained.json").exists():
         if scene_options(options) != AS_STORED:
-            raise UsageError("a trained model has its scene", "It is opened as it was for training.", "Name the scene.")
+            raise UsageError(
+                "options of the scene do not go with a trained model",
+                "Its scene is opened as it was for training.",
+                "Leave them out, or name the scene.",
+            )
         from ..runs.trained_folder import read_about, read_trained
 
         run, model = read_trained(folder, device)
@@ -110,7 +125,11 @@ def _probing(name: str) -> "Probing":
 
     used = method(name)
     if not isinstance(used, Probing):
-        raise UsageError(f"{used.name} cannot say which effects are needed", "It simulates all that it has.")
+        raise UsageError(
+            f"{used.name} cannot be probed",
+            "It does not say which effects a scene needs.",
+            "How a method offers it: radiogs_core.capabilities.Probing",
+        )
     return used
 
 

@@ -1,4 +1,4 @@
-"""``radiogs-bench rehearse``: every phase of a long run with few steps, and what the whole will take."""
+"""``radiogs-bench rehearse``: takes few steps of every phase of a long run, and forecasts the whole."""
 
 import argparse
 import json
@@ -7,9 +7,20 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, unknown
 
-from .options import add_scene_options, add_verbose, names, positive, scene_options, suite_of
+from .options import (
+    METHOD,
+    PRESETS_HELP,
+    add_device,
+    add_scene_options,
+    add_verbose,
+    declare,
+    names,
+    positive,
+    scene_options,
+    suite_of,
+)
 
 if TYPE_CHECKING:
     from radiogs_core.scene.scene import Scene
@@ -30,63 +41,83 @@ TEST_VIEWS = 8
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "rehearse", help="few steps of every phase at full size: what a long run will take", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "rehearse", "Take a few steps of every phase at full size, and forecast the whole run.",
+        "rehearse corner --as 100x800x800 --preset paper",
+    )  # fmt: skip
     parser.set_defaults(command=rehearse)
-    parser.add_argument("subject", metavar="SUITE|SCENE", help="all rows of a suite, or one method on a scene")
-    parser.add_argument("--preset", default="paper", help="budget whose sizes are rehearsed (default: paper)")
     parser.add_argument(
-        "--scenes", type=names, metavar="A,B", help="of a suite: the first is rehearsed (default: its own)"
+        "subject", metavar="SUITE|SCENE", help="Rehearse all rows of this suite, or one method on this scene."
     )
-    parser.add_argument("--method", type=names, metavar="A,B", help="methods (default: the rows', or radiogs)")
-    parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
+    parser.add_argument("--preset", default="paper", help=PRESETS_HELP.format("paper"))
     parser.add_argument(
-        "--as", dest="size", type=_size, metavar="VIEWSxWIDTHxHEIGHT", help="repeat and enlarge the views, in memory"
-    )
-    parser.add_argument("--test-views", type=positive, default=TEST_VIEWS, metavar="N", help="with --as (default: 8)")
-    parser.add_argument("--no-masks", action="store_true", help="with --as: views without coverage")
-    parser.add_argument("--minutes", type=float, default=MINUTES, metavar="M", help="larger sizes are not begun later")
-    parser.add_argument("--sizes", type=_sizes, metavar="N,N", help="of the model (default: from the start's up)")
+        "--scenes", type=names, metavar="A,B",
+        help="Rehearse a suite on the first of these scenes, and forecast all (default: the suite's).",
+    )  # fmt: skip
     parser.add_argument(
-        "--core-seconds", action="store_true", help="count the time with a core: others use this machine, one thread"
+        "--method", type=names, metavar="A,B", help=f"Rehearse these methods (default: the rows', or {METHOD})."
     )
-    parser.add_argument("--memory", type=float, metavar="GIB", help="of the machine (default: 90 %% of what is free)")
-    parser.add_argument("--forecast-for", metavar="DEVICE", help="a forecast for another device, such as rtx-4090")
+    parser.add_argument("--protocol", help="Score under this metric protocol (default: the suite's).")
     parser.add_argument(
-        "--by-formula", action="store_true", help="what each phase holds, by the method's formula; nothing is run"
+        "--as", dest="size", type=_size, metavar="VIEWSxWIDTHxHEIGHT",
+        help="Repeat and enlarge the scene's views to this number and size, in memory.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--test-views", type=positive, default=TEST_VIEWS, metavar="N", help="With --as, test on N views (default: 8)."
     )
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of rehearsal.json (default: out/rehearse-NAME)")
-    parser.add_argument("--json", action="store_true", help="print the record instead of tables")
+    parser.add_argument("--no-masks", action="store_true", help="With --as, leave out the coverage of the views.")
+    parser.add_argument(
+        "--minutes", type=float, default=MINUTES, metavar="M",
+        help=f"Start no larger size after this many minutes (default: {MINUTES:g}).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--sizes", type=_sizes, metavar="N,N",
+        help="Rehearse models of these sizes (default: from the size at the start up to the largest).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--core-seconds", action="store_true",
+        help="Measure CPU time of one thread instead of wall time, for a machine that others use too.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--memory", type=float, metavar="GIB", help="Count with this much memory (default: 90 %% of what is free)."
+    )
+    parser.add_argument("--forecast-for", metavar="DEVICE", help="Forecast for this device, such as rtx-4090.")
+    parser.add_argument(
+        "--by-formula", action="store_true", help="Print the memory of each phase by the method's formula; run nothing."
+    )
+    add_device(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="Write rehearsal.json to this folder (default: out/rehearse-NAME)."
+    )
+    parser.add_argument("--json", action="store_true", help="Print the record instead of tables.")
     add_scene_options(parser)
     add_verbose(parser)
 
 
 def rehearse(options: argparse.Namespace) -> int:
-    """Rehearse, store and print; 1 if something will not fit."""
+    """Rehearse, write the record and print it; returns 1 if something will not fit."""
     from radiogs_datasets import load_scene
 
     from ..lab.rehearsal.climb import Bounds, Setting, climb, stopped_by_signals
     from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from ..lab.rehearsal.record import Asked, fits, record_of
-    from ..runs.preflight import COMPILED_ON
+    from ..runs.preflight import COMPILED_ON, compile_kernels
     from ..runs.progress import LogProgress
-    from ..runs.warm_up import compile_kernels
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .device import chosen_device
     from .reporter import say_whole
 
     if options.forecast_for is not None and options.forecast_for not in KNOWN_DEVICES:
-        raise UsageError(f"nothing is known of device '{options.forecast_for}'", f"Known: {', '.join(KNOWN_DEVICES)}.")
+        raise unknown("device", options.forecast_for, KNOWN_DEVICES)
     if options.core_seconds and (options.device != "cpu" or options.threads != 1):
-        raise UsageError("--core-seconds counts those of one thread", "", "Give --threads 1, and no --device cuda.")
+        raise UsageError(
+            "--core-seconds needs one CPU thread", "CPU time says nothing of several threads or of a GPU.",
+            "Add --threads 1, and leave --device cuda out.",
+        )  # fmt: skip
     if options.by_formula:
         return _by_formula(options)
     device = chosen_device(options)
-    name, rows, scene, rules, cells = _asked(options)
+    name, rows, scene, rules, cells = _subject_of(options)
     memory = {where: int(RESERVE * amount) for where, amount in memory_there(device).items()}
     if options.memory is not None:
         memory["host"] = int(options.memory * GIB)
@@ -109,7 +140,7 @@ def rehearse(options: argparse.Namespace) -> int:
         name_of_clock,
     )
     record = record_of(asked, rows, climbed)
-    write_atomically(folder / "rehearsal.json", strict_json(sealed(record)))
+    write_sealed(folder / "rehearsal.json", record)
     if options.json:
         say_whole(json.dumps(record, allow_nan=False))
     else:
@@ -120,7 +151,7 @@ def rehearse(options: argparse.Namespace) -> int:
 
 
 def _by_formula(options: argparse.Namespace) -> int:
-    """Print the plan; 1 if something will not fit."""
+    """Print the plan; returns 1 if something will not fit."""
     from ..lab.rehearsal.by_formula import by_formula, fit, lines_of
     from ..lab.rehearsal.limits import KNOWN_DEVICES, memory_there
     from .device import chosen_device
@@ -133,7 +164,7 @@ def _by_formula(options: argparse.Namespace) -> int:
     else:
         found = memory_there(chosen_device(options))
         there = int(RESERVE * found.get("device", found["host"]))
-    name, rows, scene, _, _ = _asked(options)
+    name, rows, scene, _, _ = _subject_of(options)
     record = by_formula(name, rows, scene, options.sizes or (), there, options.preset)
     if options.json:
         say(json.dumps(record, allow_nan=False))
@@ -143,8 +174,8 @@ def _by_formula(options: argparse.Namespace) -> int:
     return 0 if fit(record) else 1
 
 
-def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
-    """Name, rows, the scene that is rehearsed, the protocol, and on how many scenes the rows are run."""
+def _subject_of(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, int]":
+    """The subject's name, its rows, the rehearsed scene, the protocol, and the number of scenes of the whole run."""
     from ..lab.rehearsal.row import Row
     from ..runs.sweep import Request
     from ..scoring.metrics.protocols import protocol
@@ -168,10 +199,10 @@ def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, in
     request = Request(suite, {name: scene}, 1, options.preset, rules, options.device)
     rows = []
     by_key = {row.key: row for row in suite.rows}
-    for place, cell in request.cells():
+    for ref, cell in request.cells():
         if not cell.stages:
             raise UsageError(f"suite '{suite.name}' trains nothing", "There is nothing to rehearse.")
-        row = by_key[place["row"]]
+        row = by_key[ref["row"]]
         rows.append(Row(row.key, request.method(row.method), cell.found_as, cell.variant, cell.budget))
     subject = suite.name if suite.name != "one" else name
     return subject, rows, scene, rules, len(scenes)
@@ -180,7 +211,7 @@ def _asked(options: argparse.Namespace) -> "tuple[str, list[Row], Scene, str, in
 def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
     if options.size is None:
         if options.no_masks:
-            raise UsageError("--no-masks is of an enlarged scene", "", "Give --as as well.")
+            raise UsageError("--no-masks needs an enlarged scene", "", "Add --as VIEWSxWIDTHxHEIGHT.")
         return scene
     from radiogs_datasets.enlargement import enlarged
 
@@ -189,7 +220,7 @@ def _enlarged(scene: "Scene", options: argparse.Namespace) -> "Scene":
 
 
 def _sizes(text: str) -> list[int]:
-    """Sizes of the model, ascending."""
+    """Sizes of the model, in ascending order."""
     return sorted(positive(each) for each in names(text))
 
 
@@ -203,7 +234,7 @@ def _size(text: str) -> tuple[int, int, int]:
 
 
 def _show(record: dict[str, Any], path: Path) -> None:
-    """The lines of the document, on the terminal."""
+    """Print the record as the document has it."""
     from ..lab.rehearsal.document import lines_of
     from .reporter import say
 

@@ -16,7 +16,7 @@ LOG_WIDTH = 160
 """Width in characters if stdout is a file or a pipe: a suite's table does not wrap."""
 
 BEFORE_COMMAND = "  radiogs-bench "
-"""How a command to copy follows a sentence."""
+"""The text between a sentence and a command to copy."""
 
 
 def say(line: str) -> None:
@@ -60,7 +60,7 @@ def show(table: "Table") -> None:
 
 
 def console() -> "Console":
-    """Where tables are printed."""
+    """The console that tables are printed on."""
     from rich.console import Console  # not before something is shown: help and errors must answer at once
 
     return Console(width=None if sys.stdout.isatty() else LOG_WIDTH)

@@ -15,15 +15,20 @@ from ..errors import explain, worst_exit_code
 from ..runs.engines.choice import ENGINES, choose
 from .device import chosen_device
 from .options import (
+    PRESETS_HELP,
+    add_device,
     add_effects,
     add_scene_options,
+    add_set,
     add_verbose,
+    declare,
     differences,
     names,
     part_of,
     positive,
     scene_options,
     seeds,
+    settings_from,
     suite_of,
     views_kept,
 )
@@ -43,44 +48,58 @@ if TYPE_CHECKING:
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("run", help="run a suite, or continue it", allow_abbrev=False)
+    parser = declare(
+        commands, "run", "Run the cells of a suite, or continue them, and write and print its table.",
+        "run ablations --preset smoke --scenes corner --seeds 2",
+    )  # fmt: skip
     parser.set_defaults(command=run)
-    parser.add_argument("suite", nargs="?", metavar="SUITE", help="a name (see --list), or a TOML file")
-    parser.add_argument("--list", action="store_true", help="list the suites, or the one that is named, and leave")
-    parser.add_argument("--scenes", type=names, metavar="A,B", help="scene names or folders (default: the suite's)")
-    parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="run seeds 0 to N-1 (default: 1)")
-    parser.add_argument("--preset", default="tiny", help="budget: smoke, tiny, small, paper (default: tiny)")
-    parser.add_argument("--protocol", help="metric protocol (default: the suite's, else default)")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results (default: out/SUITE)")
+    parser.add_argument("suite", nargs="?", metavar="SUITE", help="Name a suite (see --list), or a TOML file.")
+    parser.add_argument("--list", action="store_true", help="List all suites, or the named one; run nothing.")
     parser.add_argument(
-        "--method", type=names, metavar="A,B", help="methods to run (see `methods`), or TOML files (default: the rows')"
+        "--scenes", type=names, metavar="A,B", help="Run on these scenes, by name or folder (default: the suite's)."
     )
+    parser.add_argument("--seeds", type=seeds, default=1, metavar="N", help="Run seeds 0 to N-1 (default: 1).")
+    parser.add_argument("--preset", default="tiny", help=PRESETS_HELP.format("tiny"))
+    parser.add_argument("--protocol", help="Score under this metric protocol (default: the suite's).")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="Keep the results in this folder (default: out/SUITE).")
+    parser.add_argument(
+        "--method", type=names, metavar="A,B",
+        help="Run these methods (see `methods`, or TOML files) in the suite's table (default: the rows').",
+    )  # fmt: skip
     add_effects(parser, default=None)
+    add_set(parser)
     add_scene_options(parser)
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="(default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores; ray: 1 a cell)")
-    parser.add_argument("--engine", choices=ENGINES, help="what runs the cells (default: inprocess)")
-    parser.add_argument("--workers", type=positive, metavar="N", help="a pool: N cells at a time, sharing the threads")
-    parser.add_argument("--ray-address", metavar="HOST:PORT", help="of a Ray cluster (default: one of this machine)")
+    add_device(parser, "Use N CPU threads (default: as many as there are cores; with --engine ray, 1 for each cell).")
+    parser.add_argument(
+        "--engine", choices=ENGINES,
+        help="Run the cells in this process, in a pool of processes, or on a Ray cluster (default: inprocess).",
+    )  # fmt: skip
+    parser.add_argument(
+        "--workers", type=positive, metavar="N", help="Run N cells at a time in a pool that shares the threads."
+    )
+    parser.add_argument(
+        "--ray-address", metavar="HOST:PORT", help="Use this Ray cluster (default: start one on this machine)."
+    )
     parser.add_argument("--worker", type=part_of, help=argparse.SUPPRESS)
     parser.add_argument(
-        "--shard", type=part_of, default=(0, 1), metavar="I/N", help="run part I (from 0) of N; stores merge by copying"
-    )
+        "--shard", type=part_of, default=(0, 1), metavar="I/N",
+        help="Run part I of N, counted from 0. The parts' stores merge by copying their files together.",
+    )  # fmt: skip
     parser.add_argument(
         "--keep-views",
         type=views_kept,
         metavar="N|all",
-        help="keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed)",
+        help="Keep pictures of N test views with each result (default: as many as fit 128 MiB, uncompressed).",
     )
-    parser.add_argument("--dry-run", action="store_true", help="list the cells and what they will take, run nothing")
+    parser.add_argument("--dry-run", action="store_true", help="List the cells and what they will take; run nothing.")
     parser.add_argument(
         "--difference",
         type=differences,
         default={},
         metavar="COLUMN=SIZE,...",
-        help="with --dry-run: how many scenes or seeds resolve it, such as albedo/psnr=0.3",
+        help="With --dry-run, say how many scenes or seeds resolve this difference, such as albedo/psnr=0.3.",
     )
-    parser.add_argument("--json", action="store_true", help="events instead of tables, one JSON object a line")
+    parser.add_argument("--json", action="store_true", help="Print events instead of tables, one JSON object a line.")
     add_verbose(parser)
 
 
@@ -105,20 +124,20 @@ def _run(options: argparse.Namespace) -> int:
     if options.suite is None:
         raise UsageError("no suite was named", "", "See them all:  radiogs-bench run --list")
     chosen = suite_of(options.suite)
-    chosen = turned(chosen, options)
+    chosen, remarks = with_overrides(chosen, options)
     engine = choose(options.engine, options.workers, options.ray_address, options.threads)
     folder = options.out or Path("out") / chosen.name
 
     from ..store.folder import Store
 
-    request, device = wanted(options, chosen)
+    request, device = request_from_options(options, chosen)
     store = Store(folder)
     if options.worker is not None:
-        return work_along_with(request, store, device, options)
-    say_repairs(request.scenes, options.json)
+        return run_as_worker(request, store, device, options)
+    say_remarks([*remarks, *repairs_of(request.scenes)], options.json)
     if options.dry_run:
         return show_request(request, store, engine, options.json, options.difference)
-    return run_request(request, store, device, engine, options)
+    return run_and_report(request, store, device, engine, options)
 
 
 def _list(options: argparse.Namespace) -> int:
@@ -138,7 +157,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def describe(suite: "Suite") -> list[str]:
-    """A suite in a few lines: title, rows, columns, scenes and where to find them, and its protocol unless default."""
+    """Describe a suite in a few lines: title, rows, columns, scenes, where to find them, and a protocol of its own."""
     return [
         f"{suite.name}: {suite.title} ({len(suite.rows)} rows, {len(suite.columns)} metrics)",
         f"  rows: {', '.join(row.key for row in suite.rows)}",
@@ -149,20 +168,22 @@ def describe(suite: "Suite") -> list[str]:
     ]
 
 
-def turned(suite: "Suite", options: argparse.Namespace) -> "Suite":
-    """The suite with the methods and variant fields that the options set."""
-    from ..suites.suite import of_methods, with_field
+def with_overrides(suite: "Suite", options: argparse.Namespace) -> "tuple[Suite, list[str]]":
+    """The suite with the methods and fields that the options set, and remarks on rows that are not changed."""
+    from ..suites.suite import of_methods, with_field, with_settings
 
     if options.method:
         suite = of_methods(suite, options.method)
     if options.effects not in (None, "all"):
         mark = options.effects if isinstance(options.effects, str) else "+".join(options.effects) or "none"
         suite = with_field(suite, "effects", options.effects, mark)
-    return suite
+    if settings := settings_from(options):
+        return with_settings(suite, settings, options.preset)
+    return suite, []
 
 
-def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
-    """The request from the options. Raises UsageError or DataError before anything is run."""
+def request_from_options(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch.device]":
+    """The request that the options describe. Raises UsageError or DataError before anything is run."""
     from ..methods import method
     from ..runs.sweep import Request
     from ..scoring.metrics.protocols import protocol
@@ -186,22 +207,26 @@ def wanted(options: argparse.Namespace, suite: "Suite") -> "tuple[Request, torch
         cache(method),
         opened,
         options.arguments,
+        dict(options.settings),
     )
     request.cells()  # a method or preset that is not there shows now
     return request, device
 
 
-def say_repairs(scenes: Mapping[str, "Scene"], as_json: bool) -> None:
-    """Print what was set right, or assumed, as scenes were read: lines for people, or events."""
+def repairs_of(scenes: Mapping[str, "Scene"]) -> list[str]:
+    """Messages on what was repaired or assumed in the scenes' files."""
+    return [f"{name}: {repair}" for name, scene in scenes.items() for repair in scene.repairs]
+
+
+def say_remarks(remarks: Sequence[str], as_json: bool) -> None:
+    """Print remarks as lines, or as events."""
     from .events import emit
 
-    for name, scene in scenes.items():
-        for repair in scene.repairs:
-            line = f"{name}: {repair}"
-            if as_json:
-                emit("message", text=line)
-            else:
-                say(line)
+    for line in remarks:
+        if as_json:
+            emit("message", text=line)
+        else:
+            say(line)
 
 
 def show_request(
@@ -220,11 +245,11 @@ def show_request(
     return 0
 
 
-def run_request(
+def run_and_report(
     request: "Request", store: "Store", device: "torch.device", engine: "Engine", options: argparse.Namespace
 ) -> int:
     """Run the missing cells; write and print the reports. Returns the exit code."""
-    from ..runs.engines.run import bring_to_end
+    from ..runs.engines.run import run_request
     from ..runs.interruption import Interruption
     from ..runs.progress import SweepProgress, progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -235,19 +260,17 @@ def run_request(
     manifest = write_manifest(request, store)
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if store.result(cell.key) is None]
-    shown = EventProgress(store, [place for place, _ in cells]) if options.json else progress_for_stderr()
+    shown = EventProgress(store, [ref for ref, _ in cells]) if options.json else progress_for_stderr()
     titles = {stage.title for _, cell in cells for stage in cell.stages}
     bars = SweepProgress(shown, titles, steps_to_take(store, unfinished))
     with bars as progress, Interruption() as interruption:
-        ended = bring_to_end(
-            request,
-            Bench(store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views),
-            engine,
-            options.arguments,
+        bench = Bench(
+            store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
+        ended = run_request(request, bench, engine)
         reported = report_failures(ended.failures)
         code = ended.code or reported
-    manifest = entered_meanwhile(request, store, manifest)
+    manifest = final_manifest(request, store, manifest)
     from .showing import write, write_and_show  # not before there are results: errors need not wait for its tables
 
     if options.json:
@@ -260,13 +283,13 @@ def run_request(
 
 
 def write_manifest(request: "Request", store: "Store") -> "Sweep":
-    """Write what is asked for, with the rows of the folder that were scored from files and can be compared with it."""
+    """Write the run's manifest, with the folder's rows that were scored from files and can be compared with it."""
     from ..runs.rows_from_files import with_rows_from_files
     from ..runs.sweep import changing_sweep
     from .earlier import keep_reports
 
     with changing_sweep(store) as write_it:
-        manifest = request.manifest([place for place, _ in request.cells()])
+        manifest = request.manifest([ref for ref, _ in request.cells()])
         manifest, outdated = with_rows_from_files(store, manifest, checksums_of(request))
         kept = keep_reports(store, manifest)
         write_it(manifest)
@@ -280,7 +303,7 @@ def write_manifest(request: "Request", store: "Store") -> "Sweep":
     return manifest
 
 
-def entered_meanwhile(request: "Request", store: "Store", manifest: "Sweep") -> "Sweep":
+def final_manifest(request: "Request", store: "Store", manifest: "Sweep") -> "Sweep":
     """The run's manifest as it ends: rows scored from files may have been added while it ran."""
     from ..runs.rows_from_files import with_rows_from_files
 
@@ -293,7 +316,7 @@ def checksums_of(request: "Request") -> dict[str, str]:
 
 
 def say_other_run(store: "Store", manifest: "Sweep") -> None:
-    """Say so where another run was started in the folder meanwhile: what `report` rebuilds is that one's."""
+    """Print a remark if another run was started in the folder meanwhile: `report` rebuilds that one's reports."""
     from ..runs.sweep import read_sweep
     from ..store.seal import sealed
 
@@ -309,9 +332,9 @@ def say_other_run(store: "Store", manifest: "Sweep") -> None:
         )
 
 
-def work_along_with(request: "Request", store: "Store", device: "torch.device", options: argparse.Namespace) -> int:
+def run_as_worker(request: "Request", store: "Store", device: "torch.device", options: argparse.Namespace) -> int:
     """Run as one worker of several (``--worker``); returns its exit code."""
-    from ..runs.engines.run import work_along
+    from ..runs.engines.run import run_worker
     from ..runs.interruption import Interruption
     from ..runs.progress import progress_for_stderr
     from ..runs.scene_digest import checksum_now
@@ -321,11 +344,11 @@ def work_along_with(request: "Request", store: "Store", device: "torch.device", 
         bench = Bench(
             store, device, progress, interruption, request.method, checksum_now, kept_views=options.keep_views
         )
-        return report_failures(work_along(request, bench, *options.worker).failures)
+        return report_failures(run_worker(request, bench, *options.worker).failures)
 
 
 def report_failures(failures: Sequence[ExplainedError]) -> int:
-    """Explain each failure once; returns the exit code of the whole run."""
+    """Print each failure once; returns the exit code of the whole run."""
     for message in dict.fromkeys(explain(failure) for failure in failures):
         complain(message)
     return worst_exit_code(failures)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from radiogs_core.errors import UsageError
 
 from .device import chosen_device
-from .options import add_scene_options, add_verbose, positive, scene_options
+from .options import add_device, add_scene_options, add_verbose, declare, scene_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,32 +25,35 @@ if TYPE_CHECKING:
 ORB = "stanford-orb"
 
 GIVEN = ("row", "seed", "force")
-"""Options that say which row of a run, and mean nothing without ``--into``."""
+"""Options that name a row of a run; they need ``--into``."""
 
 PLAIN_SCORE = ("json", "out")
-"""Options of a score by itself."""
+"""Options that do not go with ``--into``."""
 
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser(
-        "score", help="score a trained model, or a folder that any code wrote", allow_abbrev=False
-    )
+    parser = declare(
+        commands, "score", "Score a trained model, or a folder of images that any code wrote.",
+        "score out/irgs --scene corner --from irgs",
+    )  # fmt: skip
     parser.set_defaults(command=score)
-    parser.add_argument("predictions", type=Path, metavar="FOLDER", help="of `train`, or what a code wrote")
-    parser.add_argument("--scene", metavar="PATH", help="the scene that was trained on: its name or folder")
     parser.add_argument(
-        "--from",
-        dest="code",
-        metavar="CODE",
-        help="radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb, plain (default: told by the folder)",
+        "predictions", type=Path, metavar="FOLDER", help="Score the model of `train`, or a code's output, in FOLDER."
     )
+    parser.add_argument("--scene", metavar="PATH", help="Compare with this scene, by name or folder.")
+    parser.add_argument(
+        "--from", dest="code", metavar="CODE",
+        help="Read the folder as this code writes it: radiogs, irgs, gs-ir, gi-gs, r3dg, svg-ir, tensoir, stanford-orb"
+        " or plain (default: recognised from its files).",
+    )  # fmt: skip
     add_scene_options(parser)
-    parser.add_argument("--protocol", help="a metric protocol, or all (default: default; with --into, the run's)")
-    parser.add_argument("--device", choices=["cpu", "cuda"], default="cpu", help="of a trained model (default: cpu)")
-    parser.add_argument("--threads", type=positive, metavar="N", help="CPU threads (default: all cores)")
-    parser.add_argument("--json", action="store_true", help="print the record instead of the table")
-    parser.add_argument("--out", type=Path, metavar="FILE", help="write the record")
+    parser.add_argument(
+        "--protocol", help="Score under this metric protocol, or under all (default: default; with --into the run's)."
+    )
+    add_device(parser)
+    parser.add_argument("--json", action="store_true", help="Print the record instead of the table.")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="Write the record to FILE.")
     _add_row(parser)
     add_verbose(parser)
 
@@ -58,15 +61,16 @@ def add_to(commands: "Commands") -> None:
 def _add_row(parser: argparse.ArgumentParser) -> None:
     """Add ``--into`` and the options of a row in a run."""
     group = parser.add_argument_group(
-        "into a finished run", "The files are scored as the run is, and become a row of its tables, figures and page."
+        "a row of a finished run",
+        "The files are scored as the run is, and become a row of its tables, figures and page.",
     )
     group.add_argument(
-        "--into", type=Path, metavar="OUT", help="folder of the run; --scene has to be one of its scenes"
+        "--into", type=Path, metavar="OUT", help="Add the row to the run in OUT; --scene has to be one of its scenes."
     )
-    group.add_argument("--row", metavar="NAME", help="the row's name in tables")
-    group.add_argument("--seed", type=int, metavar="N", help="the run's seed that it is compared with (default: 0)")
+    group.add_argument("--row", metavar="NAME", help="Call the row NAME in tables.")
+    group.add_argument("--seed", type=int, metavar="N", help="Compare the row with this seed of the run (default: 0).")
     group.add_argument(
-        "--force", action="store_true", default=None, help="replace the row's cell of this scene and seed"
+        "--force", action="store_true", default=None, help="Replace the row's cell of this scene and seed."
     )
 
 
@@ -95,7 +99,7 @@ def _record(options: argparse.Namespace) -> dict[str, Any]:
 
 
 def say_without_weights(protocols: "Sequence[Protocol]") -> None:
-    """Complain of each network whose weights are not here: its metrics are n/a."""
+    """Warn of each network whose weights are missing: its metrics are n/a."""
     from ..scoring.metrics.weights import complaint
     from .reporter import complain
 
@@ -111,10 +115,9 @@ def text_of(record: dict[str, Any]) -> str:
 
 def write_record(record: dict[str, Any], path: Path) -> None:
     """Write the record to a file."""
-    from ..store.atomic import write_atomically
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
 
-    write_atomically(path, strict_json(sealed(record)))
+    write_sealed(path, record)
 
 
 def show_record(record: dict[str, Any]) -> None:
@@ -129,7 +132,7 @@ def show_record(record: dict[str, Any]) -> None:
 
 
 def _is_trained(options: argparse.Namespace) -> bool:
-    """Whether the folder is one of ``train``, and nothing else was asked for."""
+    """Whether the folder holds a model of ``train``, and no option says otherwise."""
     return options.code is None and options.scene is None and (options.predictions / "trained.json").exists()
 
 
@@ -138,18 +141,18 @@ def _model(options: argparse.Namespace) -> dict[str, Any]:
     from ..runs.trained_folder import read_about, read_trained
     from ..scoring.record import record_of_model
 
-    protocols, place = _protocols(options.protocol), options.predictions
-    method = read_about(place)["method"]
-    run, model = read_trained(place, chosen_device(options))
+    protocols, folder = _protocols(options.protocol), options.predictions
+    method = read_about(folder)["method"]
+    run, model = read_trained(folder, chosen_device(options))
     with progress_for_stderr() as progress:
         return record_of_model(
-            str(place), method, model, run.scene, run.device, protocols,
+            str(folder), method, model, run.scene, run.device, protocols,
             lambda done, total: progress.advance("scoring", done, total),
         )  # fmt: skip
 
 
 def _are_pairs(options: argparse.Namespace) -> bool:
-    """Whether the folder holds pairs of output and target: if ``--from`` says so or, without options, by its files."""
+    """Whether the folder holds pairs of output and target, as ``--from`` or, without options, its files say."""
     from radiogs_baselines.outputs.reading import likely_codes
     from radiogs_baselines.outputs.stanford_orb import holds_pairs
 
@@ -246,10 +249,12 @@ def _shown(metric: "MetricValue | None") -> str:
 
 
 def is_row_of_a_run(options: argparse.Namespace) -> bool:
-    """Whether a row of a run is meant. Raises UsageError for options that do not go together."""
+    """Whether the options name a row of a run. Raises UsageError for options that do not go together."""
     if options.into is None:
         if alone := [name for name in GIVEN if getattr(options, name) is not None]:
-            raise UsageError(f"--{alone[0]} is of a row in a run", "", "Name the run's folder:  --into OUT")
+            raise UsageError(
+                f"--{alone[0]} needs --into", "It describes a row of a run.", "Name the run's folder:  --into OUT"
+            )
         return False
     if options.row is None:
         raise UsageError("the row has no name", "It stands in the run's tables.", "Add --row NAME")
@@ -301,7 +306,7 @@ def score_into(options: argparse.Namespace) -> int:
 
 
 def require_same_protocol(options: argparse.Namespace, of_run: str) -> None:
-    """Raise UsageError where another protocol is asked for than the run's."""
+    """Raise UsageError if ``--protocol`` is not the run's."""
     if options.protocol not in (None, of_run):
         raise UsageError(
             f"{options.into} was scored under protocol '{of_run}', not '{options.protocol}'",

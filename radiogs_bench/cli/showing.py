@@ -29,9 +29,9 @@ from ..results.summary import summarise
 from ..runs.forecast import Expected, forecast, total
 from ..runs.progress import progress_for_stderr
 from ..runs.sweep import Request, Sweep, label, state_of
-from ..store.atomic import explained, write_atomically
+from ..store.atomic import explained
 from ..store.folder import Store
-from ..store.seal import sealed, strict_json
+from ..store.seal import write_sealed
 from .aside import say_aside
 from .events import emit
 from .reporter import console, say, show
@@ -71,7 +71,7 @@ def write(store: Store, sweep: Sweep, alone: bool = False) -> tuple[Summary, lis
     table = published(sweep["published"]) if sweep["published"] else None
     summary = summarise(store, sweep, table.figures if table else {}, table.data if table else "none for this suite")
     with store.patient_claim("summary"), progress_for_stderr() as progress:
-        write_atomically(store.folder / "summary.json", strict_json(sealed(summary)))
+        write_sealed(store.folder / "summary.json", summary)
         with explained(store.folder):
             written = write_reports(store.folder, alone, partial(progress.advance, "figures, tables, page"))
     return summary, [store.folder / "summary.json", *written]

@@ -1,4 +1,4 @@
-"""``radiogs-bench status``: where a run stands, now or until it has ended.
+"""``radiogs-bench status``: how far a run is, now or until it has ended.
 
 Where no run has left its manifest, it says how far the training is that fills the folder.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..durations import time_left
-from .options import add_verbose, positive
+from .options import add_verbose, declare, positive
 
 if TYPE_CHECKING:
     from rich.console import Group
@@ -24,21 +24,24 @@ if TYPE_CHECKING:
     from .options import Commands
 
 EVERY_SECONDS = 2
-"""Between two looks of ``--watch``."""
+"""Seconds between two looks of ``--watch``."""
 
 WIDE = 100
-"""Characters of a terminal that has room for the cells' keys."""
+"""Width in characters from which a terminal has room for the cells' keys."""
 
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("status", help="where a run stands: cells, steps, time left", allow_abbrev=False)
+    parser = declare(
+        commands, "status", "Say how far a run is: its cells, their steps, and the time left.",
+        "status out/ablations --watch",
+    )  # fmt: skip
     parser.set_defaults(command=status)
-    parser.add_argument("out", type=Path, metavar="OUT")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Look at the run or the training in OUT.")
+    parser.add_argument("--json", action="store_true", help="Print one JSON object.")
     parser.add_argument(
         "--watch", type=positive, nargs="?", const=EVERY_SECONDS, metavar="SECONDS",
-        help=f"look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do",
+        help=f"Look again every so many seconds (default: {EVERY_SECONDS}) until no cell is left to do.",
     )  # fmt: skip
     add_verbose(parser)
 
@@ -66,7 +69,7 @@ def status(options: argparse.Namespace) -> int:
 
 
 def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
-    """Write one object a line."""
+    """Write one JSON object a line."""
     from ..results.standing import as_plain_values, standing_of
 
     while True:
@@ -79,7 +82,7 @@ def _as_json(store: "Store", sweep: "Sweep", every: int | None) -> None:
 
 
 def _watch(store: "Store", sweep: "Sweep", every: int) -> None:
-    """Show it again and again, in the same place on a terminal."""
+    """Print the table again at intervals, over the last one on a terminal."""
     from rich.live import Live
 
     from ..results.standing import standing_of
@@ -130,12 +133,12 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
         for name in ("step", "a second", "left"):
             table.add_column(name, justify="right", no_wrap=True)
     for cell in standing.cells:
-        row = [label(cell.place), *([cell.place["key"]] if keys else []), _state(cell)]
+        row = [label(cell.ref), *([cell.ref["key"]] if keys else []), _state(cell)]
         table.add_row(*map(Text, [*row, *_pace(cell)] if moving else row))
     lines = [f"{standing.count(FINISHED)} of {len(standing.cells)} cells finished"]
     if standing.seconds_left is not None:
         lines.append(f"about {time_left(standing.seconds_left)} left, as cells took that have finished")
-    mine = {place["key"] for place in sweep["cells"]}
+    mine = {ref["key"] for ref in sweep["cells"]}
     others = sum(1 for result in store.results() if result["key"] not in mine)
     if others:
         lines.append(f"{others} finished cells of other runs or versions of the code are kept beside them")
@@ -146,7 +149,7 @@ def _picture(standing: "Standing", store: "Store", sweep: "Sweep", width: int) -
 
 
 def _state(cell: "CellStanding") -> str:
-    """The state in words; of a cell that is worked on, what is done."""
+    """The state in words; for a running cell, its task."""
     if cell.pace is None:
         return cell.state
     silent = f", silent for {time_left(cell.pace.seconds_silent)}" if cell.silent else ""
@@ -154,7 +157,7 @@ def _state(cell: "CellStanding") -> str:
 
 
 def _pace(cell: "CellStanding") -> tuple[str, str, str]:
-    """Step, speed, and time left of what is done."""
+    """Step, speed, and time left of a running cell's task."""
     pace = cell.pace
     if pace is None:
         return "", "", ""
@@ -175,7 +178,7 @@ def is_training(folder: Path) -> bool:
 
 
 def show_training(folder: Path, plain: bool, every: int | None) -> None:
-    """How far a training is: a line, or with ``plain`` a JSON object; one every so many seconds until it has ended."""
+    """Print how far a training is, as a line or (``plain``) a JSON object, at intervals until it has ended."""
     from ..store.folder import Store
     from ..store.pace import paces
     from .reporter import say, say_whole

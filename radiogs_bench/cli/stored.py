@@ -1,4 +1,4 @@
-"""``radiogs-bench verify``, ``report``, ``gate``: a run's damage, its reports, and how it compares with a baseline."""
+"""``radiogs-bench verify``, ``report``, ``gate``: damage of a run, its reports, and comparison with a baseline."""
 
 import argparse
 from collections.abc import Callable
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from radiogs_core.errors import DataError
 
 from ..errors import exit_code
-from .options import add_verbose
+from .options import add_verbose, declare
 
 if TYPE_CHECKING:
     from .options import Commands
@@ -18,27 +18,28 @@ REGRESSION = 1
 
 def add_to(commands: "Commands") -> None:
     """Declare ``verify`` and ``report``."""
-    _declare(commands, "verify", "check every stored file of a folder, and change none", verify)
-    reporting = _declare(commands, "report", "rebuild tables and figures from stored results", report)
+    _declare(commands, "verify", "Check every stored file of a folder, and change none.", verify)
+    reporting = _declare(commands, "report", "Rebuild tables, figures and the page from stored results.", report)
     reporting.add_argument(
         "--self-contained",
         action="store_true",
-        help="report.html as a single file: of pictures above 20 MiB it has fewer views, then smaller ones",
+        help="Write report.html as a single file. It has fewer views, then smaller ones, where pictures take more than"
+        " 20 MiB.",
     )
 
 
 def _declare(
     commands: "Commands", name: str, purpose: str, command: Callable[[argparse.Namespace], int]
 ) -> argparse.ArgumentParser:
-    parser = commands.add_parser(name, help=purpose, allow_abbrev=False)
+    parser = declare(commands, name, purpose, f"{name} out/ablations")
     parser.set_defaults(command=command)
-    parser.add_argument("out", type=Path, metavar="OUT")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Read the results in this folder.")
     add_verbose(parser)
     return parser
 
 
 def verify(options: argparse.Namespace) -> int:
-    """Print every file that is not as it was stored, and what a rerun would take; 3 if there is any."""
+    """Print every damaged file, and what a rerun would take; returns 3 if there is any."""
     from ..results.verify import verify as look
     from ..runs.progress import working
     from ..store.folder import Store
@@ -76,11 +77,16 @@ def report(options: argparse.Namespace) -> int:
 
 def add_gate(commands: "Commands") -> None:
     """Declare ``gate``, which stands behind ``export`` in ``--help``."""
-    parser = commands.add_parser("gate", help="compare a run with a stored baseline", allow_abbrev=False)
+    parser = declare(
+        commands, "gate", "Compare a run with a stored baseline; the exit code is 1 for a regression.",
+        "gate out/gate --baseline baselines/gate.json",
+    )  # fmt: skip
     parser.set_defaults(command=gate)
-    parser.add_argument("out", type=Path, metavar="OUT", help="folder of the run")
-    parser.add_argument("--baseline", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--update", action="store_true", help="make the run the new baseline")
+    parser.add_argument("out", type=Path, metavar="OUT", help="Compare the run in OUT.")
+    parser.add_argument(
+        "--baseline", type=Path, required=True, metavar="FILE", help="Compare with the baseline in FILE."
+    )
+    parser.add_argument("--update", action="store_true", help="Make the run the new baseline.")
     add_verbose(parser)
 
 
@@ -89,15 +95,14 @@ def gate(options: argparse.Namespace) -> int:
     from ..results.baseline import baseline_of, read_baseline
     from ..results.gate import compare
     from ..runs.sweep import read_sweep
-    from ..store.atomic import write_atomically
     from ..store.folder import Store
-    from ..store.seal import sealed, strict_json
+    from ..store.seal import write_sealed
     from .aside import say_aside
     from .reporter import say
 
     store, sweep = Store(options.out), read_sweep(options.out)
     if options.update:
-        write_atomically(options.baseline, strict_json(sealed(baseline_of(store, sweep))))
+        write_sealed(options.baseline, baseline_of(store, sweep))
         say(f"{options.baseline}: {len(sweep['cells'])} cells")
         return 0
     changes = compare(store, sweep, read_baseline(options.baseline))

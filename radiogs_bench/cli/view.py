@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from radiogs_core.errors import DataError, UsageError
 
-from .options import add_verbose, pixels, positive
+from .options import add_verbose, declare, pixels, positive
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -24,19 +24,32 @@ COLOURS = ("radiance", "albedo", "normal", "roughness")
 
 def add_to(commands: "Commands") -> None:
     """Declare the command."""
-    parser = commands.add_parser("view", help="a trained model's surfels in 3-D", allow_abbrev=False)
+    parser = declare(
+        commands, "view", "Draw a trained model's surfels as a page that turns them, a picture and a turntable.",
+        "view out/corner --colour albedo", help="Draw a trained model's surfels in three dimensions.",
+    )  # fmt: skip
     parser.set_defaults(command=view)
-    parser.add_argument("folder", type=Path, metavar="DIR", help="where `train` or `run` left a trained model")
-    parser.add_argument("--colour", choices=COLOURS, default="radiance", help="(default: radiance)")
-    parser.add_argument("--row", metavar="ROW", help="of a run: the row whose model is shown (default: the first)")
-    parser.add_argument("--frames", type=positive, default=36, metavar="N", help="of the turntable (default: 36)")
-    parser.add_argument("--size", type=pixels, default=640, metavar="PIXELS", help="(default: 640)")
-    parser.add_argument("--window", action="store_true", help="also open a window, with surfels as opaque discs")
+    parser.add_argument("folder", type=Path, metavar="DIR", help="Open the model that `train` or `run` left in DIR.")
+    parser.add_argument(
+        "--colour", choices=COLOURS, default="radiance", help="Colour surfels by this (default: radiance)."
+    )
+    parser.add_argument("--row", metavar="ROW", help="Show the model of this row of a run (default: the first).")
+    parser.add_argument(
+        "--frames", type=positive, default=36, metavar="N", help="Draw N pictures of the turntable (default: 36)."
+    )
+    parser.add_argument(
+        "--size",
+        type=pixels,
+        default=640,
+        metavar="PIXELS",
+        help="Make pictures this large on each side (default: 640).",
+    )
+    parser.add_argument("--window", action="store_true", help="Also open a window, with surfels as opaque discs.")
     add_verbose(parser)
 
 
 def view(options: argparse.Namespace) -> int:
-    """Write figures/surfels.html, which turns in a browser, surfels.png and surfels.gif into the folder.
+    """Write surfels.html (turns in a browser), surfels.png and surfels.gif into the folder's ``figures``.
 
     Raises UsageError where no window can be opened, DataError where there are no surfels.
     """
@@ -89,7 +102,7 @@ def require_screen() -> None:
 
 
 def as_image(picture: "Tensor") -> "Image":
-    """A picture in [0, 1], [height, width, 3], with 8 bits."""
+    """The picture ([height, width, 3], in [0, 1]) with 8 bits."""
     from PIL import Image as images
 
     return images.fromarray((picture * 255).round().byte().numpy())

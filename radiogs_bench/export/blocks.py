@@ -11,7 +11,7 @@ SIDE = 8
 """Voxels along a block's side."""
 
 BYTES = SIDE**3 * (4 + 4)
-"""Bytes of one block: a float32 sum and a float32 weight for each voxel."""
+"""Bytes of one block: a float32 sum and a float32 weight for each of its voxels."""
 
 REACH = 2**20
 """Blocks are numbered from -REACH to REACH - 1 along each axis; three such numbers fit into 63 bits."""

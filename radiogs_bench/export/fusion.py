@@ -124,8 +124,7 @@ class Fusion:
 
 @dataclass(frozen=True)
 class _Surface:
-    """The surface that each ray hits: its inverse z-depth (zero: none), and its weight, the cosine of ray and
-    normal."""
+    """Inverse z-depth of what rays hit (zero: nothing), and its weight, the cosine of ray and normal."""
 
     inverse: Float[Tensor, "*points"]
     weight: Float[Tensor, "*points"]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..extras import extra_library
-from ..runs.sweep import Place, Sweep, label
+from ..runs.sweep import CellRef, Sweep, label
 from ..store.folder import Store
 from ..store.schema import Result
 
@@ -49,18 +49,18 @@ def write_event_files(store: Store, sweep: Sweep, folder: Path) -> int:
     steps of their stage, and ``end/TASK/MEASURE``. Raises UsageError without the library `tensorboard`.
     """
     writer = extra_library("torch.utils.tensorboard", "event files need tensorboard", "tensorboard").SummaryWriter
-    finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
-    for place, result in finished:
-        cell = f"{place['scene']}-seed-{place['seed']}"
-        with writer(log_dir=str(folder / _plain(place["row"], place) / _plain(cell, place))) as events:
+    finished = [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
+    for ref, result in finished:
+        cell = f"{ref['scene']}-seed-{ref['seed']}"
+        with writer(log_dir=str(folder / _plain(ref["row"], ref) / _plain(cell, ref))) as events:
             _write(events, result)
     return len(finished)
 
 
-def _plain(name: str, place: Place) -> str:
+def _plain(name: str, ref: CellRef) -> str:
     """A name of a folder; one that had to be changed gets the cell's key, so that no two are the same."""
     changed = re.sub(r"[^\w-]", "_", name)[:80]
-    return name if changed == name else f"{changed}-{place['key'][:8]}"
+    return name if changed == name else f"{changed}-{ref['key'][:8]}"
 
 
 def _write(events: Any, result: Result) -> None:
@@ -84,16 +84,16 @@ def write_wandb_runs(store: Store, sweep: Sweep, folder: Path) -> int:
     has the finished model's metrics. Raises UsageError without the library `wandb`.
     """
     wandb = extra_library("wandb", "runs of Weights & Biases need wandb", "wandb")
-    finished = [(place, result) for place in sweep["cells"] if (result := store.result(place["key"])) is not None]
+    finished = [(ref, result) for ref in sweep["cells"] if (result := store.result(ref["key"])) is not None]
     folder.mkdir(parents=True, exist_ok=True)
-    for place, result in finished:
+    for ref, result in finished:
         with wandb.init(
             project=os.environ.get("WANDB_PROJECT", PROJECT),
             dir=str(folder),
-            id=place["key"],
-            name=label(place),
+            id=ref["key"],
+            name=label(ref),
             group=sweep["suite"],
-            config=_settings(place, result),
+            config=_settings(ref, result),
             resume="allow",
             mode=os.environ.get("WANDB_MODE", "offline"),
             settings=wandb.Settings(
@@ -118,13 +118,13 @@ def _log(run: Any, result: Result) -> None:
     run.summary.update(end(result))
 
 
-def _settings(place: Place, result: Result) -> dict[str, Any]:
-    """Settings by which the table of runs is sorted and filtered."""
+def _settings(ref: CellRef, result: Result) -> dict[str, Any]:
+    """The settings by which the runs' table is sorted and filtered."""
     cell = result["cell"]
     return {
-        "scene": place["scene"],
-        "row": place["row"],
-        "seed": place["seed"],
+        "scene": ref["scene"],
+        "row": ref["row"],
+        "seed": ref["seed"],
         "method": cell["method"],
         "preset": cell["budget"]["name"],
         "variant": cell["variant"],

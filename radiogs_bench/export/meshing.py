@@ -43,8 +43,8 @@ NEEDED = ("depth", "alpha")
 def lattice_of(scene: Scene, share: float | None = None, truncation: float = TRUNCATION) -> Lattice:
     """Voxels of ``share`` of the scene's extent (None: see ``FINEST``), and a truncation in voxels.
 
-    Surfaces farther from a camera than twice the largest distance of a camera from the scene's centre are left out.
-    Raises UsageError for sizes that make no field.
+    Surfaces are left out beyond twice the largest distance of a camera from the scene's centre. Raises UsageError for
+    sizes that make no field.
     """
     farthest = 2 * max(distances(scene))
     if share is None:
@@ -179,5 +179,5 @@ def _edges(places: Float[np.ndarray, "vertices 3"]) -> Places:
 
 def _merged(vertices: Float[np.ndarray, "vertices 3"], keys: Places, faces: Int[np.ndarray, "faces 3"]) -> Mesh:
     """One vertex for each key."""
-    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-    return Mesh(vertices[first], place.reshape(-1)[faces])
+    _, first, unique = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+    return Mesh(vertices[first], unique.reshape(-1)[faces])

@@ -1,7 +1,6 @@
 """A trained model's test views, written as a public code writes its own results."""
 
 from collections.abc import Callable
-from difflib import get_close_matches
 
 import torch
 from jaxtyping import Float
@@ -10,7 +9,7 @@ from torch import Tensor
 from radiogs_baselines.outputs.codes import CODES
 from radiogs_baselines.outputs.writing import LayoutWriter
 from radiogs_core.contract import NotOffered, Prepared, Run, Trained
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, unknown
 from radiogs_core.scene.scene import View
 
 from ..method_calls import calling
@@ -71,10 +70,11 @@ def checked(code: str) -> str:
     """The layout of this name. Raises UsageError where there is no writer for it."""
     if code in CODES and code != PLAIN:
         return code
-    near = get_close_matches(code, CODES, 1)
-    hint = f"Did you mean '{near[0]}'?" if near else ""
-    raise UsageError(
-        f"no writer for the layout '{code}'",
-        "`render` and `relight` write this layout." if code == PLAIN else hint,
-        f"Layouts: {', '.join(name for name in CODES if name != PLAIN)}.",
-    )
+    layouts = [name for name in CODES if name != PLAIN]
+    if code == PLAIN:
+        raise UsageError(
+            f"`export` does not write layout '{PLAIN}'",
+            "`render` and `relight` write this layout.",
+            f"Layouts: {', '.join(layouts)}.",
+        )
+    raise unknown("layout to write", code, layouts)

@@ -23,12 +23,12 @@ def surfels_in(folder: Path, row: str | None) -> Surfels:
     if (folder / "trained.json").exists():
         products = [product_of(folder, read_about(folder)["training_key"], CPU)]
     else:
-        places = [place for place in read_sweep(folder)["cells"] if row in (None, place["row"])]
-        if not places:
+        refs = [ref for ref in read_sweep(folder)["cells"] if row in (None, ref["row"])]
+        if not refs:
             raise UsageError(
                 f"the run in '{folder}' has no row '{row}'", "", f"See them:  radiogs-bench status {folder}"
             )
-        stored = (Store(folder).tensors(product_name(place["stages"][-1]), CPU) for place in places if place["stages"])
+        stored = (Store(folder).tensors(product_name(ref["stages"][-1]), CPU) for ref in refs if ref["stages"])
         products = [each["product"] for each in stored if each is not None][:1]
     if not products:
         raise DataError(
@@ -48,9 +48,9 @@ def initial_viewpoint_in(folder: Path, row: str | None) -> InitialViewpoint | No
         kept = read_about(folder).get("standpoint", {})
     else:
         store = Store(folder)
-        for place in read_sweep(folder)["cells"]:
-            if not kept and row in (None, place["row"]) and store.result(place["key"]) is not None:
-                arrays = read_maps(store.arrays_path(place["key"]), "surfels/")
+        for ref in read_sweep(folder)["cells"]:
+            if not kept and row in (None, ref["row"]) and store.result(ref["key"]) is not None:
+                arrays = read_maps(store.arrays_path(ref["key"]), "surfels/")
                 names = ("eye", "up", "middle", "arc")
                 kept = {name: arrays[f"surfels/{name}"] for name in names if f"surfels/{name}" in arrays}
     return InitialViewpoint(**{name: torch.tensor(value).float() for name, value in kept.items()}) if kept else None

@@ -31,7 +31,7 @@ X, Z = torch.tensor([1.0, 0.0, 0.0]), torch.tensor([0.0, 0.0, 1.0])
 
 
 def from_outside(surfels: Surfels) -> InitialViewpoint:
-    """The viewpoint for a model without known cameras: from +X, with Z up."""
+    """The viewpoint for a model whose cameras are unknown: from +X, with Z up."""
     return InitialViewpoint(surfels.centre.median(0).values + X, Z)
 
 
@@ -90,7 +90,7 @@ def _looking_back(target: Tensor, back: Tensor, up: Tensor, away: float, size: i
 
 
 def pictures(surfels: Surfels, cameras: Sequence[Camera], colour: Colour) -> Iterator[Float[Tensor, "height width 3"]]:
-    """The image in each camera, display sRGB on white."""
+    """Yields the image of each camera, display sRGB on white."""
     for camera in cameras:
         with torch.no_grad():
             seen = splat(camera, surfels, {"colour": _linear(surfels, camera, colour)}, depth_unit=1.0)
@@ -98,7 +98,7 @@ def pictures(surfels: Surfels, cameras: Sequence[Camera], colour: Colour) -> Ite
 
 
 def _linear(surfels: Surfels, camera: Camera, colour: Colour) -> Float[Tensor, "surfels 3"]:
-    """The shown colour of each surfel, linear RGB; its radiance is that towards the camera."""
+    """The linear colour of each surfel; radiance is taken towards the camera."""
     if colour == "radiance":
         return own_radiance(camera, surfels)
     if colour == "albedo":

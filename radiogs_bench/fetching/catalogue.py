@@ -7,9 +7,8 @@ an archive share are dropped, so that scenes lie where they are expected however
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import unknown
 
 
 @dataclass(frozen=True)
@@ -100,10 +99,5 @@ DATA_SETS: Mapping[str, DataSet] = {
 def data_set(name: str) -> DataSet:
     """The data set of that name. Raises UsageError for an unknown one."""
     if name not in DATA_SETS:
-        near = get_close_matches(name, DATA_SETS, 1)
-        raise UsageError(
-            f"no data set '{name}' is known",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Data sets: {', '.join(DATA_SETS)}.",
-        )
+        raise unknown("data set", name, DATA_SETS)
     return DATA_SETS[name]

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, unknown
 
 from ..scoring.metrics.conventions import Net
 from ..store.atomic import explained
@@ -55,12 +54,7 @@ def sources(nets: Sequence[str] | None = None) -> list[Source]:
     """The files of the given networks, or of all. Raises UsageError for a network that LPIPS does not have."""
     for net in nets or ():
         if net not in SOURCES:
-            near = get_close_matches(net, SOURCES, 1)
-            raise UsageError(
-                f"LPIPS has no network '{net}'",
-                f"Did you mean '{near[0]}'?" if near else "",
-                f"Networks: {', '.join(SOURCES)}.",
-            )
+            raise unknown("network", net, SOURCES, of="LPIPS")
     return [source for net, files in SOURCES.items() if nets is None or net in nets for source in files]
 
 

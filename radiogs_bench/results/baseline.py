@@ -41,7 +41,7 @@ def baseline_of(store: Store, sweep: Sweep) -> dict[str, Any]:
     Rows that were scored from files are left out: this code did not make them.
     """
     sweep = measured(sweep)
-    cells = {label(place): store.result(place["key"]) for place in sweep["cells"]}
+    cells = {label(ref): store.result(ref["key"]) for ref in sweep["cells"]}
     unfinished = [name for name, result in cells.items() if result is None]
     if unfinished:
         raise DataError(
@@ -79,8 +79,7 @@ def read_baseline(path: Path) -> dict[str, Any]:
 
 
 def machine_of(results: Iterable[Result]) -> dict[str, Any]:
-    """The properties that a bitwise repetition depends on: processor, threads and versions of all sessions of some
-    results.
+    """The conditions of a bitwise repetition: processor, threads and versions of all sessions of some results.
 
     ``mixed`` where they differ, and where there are none, because then nothing is known to repeat.
     """
@@ -172,10 +171,10 @@ def unit_of(measure: str) -> str:
 def _bands(sweep: Sweep, results: Mapping[str, Result]) -> dict[str, dict[str, float]]:
     """Bands by scene and row, then by metric; with a single seed the band is FLOOR."""
     values: dict[str, dict[str, list[float]]] = defaultdict(lambda: defaultdict(list))
-    for place in sweep["cells"]:
-        for metric, each in results[label(place)]["metrics"].items():
+    for ref in sweep["cells"]:
+        for metric, each in results[label(ref)]["metrics"].items():
             if each["value"] is not None:
-                values[group_of(label(place))][metric].append(each["value"])
+                values[group_of(label(ref))][metric].append(each["value"])
     return {
         group: {
             metric: max(BAND * _deviation(found), FLOOR * max(map(abs, found))) for metric, found in metrics.items()

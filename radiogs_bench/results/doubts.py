@@ -12,11 +12,11 @@ from typing import Any
 from radiogs_reports.statistics import Estimate, estimate
 from radiogs_reports.summary import Doubt
 
-from ..runs.sweep import Place, Sweep
+from ..runs.sweep import CellRef, Sweep
 from ..scoring.determined import STEPS
 from ..store.schema import Determined, Result
 
-Finished = Sequence[tuple[Place, Result]]
+Finished = Sequence[tuple[CellRef, Result]]
 """Finished cells with their results."""
 
 CHANGES: Mapping[str, str] = {
@@ -39,9 +39,9 @@ FEWEST_SEEDS = 3
 IN_NO_COLUMN = "No column depends on it: the protocol compares albedo and light up to a factor."
 
 
-def doubts(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[Doubt]:
+def doubts(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
     """All doubts about a sweep's columns, in their order; last, what the protocol takes out of every column."""
-    finished = [(place, result) for place, result in cells if result is not None]
+    finished = [(ref, result) for ref, result in cells if result is not None]
     if not finished:
         return []
     conventions = finished[0][1]["protocol"]
@@ -76,7 +76,7 @@ def undetermined(finished: Finished, column: str, quantities: Sequence[str]) -> 
     rows: list[str] = []
     sentences = []
     for quantity in quantities:
-        measured = [(place["row"], result["determined"][quantity]) for place, result in finished
+        measured = [(ref["row"], result["determined"][quantity]) for ref, result in finished
                     if quantity in result.get("determined", {})]  # fmt: skip
         failing = [(row, record) for row, record in measured if not record["determined"]]
         if failing:
@@ -122,8 +122,7 @@ def spread_over_seeds(finished: Finished, column: str, quantities: Sequence[str]
 
 
 def recovered(result: Result, quantity: str) -> float | None:
-    """The value that a cell recovered, with any method: mean roughness, or the logarithm of the factor from its albedo
-    to the true."""
+    """A cell's recovered value: mean roughness, or the logarithm of the factor from its albedo to the true one."""
     if quantity == "roughness":
         return result.get("recovered", {}).get("roughness")
     scale = result["albedo_scale"] if quantity == "brightness" else None
@@ -132,8 +131,8 @@ def recovered(result: Result, quantity: str) -> float | None:
 
 def _by_row(finished: Finished) -> dict[str, list[Result]]:
     rows: dict[str, list[Result]] = {}
-    for place, result in finished:
-        rows.setdefault(place["row"], []).append(result)
+    for ref, result in finished:
+        rows.setdefault(ref["row"], []).append(result)
     return rows
 
 
@@ -183,7 +182,7 @@ Scenes = dict[str, None]
 """Names of scenes in the order of the cells."""
 
 
-def labels(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[Doubt]:
+def labels(cells: Sequence[tuple[CellRef, Result | None]], sweep: Sweep) -> list[Doubt]:
     """A remark of no column for each set of ``labels`` among the facts of a row's cells, with the rows that have it.
 
     A label that differs between scenes, or that some lack, has the scenes of each value behind it.
@@ -191,7 +190,7 @@ def labels(cells: Sequence[tuple[Place, Result | None]], sweep: Sweep) -> list[D
     texts = {row["key"]: row["text"] for row in sweep["rows"]}
     rows: dict[str, list[str]] = {}
     for row in texts:
-        own = [(place["scene"], result) for place, result in cells if place["row"] == row and result is not None]
+        own = [(ref["scene"], result) for ref, result in cells if ref["row"] == row and result is not None]
         sentence = _sentence([(scene, result["facts"].get("labels")) for scene, result in own])
         if sentence:
             rows.setdefault(sentence, []).append(row)

@@ -44,7 +44,7 @@ def compare(store: Store, sweep: Sweep, baseline: Mapping[str, Any]) -> list[Cha
             "Their metrics cannot be compared.",
             "Run with the baseline's settings, or make the baseline again with --update.",
         )
-    found = {label(place): store.result(place["key"]) for place in measured(sweep)["cells"]}
+    found = {label(ref): store.result(ref["key"]) for ref in measured(sweep)["cells"]}
     _require_same_scenes(found, baseline["cells"])
     changes = [Change(name, "is not in the baseline", "warning") for name in found.keys() - baseline["cells"].keys()]
     for name, kept in baseline["cells"].items():

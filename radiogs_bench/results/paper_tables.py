@@ -11,15 +11,15 @@ from typing import NamedTuple
 from radiogs_baselines.published import PublishedTable, published, published_tables
 from radiogs_core.contract import scaled
 from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import to_plain
+from radiogs_core.plain_values import flat, to_plain
 from radiogs_reports.analysis.comparisons import Comparison, ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference, smallest_of
 from radiogs_reports.statistics import Origin, Sample, differences, mean_of
 from radiogs_reports.summary import Interval, PaperColumn, PaperTable, PaperValue
 
-from ..methods import budget_of, method, variant_of
+from ..methods import budget_of, mark, method, variant_of
 from ..runs.rows_from_files import measured
-from ..runs.sweep import Sweep
+from ..runs.sweep import Sweep, plain_preset
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
@@ -51,7 +51,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
     Rows that were scored from files are in none: the paper's rows name budgets, and theirs are not known.
     """
     sweep = measured(sweep)
-    own = {place["key"]: place for place in sweep["cells"]}
+    own = {ref["key"]: ref for ref in sweep["cells"]}
     results = list(store.results())
     mine = [result for result in results if result["key"] in own]
     if not mine:
@@ -66,7 +66,7 @@ def paper_tables(store: Store, sweep: Sweep) -> list[PaperTable]:
                 for row in sweep["rows"]
             }
         else:
-            shared = rows_by_content(made_alike, rows_of(suite).values(), sweep["preset"])
+            shared = rows_by_content(made_alike, rows_of(suite).values(), plain_preset(sweep["preset"]))
             rows = as_published(shared, published(key), rows_of(suite))
         table = filled(key, published(key), Measured(rows, suite, sweep["protocol"], sweep.get("kinds", {})))
         if any(value["mean"] is not None for row in table["cells"].values() for value in row.values()):
@@ -246,19 +246,22 @@ COSTS = ("ms", "megabytes", "hours")
 
 
 def ran(results: Sequence[Result], table: PublishedTable, row: Row) -> str:
-    """Label of the conditions under which a row ran; empty if scenes, image size and budget are those of the published
-    row.
+    """A row's label with what ran for it; empty where scenes, image size, variant and budget are the published row's.
 
     In a table of times or memory, a CPU is another condition, too.
     """
     if not results or all_as_published(results, table, row):
         return ""
     text = with_numbers(row.text, results[0]["cell"]["budget"])
-    return f"{text}: {'; '.join([_budgets(results), _scenes(results), _sizes(results), _devices(results)])}"
+    conditions = [*_changes(results, row), _budgets(results), _scenes(results), _sizes(results), _devices(results)]
+    return f"{text}: {'; '.join(conditions)}"
 
 
 def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row) -> bool:
-    """Whether the results are of all scenes of the table, at its image size, with the paper's numbers for this row."""
+    """Whether the results are of all scenes of the table, at its image size, with the paper's numbers for this row.
+
+    A field of the variant or the budget that the run has set makes them others.
+    """
     conditions = table.conditions
     if {result["scene"] for result in results} != set(conditions.scenes):
         return False
@@ -266,7 +269,7 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
     if timed and any(result["cell"]["device"] == "cpu" for result in results):
         return False
     least, most = conditions.width
-    return all(
+    return not _changes(results, row) and all(
         result.get("data") is not None
         and result["data"]["layout"] == conditions.layout
         and least <= result["data"]["width"] <= most
@@ -275,10 +278,18 @@ def all_as_published(results: Sequence[Result], table: PublishedTable, row: Row)
     )
 
 
+def _changes(results: Sequence[Result], row: Row) -> list[str]:
+    """The fields of the variant that a run has set beside those that the row sets."""
+    cell = results[0]["cell"]
+    own = flat(to_plain(variant_of(method(cell["method"]), row.variant)))
+    return [mark(name, value) for name, value in flat(cell["variant"]).items() if name in own and own[name] != value]
+
+
 def _budgets(results: Sequence[Result]) -> str:
     """The preset, and the numbers of it that the paper has symbols for."""
     budget = results[0]["cell"]["budget"]
-    preset = budget["name"].partition(",")[0]  # behind it, what a row scales
+    parts = budget["name"].split(", ")
+    preset = ", ".join([parts[0], *(part for part in parts[1:] if " = " in part)])  # the others are a row's factors
     knobs = [f"{symbol} {budget[name]:,}" for name, symbol in KNOBS.items() if name in budget]
     return ", ".join([f"preset {preset}", *knobs])
 

@@ -7,7 +7,7 @@ import math
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from ..runs.sweep import FINISHED, Place, Sweep, label, state_of
+from ..runs.sweep import FINISHED, CellRef, Sweep, label, state_of
 from ..store.folder import Store, product_name
 from ..store.pace import Pace, pace_of
 from ..store.schema import Result
@@ -26,7 +26,7 @@ class CellStanding:
     ``pace``: of the process at work.
     """
 
-    place: Place
+    ref: CellRef
     state: str
     pace: Pace | None
 
@@ -50,49 +50,47 @@ class Standing:
 
 def standing_of(store: Store, sweep: Sweep) -> Standing:
     """Read the states of a run's cells; nothing is changed but for damaged files (see ``Store.result``)."""
-    cells = _with_those_that_wait(store, [_cell(store, place) for place in sweep["cells"]])
+    cells = _with_those_that_wait(store, [_cell(store, ref) for ref in sweep["cells"]])
     at_once = sum(cell.state == RUNNING and not cell.silent for cell in cells)
     left = _seconds_left(store, sweep) if at_once else None
     return Standing(cells, None if left is None else left / at_once)
 
 
 def _seconds_left(store: Store, sweep: Sweep) -> float | None:
-    """Seconds that one process needs for the remaining work; None if not known."""
-    found = {place["key"]: store.result(place["key"]) for place in sweep["cells"]}
+    """Seconds of one process that runs what is left."""
+    found = {ref["key"]: store.result(ref["key"]) for ref in sweep["cells"]}
     results = {key: result for key, result in found.items() if result is not None}
-    keys = {key for place in sweep["cells"] for key in place["stages"]}
+    keys = {key for ref in sweep["cells"] for key in ref["stages"]}
     products = {key for key in keys if store.has_tensors(product_name(key))}
     return work_left(sweep["cells"], results, products).seconds
 
 
-def _cell(store: Store, place: Place) -> CellStanding:
-    state, pace = state_of(store, place), pace_of(store, place["key"])
+def _cell(store: Store, ref: CellRef) -> CellStanding:
+    state, pace = state_of(store, ref), pace_of(store, ref["key"])
     if state == FINISHED or pace is None:
-        return CellStanding(place, state, None)
-    return CellStanding(place, RUNNING, pace)
+        return CellStanding(ref, state, None)
+    return CellStanding(ref, RUNNING, pace)
 
 
 def _with_those_that_wait(store: Store, cells: Sequence[CellStanding]) -> list[CellStanding]:
     """Cells whose next stage is the one that a running cell is training are not begun: they will share it."""
-    following = {cell.place["key"]: _next_stage(store, cell.place) for cell in cells if cell.state != FINISHED}
-    trained = {following[cell.place["key"]] for cell in cells if cell.state == RUNNING} - {None}
+    following = {cell.ref["key"]: _next_stage(store, cell.ref) for cell in cells if cell.state != FINISHED}
+    trained = {following[cell.ref["key"]] for cell in cells if cell.state == RUNNING} - {None}
     return [
-        replace(cell, state=f"waits for stage {1 + cell.place['stages'].index(stage)} of another cell")
-        if cell.state.startswith(UNFINISHED)
-        and (stage := following[cell.place["key"]]) in trained
-        and stage is not None
+        replace(cell, state=f"waits for stage {1 + cell.ref['stages'].index(stage)} of another cell")
+        if cell.state.startswith(UNFINISHED) and (stage := following[cell.ref["key"]]) in trained and stage is not None
         else cell
         for cell in cells
     ]
 
 
-def _next_stage(store: Store, place: Place) -> str | None:
+def _next_stage(store: Store, ref: CellRef) -> str | None:
     """The key of the first stage that is not in the store; None where all are."""
-    return next((key for key in place["stages"] if not store.has_tensors(product_name(key))), None)
+    return next((key for key in ref["stages"] if not store.has_tensors(product_name(key))), None)
 
 
 def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
-    """The output of ``status --json`` (docs/suites.md)."""
+    """The content of ``status --json`` (docs/suites.md)."""
     return {
         "suite": sweep["suite"],
         "preset": sweep["preset"],
@@ -105,13 +103,13 @@ def as_plain_values(standing: Standing, sweep: Sweep) -> dict[str, object]:
 
 
 def _plain(cell: CellStanding) -> dict[str, object]:
-    place, pace = cell.place, cell.pace
+    ref, pace = cell.ref, cell.pace
     told: dict[str, object] = {
-        "cell": label(place),
-        "scene": place["scene"],
-        "row": place["row"],
-        "seed": place["seed"],
-        "key": place["key"],
+        "cell": label(ref),
+        "scene": ref["scene"],
+        "row": ref["row"],
+        "seed": ref["seed"],
+        "key": ref["key"],
         "state": cell.state,
     }
     if pace is not None:
@@ -142,38 +140,38 @@ class WorkLeft:
     seconds: float | None
 
 
-def work_left(places: Sequence[Place], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
-    """The remaining work of the cells at ``places``: cells without a result, and their stages without a product.
+def work_left(refs: Sequence[CellRef], results: Mapping[str, Result], products: Container[str]) -> WorkLeft:
+    """The cells of ``refs`` without a result, and their stages without a product.
 
-    A stage takes as long as those of the same row did, else as those of all rows. Steps that a
-    checkpoint has done are not subtracted.
+    A stage takes as long as those of the same row did, else as those of all rows. Steps of an unfinished
+    stage that a checkpoint holds are not taken off.
     """
     by_row: dict[tuple[str, int], list[float]] = {}
     overall: dict[int, list[float]] = {}
-    for place in places:
-        result = results.get(place["key"])
-        for position, seconds in _parts(place, result).items() if result is not None else ():
-            by_row.setdefault((place["row"], position), []).append(seconds)
+    for ref in refs:
+        result = results.get(ref["key"])
+        for position, seconds in _parts(ref, result).items() if result is not None else ():
+            by_row.setdefault((ref["row"], position), []).append(seconds)
             overall.setdefault(position, []).append(seconds)
-    cells = [place for place in places if place["key"] not in results]
+    cells = [ref for ref in refs if ref["key"] not in results]
     stages: set[str] = set()
     taken: list[float | None] = []
-    for place in cells:
+    for ref in cells:
         to_do = [AFTERWARDS]
-        for position, key in enumerate(place["stages"]):
+        for position, key in enumerate(ref["stages"]):
             if key not in stages and key not in products:
                 stages.add(key)
                 to_do.append(position)
         for position in to_do:
-            like = by_row.get((place["row"], position)) or overall.get(position)
+            like = by_row.get((ref["row"], position)) or overall.get(position)
             taken.append(math.fsum(like) / len(like) if like else None)
     known = [seconds for seconds in taken if seconds is not None]
     return WorkLeft(len(cells), len(stages), math.fsum(known) if len(known) == len(taken) else None)
 
 
-def _parts(place: Place, result: Result) -> dict[int, float]:
+def _parts(ref: CellRef, result: Result) -> dict[int, float]:
     """Seconds of each stage by its position, and of all that came after training."""
     names: Mapping[str, str] = {key: name for name, key in result["cell"]["stages"].items()}
     seconds = dict(result["seconds"])
-    stages = {position: seconds.pop(names[key]) for position, key in enumerate(place["stages"])}
+    stages = {position: seconds.pop(names[key]) for position, key in enumerate(ref["stages"])}
     return {**stages, AFTERWARDS: math.fsum(seconds.values())}

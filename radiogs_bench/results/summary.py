@@ -1,8 +1,11 @@
 """Makes the summary that all reports are made from: means and paired differences of a sweep's results."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import cast
 
 from radiogs_baselines.published import published as published_table
+from radiogs_core.contract import Method
+from radiogs_core.errors import UsageError
 from radiogs_reports.analysis.comparisons import ranks, to_reference
 from radiogs_reports.analysis.power import smallest_difference
 from radiogs_reports.analysis.settling import settling
@@ -12,6 +15,7 @@ from radiogs_reports.summary import (
     CellSummary,
     ColumnSummary,
     Interval,
+    ModesSummary,
     PlanSummary,
     RowSummary,
     RunSummary,
@@ -21,8 +25,9 @@ from radiogs_reports.summary import (
     TrailPoint,
 )
 
+from ..methods import method
 from ..runs.rows_from_files import is_from_files
-from ..runs.sweep import Line, Place, Sweep, state_of
+from ..runs.sweep import CellRef, Sweep, TableRow, relighting_of, state_of
 from ..scoring.metrics.comparable import alike
 from ..scoring.metrics.protocols import protocol
 from ..store.folder import Store
@@ -31,7 +36,7 @@ from ..suites.suite import MEASURES, Metric
 from .doubts import doubts, labels
 from .paper_tables import interval, paper_tables
 
-Finished = Sequence[tuple[Place, Result | None]]
+Finished = Sequence[tuple[CellRef, Result | None]]
 """Every cell of the sweep, with its result or None."""
 
 
@@ -40,8 +45,8 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
 
     ``published`` holds published values by row and column; ``published_data`` says which data they are averaged over.
     """
-    cells = [(place, store.result(place["key"])) for place in sweep["cells"]]
-    finished = [(place, result) for place, result in cells if result is not None]
+    cells = [(ref, store.result(ref["key"])) for ref in sweep["cells"]]
+    finished = [(ref, result) for ref, result in cells if result is not None]
     made = Summary(
         schema=SCHEMA,
         suite=sweep["suite"],
@@ -58,20 +63,22 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
         published_data=published_data,
         machine=machines([result for _, result in finished]),
         sheet=[
-            sheet_row(store, place, result, result["shown_view"])
-            for place, result in finished
-            if place["seed"] == sweep["seeds"][0]
+            sheet_row(store, ref, result, result["shown_view"])
+            for ref, result in finished
+            if ref["seed"] == sweep["seeds"][0]
             and result["shown_view"] is not None
             and store.arrays_path(result["key"]).exists()
         ],
         keys=[result["key"] for _, result in finished],
-        runs=[run_summary(store, sweep, place, result) for place, result in cells],
+        runs=[run_summary(store, sweep, ref, result) for ref, result in cells],
         paper=paper_tables(store, sweep),
         doubts=[*doubts(cells, sweep), *labels(cells, sweep)],
         conventions=finished[0][1]["protocol"] if finished else {},
     )
     for column in made["columns"]:
         fill_column(made, column, cells, sweep)
+    if relighting := relighting_modes(sweep, [result for _, result in finished]):
+        made["relighting"] = relighting
     if kinds := sweep.get("kinds"):
         made["kinds"] = kinds
     if found := settling(made):
@@ -79,6 +86,22 @@ def summarise(store: Store, sweep: Sweep, published: Mapping[str, Mapping[str, f
     if "command" in sweep:
         made["command"] = sweep["command"]
     return made
+
+
+def relighting_modes(sweep: Sweep, finished: Sequence[Result]) -> dict[str, ModesSummary]:
+    """The relighting modes of the methods: as the run recorded them, else as installed methods offer them now."""
+    recorded = sweep.get("relighting")
+    if recorded is None:
+        recorded = relighting_of(_installed({result["cell"]["method"] for result in finished}))
+    return {name: cast(ModesSummary, modes) for name, modes in recorded.items()}
+
+
+def _installed(names: Iterable[str]) -> Iterator[Method]:
+    for name in sorted(names):
+        try:
+            yield method(name)
+        except UsageError:  # files that were scored, and methods that are installed elsewhere
+            continue
 
 
 def columns_of(sweep: Sweep) -> list[ColumnSummary]:
@@ -100,7 +123,7 @@ def column_summary(metric: Metric) -> ColumnSummary:
     )
 
 
-def row_summary(cells: Finished, line: Line, kinds: Mapping[str, str]) -> RowSummary:
+def row_summary(cells: Finished, line: TableRow, kinds: Mapping[str, str]) -> RowSummary:
     """A row's labels, its mean seconds, and which parts of the truth it was given."""
     row = RowSummary(
         key=line["key"], latex=line["latex"], text=line["text"], seconds=row_seconds(cells, line["key"], kinds)
@@ -139,27 +162,27 @@ def cell_summary(values: Sample, reason: str | None, difference: Interval | None
 def sample(cells: Finished, row: str, column: str, kinds: Mapping[str, str]) -> tuple[Sample, str | None]:
     """A row's values of a metric, and the reason if some are missing. ``kinds``: of the scenes, where known."""
     values, reason = {}, None
-    for place, result in cells:
-        if place["row"] != row:
+    for ref, result in cells:
+        if ref["row"] != row:
             continue
         metric = None if result is None else values_of(result).get(column)
         if metric is not None and metric["value"] is not None:
-            values[origin_of(place, kinds)] = metric["value"]
+            values[origin_of(ref, kinds)] = metric["value"]
         elif result is None:
-            reason = f"{place['scene']} seed {place['seed']} is not finished"
+            reason = f"{ref['scene']} seed {ref['seed']} is not finished"
         else:
-            reason = why_absent(place["scene"], result, column) if metric is None else metric["reason"]
+            reason = why_absent(ref["scene"], result, column) if metric is None else metric["reason"]
     return values, reason
 
 
-def origin_of(place: Place, kinds: Mapping[str, str]) -> Origin:
-    """Scene, seed and kind of a cell, for the statistics of reports. ``kinds``: of the scenes, where known."""
-    return Origin(place["scene"], place["seed"], kinds.get(place["scene"], ""))
+def origin_of(ref: CellRef, kinds: Mapping[str, str]) -> Origin:
+    """A cell's scene, seed and kind for the statistics. ``kinds``: the scenes' kinds, where known."""
+    return Origin(ref["scene"], ref["seed"], kinds.get(ref["scene"], ""))
 
 
-def lacking(cells: Finished, sweep: Sweep, line: Line) -> str | None:
+def lacking(cells: Finished, sweep: Sweep, line: TableRow) -> str | None:
     """Which of the run's scenes and seeds a row that was scored from files has no files of; None if it has all."""
-    there = {(place["scene"], place["seed"]) for place, _ in cells if place["row"] == line["key"]}
+    there = {(ref["scene"], ref["seed"]) for ref, _ in cells if ref["row"] == line["key"]}
     missing = [
         f"{scene} seed {seed}" for scene in sweep["scenes"] for seed in sweep["seeds"] if (scene, seed) not in there
     ]
@@ -176,7 +199,7 @@ COSTS = ("ms", "megabytes", "seconds", "rays")
 def why_absent(scene: str, result: Result, column: str) -> str:
     """Why a result lacks a metric: the method renders no such map, or the scene has no ground truth for it.
 
-    For rows scored from files, the reason is only that no file has the map.
+    For rows that were scored from files, only the maps in the files are known.
     """
     task, _, measure = column.partition("/")
     wanted = MAP_OF.get(task, task)
@@ -208,9 +231,9 @@ FILES_OF = {"image": "images", "relit": "relit images", "normal": "normals", "in
 def row_seconds(cells: Finished, row: str, kinds: Mapping[str, str]) -> float | None:
     """Mean training seconds over the row's finished cells; None where nothing was trained."""
     spent = {
-        origin_of(place, kinds): training_seconds(result)
-        for place, result in cells
-        if place["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
+        origin_of(ref, kinds): training_seconds(result)
+        for ref, result in cells
+        if ref["row"] == row and result is not None and result["seconds"].keys() != {"evaluate"}
     }
     mean = mean_of(spent)
     return None if mean is None else mean.mean
@@ -231,23 +254,23 @@ def machines(results: Sequence[Result]) -> str:
     return "; ".join(sorted(cards))
 
 
-def sheet_row(store: Store, place: Place, result: Result, view: str) -> SheetSummary:
+def sheet_row(store: Store, ref: CellRef, result: Result, view: str) -> SheetSummary:
     """One row of the contact sheet."""
     arrays = store.arrays_path(result["key"]).relative_to(store.folder).as_posix()
-    row = SheetSummary(row=place["row"], scene=place["scene"], view=view, arrays=arrays)
+    row = SheetSummary(row=ref["row"], scene=ref["scene"], view=view, arrays=arrays)
     if result["shown_light"] is not None:
         row["light"] = result["shown_light"]
     return row
 
 
-def run_summary(store: Store, sweep: Sweep, place: Place, result: Result | None) -> RunSummary:
+def run_summary(store: Store, sweep: Sweep, ref: CellRef, result: Result | None) -> RunSummary:
     """One cell with its metrics and provenance."""
     run = RunSummary(
-        row=place["row"],
-        scene=place["scene"],
-        seed=place["seed"],
-        key=place["key"],
-        state=state_of(store, place),
+        row=ref["row"],
+        scene=ref["scene"],
+        seed=ref["seed"],
+        key=ref["key"],
+        state=state_of(store, ref),
         metrics={},
         stages=[],
         seconds={},

@@ -23,7 +23,7 @@ from .standing import WorkLeft, work_left
 CPU = torch.device("cpu")
 
 RECORDS = ("score.json", "mesh.json", "rehearsal.json")
-"""Files that `score`, `export --mesh` and `rehearse` write by default."""
+"""Default names of the files that `score`, `export --mesh` and `rehearse` write."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Verified:
     products: set[str] = field(default_factory=set)
     """Keys of the stages whose products are whole."""
     rerun: WorkLeft | None = None
-    """Remaining work of the last run; None for a folder of `train`, and if the manifest cannot be used."""
+    """The work that the last run has left; None for a folder of `train`, and where the manifest cannot be used."""
 
     def look(self, path: str, check: Callable[[], object]) -> bool:
         """Whether a file passes a check that raises where it does not agree."""

@@ -63,7 +63,7 @@ SILHOUETTE = 5e-3
 linear over a plane; an edge between two faces at 4 units bends it by at most 3e-3, a step of 0.1 units by 6e-3."""
 
 PARTS = ("total", "surfels", "direct", "indirect")
-"""What is compared: shaded radiance, the surfels' own radiance, and the direct and indirect parts of the former."""
+"""Compared quantities: shaded radiance, the surfels' own radiance, and the direct and indirect parts of the former."""
 
 
 SOLVE, SOLVING = "solve", "solving for the radiance"
@@ -150,11 +150,11 @@ def transported(surfels: Surfels, equation: RenderingEquation, incident: Inciden
     """Linear radiance of one view, by ``PARTS``, on black; emission counts as direct."""
     outgoing = towards(camera, surfels)
     parts = shade_surfels(surfels, equation.albedo, incident, outgoing[:, None], equation.light.radiance)[:, 0]
-    counted = [place for place in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if place in equation.parts]
+    counted = [part for part in (DIFFUSE_DIRECT, SPECULAR_DIRECT) if part in equation.parts]
     direct = parts[:, counted].sum(1)
     if equation.emission is not None:
         direct = direct + equation.emission
-    indirect = parts[:, [place for place in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if place in equation.parts]].sum(1)
+    indirect = parts[:, [part for part in (DIFFUSE_INDIRECT, SPECULAR_INDIRECT) if part in equation.parts]].sum(1)
     channels = {
         "total": direct + indirect,
         "surfels": surfel_radiance(surfels.sh, outgoing),

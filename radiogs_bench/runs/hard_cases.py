@@ -7,11 +7,10 @@ import math
 import time
 from collections import Counter
 from collections.abc import Mapping
-from difflib import get_close_matches
 
 import numpy as np
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, UsageError, unknown
 from radiogs_core.instruments import recording
 from radiogs_core.scene.scene import Scene
 
@@ -74,10 +73,7 @@ def axis_and_points(settings: Mapping[str, float]) -> tuple[Axis, int]:
         )
     ((name, points),) = settings.items()
     if name not in AXES:
-        near = get_close_matches(name, AXES, 1)
-        raise UsageError(
-            f"there is no axis '{name}'", f"Did you mean '{near[0]}'?" if near else f"There are: {', '.join(AXES)}."
-        )
+        raise unknown("axis", name, AXES)
     if points < 2 or points != int(points):
         raise UsageError(f"curves of {points:g} points", "A curve has two ends, and whole points.")
     return AXES[name], int(points)

@@ -1,21 +1,36 @@
 """Reads the scenes and compiles the kernels before anything is trained or timed."""
 
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
+import torch
+
+from radiogs_core.contract import Method, Run, StageSpec
 from radiogs_core.errors import DataError
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 
+from ..errors import MethodFailed
+from ..method_calls import calling
 from ..scoring.metrics.protocols import protocol
 from ..scoring.metrics.weights import complaint
 from .cell import Cell
-from .stages import Bench
+from .stages import Bench, begun, close_stage
 from .sweep import Request
-from .warm_up import compile_kernels
+
+logger = logging.getLogger(__name__)
 
 COMPILED_ON = "convex"
 """The scene on which kernels are compiled: one with images, because some experiments have scenes without."""
+
+VIEWS = 2
+"""Views of the warm-up scene: the fewest from which a scene's extent is known."""
+
+PRESET = "smoke"
+"""The preset whose first steps compile the kernels."""
 
 
 def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
@@ -31,7 +46,7 @@ def read_everything(scene: Scene, advance: Callable[[int, int], None]) -> None:
         advance(done, len(maps))
 
 
-def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
+def preflight(request: Request, unfinished: Sequence[Cell], bench: Bench) -> None:
     """Read the scenes, to find damaged files before training, and compile the kernels before anything is timed."""
     scenes = [request.scenes[name] for name in dict.fromkeys(cell.scene for cell in unfinished)]
     progress = bench.progress
@@ -45,3 +60,42 @@ def make_ready(request: Request, unfinished: Sequence[Cell], bench: Bench) -> No
         progress.say("compiling kernels (kept for the next run)")
         work = ((bench.method(cell.found_as), cell.variant) for cell in unfinished if cell.stages)
         compile_kernels(load_scene(COMPILED_ON), bench.device, work)
+
+
+def compile_kernels(scene: Scene, device: torch.device, work: Iterable[tuple[Method, Any]]) -> None:
+    """Take one step of each stage that compiles kernels, for the given methods and variants, on a few views.
+
+    So kernels are compiled once a machine, by their cache; else its first cell would be charged for half a minute of
+    it. Stages that compile nothing (``StageSpec.compiles``) are not stepped, and only begun for those after them. A
+    method that fails here will fail its cells, which say so.
+    """
+    little = replace(scene, train=scene.train[:VIEWS])
+    done: list[tuple[str, Any]] = []
+    for method, variant in work:
+        if (method.name, variant) in done:
+            continue
+        done.append((method.name, variant))
+        try:
+            _warm_up(method, Run(little, variant, method.presets[PRESET], 0, device))
+        except MethodFailed:
+            logger.debug("%s failed where its kernels were compiled", method.name, exc_info=True)
+
+
+def _warm_up(method: Method, run: Run) -> None:
+    product: Mapping[str, Any] = {}
+    with calling(method.name, "stages()"):
+        specs = method.stages(run.variant, run.budget)
+    needed = max((index for index, spec in enumerate(specs, start=1) if spec.compiles), default=0)
+    for spec in specs[:needed]:
+        product = _warmed(method.name, spec, run, product)
+
+
+def _warmed(method: str, spec: StageSpec, run: Run, before: Mapping[str, Any]) -> dict[str, Any]:
+    stage = begun(method, spec, run, before)
+    try:
+        with calling(method, f"the first step of stage '{spec.name}'"):
+            if spec.compiles:
+                stage.step()
+            return dict(stage.product())
+    finally:
+        close_stage(method, stage)

@@ -19,7 +19,7 @@ def empty_result(cell: Cell, protocol: dict[str, Any]) -> Result:
 
 
 def blank_result(key: str, scene: str, content: dict[str, Any], protocol: dict[str, Any]) -> Result:
-    """The same of a cell that is given by its content alone, whose hash is ``key``."""
+    """The empty result of a cell that is given by its content alone, whose hash is ``key``."""
     return Result(
         schema=RESULT_SCHEMA,
         key=key,

@@ -1,7 +1,7 @@
 """Rows of a run that were scored from files which another program wrote (``score --into``).
 
-Their cells are results like others: the key is over the files' digest in place of the method's sources. What trained
-the files is not known, so variant, stages and seconds of training are empty, and the budget is named ``UNKNOWN``. The
+Their cells are results like others: the key is over the files' digest in place of the method's sources. The
+training is not known, so variant, stages and seconds of training are empty, and the budget is named ``UNKNOWN``. The
 store alone says which rows there are; a manifest has those that its run can be compared with.
 """
 
@@ -16,7 +16,7 @@ from ..store.folder import Store
 from ..store.schema import Result
 from ..suites.experiment import FROM_FILES
 from .cell import evaluation_code
-from .sweep import Line, Place, Sweep
+from .sweep import CellRef, Sweep, TableRow
 
 UNKNOWN = "not known"
 """Name of the budget of a row whose training nobody here has seen."""
@@ -47,7 +47,7 @@ def row_key(name: str) -> str:
 
 
 def cell_content(name: str, files: str, scene: Mapping[str, str], seed: int, protocol: str) -> dict[str, Any]:
-    """What the cell's key is the hash of. ``files``: their digest; ``scene``: the scene's ``checksum`` and ``loader``.
+    """The content whose hash is the cell's key. ``files``: their digest; ``scene``: its ``checksum`` and ``loader``.
 
     The method is called ``NAME (files)``, so that nobody's files are taken for a method of that name that was run.
     """
@@ -77,7 +77,7 @@ def measured(sweep: Sweep) -> Sweep:
     """The manifest without rows that were scored from files."""
     rows = [row for row in sweep["rows"] if "files" not in row]
     keys = {row["key"] for row in rows}
-    return {**sweep, "rows": rows, "cells": [place for place in sweep["cells"] if place["row"] in keys]}
+    return {**sweep, "rows": rows, "cells": [ref for ref in sweep["cells"] if ref["row"] in keys]}
 
 
 def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str]) -> tuple[Sweep, list[str]]:
@@ -100,12 +100,12 @@ def with_rows_from_files(store: Store, sweep: Sweep, checksums: Mapping[str, str
         if cell["evaluation_code"] != code:
             outdated.add(result["facts"]["row"])
             continue
-        place = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
-        if place not in found or scored_at(found[place]) <= scored_at(result):
-            found[place] = result
+        origin = (result["facts"]["row"], scene_of[cell["checksum"]], cell["seed"])
+        if origin not in found or scored_at(found[origin]) <= scored_at(result):
+            found[origin] = result
     lines = {name: _line(name, result) for (name, _, _), result in sorted(found.items(), key=lambda each: each[0])}
     places = [
-        Place(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[])
+        CellRef(row=row_key(name), scene=scene, seed=seed, key=result["key"], stages=[])
         for (name, scene, seed), result in sorted(found.items(), key=lambda each: each[0])
     ]
     whole: Sweep = {**own, "rows": [*own["rows"], *lines.values()], "cells": [*own["cells"], *places]}
@@ -117,5 +117,5 @@ def scored_at(result: Result) -> str:
     return str(result["facts"]["scored"])
 
 
-def _line(name: str, result: Result) -> Line:
-    return Line(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))
+def _line(name: str, result: Result) -> TableRow:
+    return TableRow(key=row_key(name), latex="", text=name, files=str(result["facts"]["read_as"]))

@@ -16,5 +16,5 @@ def checksum_now(scene: Scene) -> str:
     """
     if scene.folder is None:
         return scene.checksum
-    place = str(scene.folder.resolve())  # absolute: a relative one may be the name of a miniature
-    return load_scene(place, layout=scene.layout, options=options_of(scene.options)).checksum
+    folder = str(scene.folder.resolve())  # absolute: a relative one may be the name of a miniature
+    return load_scene(folder, layout=scene.layout, options=options_of(scene.options)).checksum

@@ -48,10 +48,10 @@ def _mark(scene: Scene) -> Mark:
     """Name, size and times of every file below the scene's folders."""
     roots = [scene.folder, scene.options.get("mask_folder")]
     paths = (
-        os.path.join(place, name)
+        os.path.join(folder, name)
         for root in roots
         if root is not None
-        for place, _, names in os.walk(root, followlinks=True)
+        for folder, _, names in os.walk(root, followlinks=True)
         for name in names
     )
     return tuple(sorted(_mark_of(path) for path in paths))

@@ -77,10 +77,10 @@ def scene_in_run(store: Store, sweep: Sweep, scene: Scene) -> str:
 def checksums_of(store: Store, sweep: Sweep) -> dict[str, str]:
     """The checksum of each scene of which a cell is finished, by name."""
     found: dict[str, str] = {}
-    for place in sweep["cells"]:
-        result = store.result(place["key"]) if place["scene"] not in found else None
+    for ref in sweep["cells"]:
+        result = store.result(ref["key"]) if ref["scene"] not in found else None
         if result is not None:
-            found[place["scene"]] = result["cell"]["checksum"]
+            found[ref["scene"]] = result["cell"]["checksum"]
     return found
 
 
@@ -101,8 +101,8 @@ def require_room(store: Store, sweep: Sweep, row: NewRow, scene: str) -> None:
                 "Give the row another name:  --row NAME",
             )
     taken = any(
-        (place["row"], place["scene"], place["seed"]) == (key, scene, row.seed) and store.has_result(place["key"])
-        for place in sweep["cells"]
+        (ref["row"], ref["scene"], ref["seed"]) == (key, scene, row.seed) and store.has_result(ref["key"])
+        for ref in sweep["cells"]
     )
     if taken and not row.force:
         raise UsageError(
@@ -202,14 +202,14 @@ def shown_files(predictions: Predictions, scene: Scene, albedo_scale: Sequence[f
     lit = {} if scene.surrounded else lit_views(scene, scene.test)
     first = next((light for light, views in lit.items() if view in views), None)
     shown_light = None
-    for place, (light, views) in enumerate(lit.items()):
+    for index, (light, views) in enumerate(lit.items()):
         if view not in views or view.name not in predictions.relit.get(light, {}):
             continue
         image, target = predictions.read_relit(light, view, mask), truth(view, f"relit/{light}")
         if light == first:
             shown_light = light
             arrays |= {"render/relit": image, "truth/relit": target}
-        if place < LIGHTS_SHOWN:
+        if index < LIGHTS_SHOWN:
             arrays |= {f"render/relit/{light}": image, f"truth/relit/{light}": target}
     found = predictions.read_light()
     if found is not None and scene.training_light is not None:
@@ -254,7 +254,7 @@ def maps_of(predictions: Predictions) -> list[str]:
 
 
 def facts_of(row: NewRow, predictions: Predictions) -> dict[str, Any]:
-    """What is known of the files; ``labels`` stand below the tables."""
+    """Facts about the files; ``labels`` stand below the tables."""
     labels = {
         "source": f"scored from files, read as {predictions.code} writes them; what trained it is not known here",
         "files": ", ".join(formats_of(predictions)),

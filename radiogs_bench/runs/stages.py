@@ -95,9 +95,9 @@ def trained(bench: Bench, cell: Cell, scene: Scene, score: Score | None = None) 
             product = stage.product()
         return score(restored(method, run_of(bench, cell, scene), product))
 
-    for place, stage in enumerate(cell.stages):
+    for index, stage in enumerate(cell.stages):
         asked = scored if score is not None and stage is cell.stages[-1] else None
-        outcome = stage_outcome(bench, cell, scene, place, product, asked)
+        outcome = stage_outcome(bench, cell, scene, index, product, asked)
         product, ledgers[stage.name] = outcome["product"], outcome["ledger"]
     return restored(method, run_of(bench, cell, scene), product), ledgers
 
@@ -111,7 +111,7 @@ def restored(method: Method, run: Run, product: Mapping[str, Any]) -> Trained:
 
 
 def facts_of(method: str, model: Trained) -> dict[str, Any]:
-    """What the method says of its model. Raises MethodFailed where that is not plain."""
+    """The method's facts about its model. Raises MethodFailed where that is not plain."""
     with calling(method, "facts()"):
         facts = dict(model.facts())
     try:
@@ -126,17 +126,17 @@ def facts_of(method: str, model: Trained) -> dict[str, Any]:
 def all_but_last(bench: Bench, cell: Cell, scene: Scene) -> None:
     """Run the stages that other cells may share, all but the last, and store them. Raises as ``trained`` does."""
     product: Mapping[str, Any] = {}
-    for place in range(len(cell.stages) - 1):
-        product = stage_outcome(bench, cell, scene, place, product)["product"]
+    for index in range(len(cell.stages) - 1):
+        product = stage_outcome(bench, cell, scene, index, product)["product"]
 
 
 def stage_outcome(
-    bench: Bench, cell: Cell, scene: Scene, place: int, before: Mapping[str, Any], score: StageScore | None = None
+    bench: Bench, cell: Cell, scene: Scene, index: int, before: Mapping[str, Any], score: StageScore | None = None
 ) -> Outcome:
     """The outcome of one of a cell's stages, run now or stored; ``before`` is the product of the previous stage."""
-    stage = cell.stages[place]
+    stage = cell.stages[index]
     with calling(cell.method, "stages()"):
-        spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[place]
+        spec = bench.method(cell.found_as).stages(cell.variant, cell.budget)[index]
     run = run_of(bench, cell, scene)
     return completed(bench, cell.method, stage, lambda: begun(cell.method, spec, run, before), scene, score)
 

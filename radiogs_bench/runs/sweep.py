@@ -1,12 +1,12 @@
 """Sweeps: the cells of a suite over scenes and seeds, and the manifest of a run in its store."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NotRequired, TypedDict, cast
+from typing import Any, NotRequired, TypedDict, cast
 
-from radiogs_core.capabilities import require_truth
+from radiogs_core.capabilities import RelitInModes, require_truth
 from radiogs_core.contract import Method, scaled
 from radiogs_core.errors import DataError, UsageError
 from radiogs_core.plain_values import to_plain
@@ -14,13 +14,12 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import scene_kind
 from radiogs_datasets.options import AS_STORED, SceneOptions
 
-from ..methods import budget_of, variant_of, why_not_given, with_given
+from ..methods import budget_of, mark, settings_of, variant_of, why_not_given, with_given
 from ..methods import method as find_method
 from ..store.aside import kept_aside
-from ..store.atomic import write_atomically
 from ..store.folder import Store, checkpoint_name, product_name
 from ..store.names import plain_name
-from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from ..suites.experiment import EXPERIMENTS
 from ..suites.suite import Row, Suite, with_numbers
 from .cell import Cell, Work, cell_of
@@ -29,8 +28,10 @@ SWEEP_SCHEMA = "radiogs-bench/sweep/3"
 
 FINISHED = "finished"
 
+WITH = " with "
 
-class Place(TypedDict):
+
+class CellRef(TypedDict):
     """A cell's row, scene and seed, its key, and the keys of its stages (see ``cell``)."""
 
     row: str
@@ -41,7 +42,7 @@ class Place(TypedDict):
     """The keys of its stages, in order; empty for an experiment that trains nothing."""
 
 
-class Line(TypedDict):
+class TableRow(TypedDict):
     """A row: its key, and its labels in LaTeX and in plain text."""
 
     key: str
@@ -65,51 +66,59 @@ class Sweep(TypedDict):
     title: str
     published: str | None
     reference: str | None
-    rows: list[Line]
+    rows: list[TableRow]
     """In order."""
     columns: list[str]
     """Metrics as ``task/measure``, in order."""
     preset: str
+    """Its name, and the fields that were set (``preset_text``)."""
     protocol: str
     device: str
     seeds: list[int]
     scenes: list[str]
+    relighting: NotRequired[dict[str, dict[str, Any]]]
+    """``RelightingModes.plain`` of each method that offers modes, by its name; absent where none does, and in folders
+    of earlier versions."""
     kinds: NotRequired[dict[str, str]]
     """The kind of each scene; absent where no scene states one, and in folders of earlier versions."""
-    cells: list[Place]
+    cells: list[CellRef]
     command: NotRequired[list[str]]
-    """What was typed after the program's name; absent for a run from Python and in folders of earlier versions."""
+    """The arguments of the command line; absent for a run from Python and in folders of earlier versions."""
     seal: NotRequired[str]
     """Added when it is written (``store.seal``)."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A suite and the settings of a run. ``shard`` (i, n): run part i of n, counted from 0.
-
-    ``places``: name or path of each scene, from which other processes load it. ``method`` finds a
-    method by its name; ``options`` are those that the scenes were opened with. ``command``:
-    what was typed to ask for it.
-    """
+    """A suite and the settings of a run."""
 
     suite: Suite
     scenes: Mapping[str, Scene]
     seeds: int
+    """How many: seeds 0 to ``seeds`` - 1 are run."""
     preset: str
     protocol: str
     device: str
     shard: tuple[int, int] = (0, 1)
+    """(i, n): run part i of n, counted from 0."""
     places: Mapping[str, str] = field(default_factory=dict)
+    """Name or path of each scene, from which other processes load it."""
     method: Callable[[str], Method] = find_method
+    """Finds a method by its name."""
     options: SceneOptions = AS_STORED
+    """The options that the scenes were opened with."""
     command: Sequence[str] = ()
+    """The arguments of the command line."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """Fields that ``--set`` changes, by dotted names. The suite's rows have those of variants already; those of budgets
+    take the place of the preset's numbers."""
 
     def experiment(self) -> Callable[..., None]:
         """The function that runs one of the cells, given a bench, the cell and its scene."""
         return EXPERIMENTS[self.suite.experiment].run()
 
-    def cells(self) -> list[tuple[Place, Cell]]:
-        """Every cell with its place, scene by scene and seed by seed, so that complete comparisons finish early.
+    def cells(self) -> list[tuple[CellRef, Cell]]:
+        """Every cell with its reference, scene by scene and seed by seed, so that complete comparisons finish early.
 
         Rows that give parts of the truth which their method does not take have none. Raises UsageError where a method
         takes none of the parts of any of its rows, DataError for a scene whose truth is not known.
@@ -131,19 +140,19 @@ class Request:
                 )
         return refused
 
-    def own_cells(self) -> list[tuple[Place, Cell]]:
+    def own_cells(self) -> list[tuple[CellRef, Cell]]:
         """The cells of this shard. Cells that share their first stage are in the same shard."""
         cells = self.cells()
-        groups = {key: place for place, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
+        groups = {key: ref for ref, key in enumerate(dict.fromkeys(cell.first_key for _, cell in cells))}
         number, count = self.shard
-        return [(place, cell) for place, cell in cells if groups[cell.first_key] % count == number]
+        return [(ref, cell) for ref, cell in cells if groups[cell.first_key] % count == number]
 
-    def _cell(self, row: Row, scene: str, seed: int) -> tuple[Place, Cell]:
+    def _cell(self, row: Row, scene: str, seed: int) -> tuple[CellRef, Cell]:
         used = self.method(row.method)
         require_truth(self.scenes[scene], row.given or ())
         work = Work(
             variant=with_given(used, variant_of(used, row.variant), row.given or ()),
-            budget=scaled(budget_of(used, self.preset), row.budget),
+            budget=self._budget(used, row),
             seed=seed,
             device=self.device,
             protocol=self.protocol,
@@ -152,12 +161,17 @@ class Request:
         )
         cell = cell_of(used, self.scenes[scene], work, row.method)
         keys = [stage.key for stage in cell.stages]
-        return Place(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
+        return CellRef(row=row.key, scene=scene, seed=seed, key=cell.key, stages=keys), cell
 
-    def _line(self, row: Row) -> Line:
+    def _budget(self, used: Method, row: Row) -> Any:
+        """The preset of a row's method, with the fields that are set, times the row's factors."""
+        given = settings_of(used, self.preset, self.settings).budget
+        return scaled(budget_of(used, self.preset, given), row.budget)
+
+    def _line(self, row: Row) -> TableRow:
         used = self.method(row.method)
-        budget = to_plain(scaled(budget_of(used, self.preset), row.budget))
-        line = Line(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
+        budget = to_plain(self._budget(used, row))
+        line = TableRow(key=row.key, latex=with_numbers(row.latex, budget), text=with_numbers(row.text, budget))
         if row.given is not None:
             line["method"], line["given"] = used.title, list(row.given)
         refusal = self.refused().get(row.key)
@@ -172,7 +186,7 @@ class Request:
         }
         return {name: kind or "" for name, kind in found.items()} if any(found.values()) else {}
 
-    def manifest(self, places: Sequence[Place]) -> Sweep:
+    def manifest(self, refs: Sequence[CellRef]) -> Sweep:
         """The request as stored in the folder."""
         suite = self.suite
         made: Sweep = {
@@ -183,13 +197,15 @@ class Request:
             "reference": suite.reference,
             "rows": [self._line(row) for row in suite.rows],
             "columns": [metric.key for metric in suite.columns],
-            "preset": self.preset,
+            "preset": preset_text(self.preset, self.settings),
             "protocol": self.protocol,
             "device": self.device,
             "seeds": list(range(self.seeds)),
             "scenes": list(self.scenes),
-            "cells": list(places),
+            "cells": list(refs),
         }
+        if relighting := relighting_of(self.method(row.method) for row in suite.rows):
+            made["relighting"] = relighting
         if kinds := self.kinds():
             made["kinds"] = kinds
         if self.command:
@@ -197,29 +213,49 @@ class Request:
         return made
 
 
-def label(place: Place) -> str:
+def relighting_of(methods: Iterable[Method]) -> dict[str, dict[str, Any]]:
+    """The relighting modes of the methods that offer any, as plain values by the methods' names."""
+    return {used.name: used.relighting_modes.plain() for used in methods if isinstance(used, RelitInModes)}
+
+
+def preset_text(preset: str, settings: Mapping[str, Any]) -> str:
+    """A preset and the fields that were set, as manifests and captions name them.
+
+    >>> preset_text("tiny", {"inverse_iterations": 300})
+    'tiny with inverse_iterations = 300'
+    """
+    marks = sorted(mark(name, value) for name, value in settings.items())
+    return f"{preset}{WITH}{', '.join(marks)}" if marks else preset
+
+
+def plain_preset(text: str) -> str:
+    """The preset's own name in what ``preset_text`` made."""
+    return text.partition(WITH)[0]
+
+
+def label(ref: CellRef) -> str:
     """The label of a cell in messages, such as ``corner ours seed 0``."""
-    return f"{place['scene']} {place['row']} seed {place['seed']}"
+    return f"{ref['scene']} {ref['row']} seed {ref['seed']}"
 
 
-def state_of(store: Store, place: Place) -> str:
+def state_of(store: Store, ref: CellRef) -> str:
     """State of a cell: finished, failed, trained but not scored, begun, or to do; last, what of it was damaged."""
-    state = _progress(store, place)
-    key = place["key"]
+    state = _progress(store, ref)
+    key = ref["key"]
     damaged = [name for name in kept_aside(store.folder) if name.startswith((f"{key}.json", f"{key}.npz"))]
     return f"{state} (its results were damaged and are in aside/)" if damaged and state != FINISHED else state
 
 
-def _progress(store: Store, place: Place) -> str:
-    if store.result(place["key"]) is not None:
+def _progress(store: Store, ref: CellRef) -> str:
+    if store.result(ref["key"]) is not None:
         return FINISHED
-    failure = store.failure(place["key"])
+    failure = store.failure(ref["key"])
     if failure is not None:
         return f"failed: {failure['what']}"
-    for number in range(len(place["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
-        key = place["stages"][number - 1]
+    for number in range(len(ref["stages"]), 0, -1):  # a product outlives the checkpoint that led to it
+        key = ref["stages"][number - 1]
         if store.has_tensors(product_name(key)):
-            return "trained, not scored" if number == len(place["stages"]) else f"to do: stage {number} is there"
+            return "trained, not scored" if number == len(ref["stages"]) else f"to do: stage {number} is there"
         if store.has_tensors(checkpoint_name(key)):
             return f"begun: in stage {number}"
     return "to do"
@@ -235,7 +271,7 @@ def steps_to_take(store: Store, cells: Sequence[Cell]) -> int:
 def changing_sweep(store: Store) -> Iterator[Callable[[Sweep], None]]:
     """Exclusive right to read the manifest and to write another one, which the function that is given does."""
     with store.patient_claim("sweep"):
-        yield lambda sweep: write_atomically(_path(store.folder), strict_json(sealed(sweep)))
+        yield lambda sweep: write_sealed(_path(store.folder), sweep)
 
 
 def has_sweep(folder: Path) -> bool:
@@ -264,8 +300,8 @@ def read_sweep(folder: Path) -> Sweep:
             "Run the same command again: it repeats no finished cell and writes the file anew.",
         ) from error
     plain_name(stored["suite"], f"the suite of {path}")
-    for place in stored["cells"]:
-        for key in (place["key"], *place["stages"]):
+    for ref in stored["cells"]:
+        for key in (ref["key"], *ref["stages"]):
             plain_name(key, f"a key of {path}")
     return stored
 

@@ -49,8 +49,8 @@ class Trail:
 
 def milestones(iterations: int) -> set[int]:
     """Steps from the first to the last, each about 1.2 times the previous one."""
-    found, place = {iterations}, 0
-    while (step := round(2 ** (place / POINTS_A_DOUBLING))) < iterations:
+    found, index = {iterations}, 0
+    while (step := round(2 ** (index / POINTS_A_DOUBLING))) < iterations:
         found.add(step)
-        place += 1
+        index += 1
     return found

@@ -5,15 +5,17 @@ are for other programs: what the method exports (RadioGS: ``surfels.ply``, see `
 and the recovered light as ``environment.exr`` (linear radiance, lat-long, Z up, centre column towards +X).
 """
 
+import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict, cast
 
 import torch
 
 from radiogs_core.contract import Run, Trained
-from radiogs_core.errors import DataError
-from radiogs_core.plain_values import to_plain
+from radiogs_core.errors import DataError, UsageError
+from radiogs_core.plain_values import flat, to_plain, with_values
 from radiogs_core.scene.initial_viewpoint import initial_viewpoint
 from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
@@ -22,14 +24,28 @@ from radiogs_datasets.options import options_of
 
 from ..method_calls import calling
 from ..methods import budget_of, method, variant_of
-from ..store.atomic import write_atomically
 from ..store.folder import Store, product_name
 from ..store.names import plain_name
-from ..store.seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from ..store.seal import Broken, OtherSchema, read_sealed, write_sealed
 from .cell import Cell
 from .stages import facts_of, restored
+from .sweep import preset_text
 
 TRAINED_SCHEMA = "radiogs-bench/trained/3"
+
+FOLDERS_OF_THE_STORE = ("aside", "cells", "locks", "stages", "tracebacks", "work")
+"""Folders that models share: their files are named by keys, and none replaces another's."""
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The names by which the scene and the budget of a model are found again."""
+
+    scene: str
+    """The scene's name or folder."""
+    preset: str
+    budget: Mapping[str, Any]
+    """Numbers that take the place of the preset's, by dotted names."""
 
 
 class About(TypedDict):
@@ -41,10 +57,12 @@ class About(TypedDict):
     scene: str
     """As given to ``train``: a name, or a path relative to its working folder."""
     options: NotRequired[dict[str, Any]]
-    """What the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
+    """The options that the scene was opened with (``SceneOptions.plain``); absent for a scene as it is stored."""
     checksum: str
     """Checksum of the scene's files at training."""
     preset: str
+    budget: NotRequired[dict[str, Any]]
+    """Numbers that were set in place of the preset's, by dotted names; absent where none were."""
     seed: int
     variant: dict[str, Any]
     training_key: str
@@ -56,16 +74,16 @@ class About(TypedDict):
     """Added when it is written (``store.seal``)."""
 
 
-def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
-    """Write ``trained.json`` and the model's files; returns their paths. ``place``: the scene's name or folder."""
+def write_trained(store: Store, origin: Origin, scene: Scene, cell: Cell, model: Trained) -> list[Path]:
+    """Write ``trained.json`` and the model's files; returns their paths."""
     folder = store.folder
     assert cell.training_key is not None
     about = About(
         schema=TRAINED_SCHEMA,
         method=cell.found_as,
-        scene=place,
+        scene=origin.scene,
         checksum=cell.checksum,
-        preset=cell.budget.name,
+        preset=origin.preset,
         seed=cell.seed,
         variant=to_plain(cell.variant),
         training_key=cell.training_key,
@@ -74,6 +92,8 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
     )
     if scene.options:
         about["options"] = dict(scene.options)
+    if origin.budget:
+        about["budget"] = flat(origin.budget)
     with calling(cell.method, "export()"):
         written = [*model.export(folder)]
     with calling(cell.method, "light"):
@@ -81,7 +101,7 @@ def write_trained(store: Store, place: str, scene: Scene, cell: Cell, model: Tra
     if light is not None:
         written.append(folder / "environment.exr")
         write_exr(written[-1], light.radiance.numpy())
-    write_atomically(folder / "trained.json", strict_json(sealed(about)))
+    write_sealed(folder / "trained.json", about)
     return [*written, folder / "trained.json"]
 
 
@@ -106,18 +126,50 @@ def read_about(folder: Path) -> About:
     return about
 
 
-def read_trained(folder: Path, device: torch.device, turned: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
+def set_other_model_aside(folder: Path, cell: Cell, replace: bool) -> Path | None:
+    """Move the files of another model aside if ``replace`` says so; returns where they are, None if there is no other.
+
+    Raises UsageError without ``replace``.
+    """
+    try:
+        about = read_about(folder)
+    except DataError:
+        return None
+    if about["training_key"] == cell.training_key:
+        return None
+    if not replace:
+        raise UsageError(
+            f"{folder} holds another trained model: {_described(about)}",
+            "It was trained from another scene, with other settings, or by another version of the code.",
+            "Give another --out, or --force: its files are then moved to a folder beside the new ones.",
+        )
+    kept = folder / f"replaced-{about['training_key']}"
+    kept.mkdir(exist_ok=True)
+    for path in sorted(folder.iterdir()):
+        if path.name not in FOLDERS_OF_THE_STORE and not path.name.startswith("replaced-"):
+            os.replace(path, kept / path.name)
+    return kept
+
+
+def _described(about: About) -> str:
+    """Method, scene, preset and seed of a model, in words."""
+    preset = preset_text(about["preset"], about.get("budget", {}))
+    return f"{about['method']} of scene '{about['scene']}', preset {preset}, seed {about['seed']}"
+
+
+def read_trained(folder: Path, device: torch.device, changes: Mapping[str, Any] | None = None) -> tuple[Run, Trained]:
     """The run and the model that were trained in a folder.
 
-    ``turned`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
+    ``changes`` changes fields of the variant that only rendering reads, such as RadioGS's ``relighting``. Raises
     DataError if there is no model or its scene has changed.
     """
     about = read_about(folder)
     used = method(about["method"])
-    variant = variant_of(used, {**about["variant"], **(turned or {})})
+    variant = with_values(variant_of(used, about["variant"]), changes or {}, f"variant of {used.name}")
     scene = scene_of(about)
     workspace = folder / "work" / about["training_key"]
-    run = Run(scene, variant, budget_of(used, about["preset"]), about["seed"], device, workspace)
+    budget = budget_of(used, about["preset"], about.get("budget"))
+    run = Run(scene, variant, budget, about["seed"], device, workspace)
     return run, restored(used, run, product_of(folder, about["training_key"], device))
 
 

@@ -44,7 +44,7 @@ Error = Sequence[float]
 def determined(
     trained: Trained, scene: Scene, device: torch.device, method: str, still_there: Callable[[], None] = lambda: None
 ) -> dict[str, Determined]:
-    """How well the images determine each quantity that the trained model can change; empty if it offers none.
+    """Tests each quantity that the trained model can be shown with changed; empty if it offers none.
 
     ``still_there`` is called after each change and may raise to stop. Raises MethodFailed for an exception of the
     method and for images of another number or size than the cameras, NumericalFailure for one that is not finite.
@@ -70,8 +70,7 @@ def determined(
 
 
 def from_errors(value: float, step: float, here: Error, above: Error, below: Error) -> Determined:
-    """How well a quantity is determined, from three errors of each view: as recovered, one step above, and one step
-    below.
+    """Judges a quantity by three errors of each view: as recovered, and a step above and below.
 
     Through the three runs a parabola. Half its second difference is the rise that a step costs wherever its lowest
     point is; for small steps it is the mean squared change of the image, whatever the image's error. The lowest point
@@ -119,7 +118,7 @@ def _lowest(slopes: Sequence[float], rises: Sequence[float]) -> tuple[float | No
 
 def spread_over(views: Sequence[View], most: int) -> Sequence[View]:
     """At most that many views, evenly spread over their list."""
-    return [views[place * len(views) // most] for place in range(most)] if len(views) > most else views
+    return [views[index * len(views) // most] for index in range(most)] if len(views) > most else views
 
 
 def _errors(method: str, images: Sequence[Float[Tensor, "height width 3"]], views: Sequence[View]) -> list[float]:

@@ -26,8 +26,8 @@ def frame_milliseconds(
         if device.type == "cuda":
             torch.cuda.synchronize(device)
 
-    for place in range(WARM_UP):
-        render(cameras[place % len(cameras)])
+    for index in range(WARM_UP):
+        render(cameras[index % len(cameras)])
     times = []
     for camera in cameras:
         finish()

@@ -20,7 +20,7 @@ KEPT_BYTES = 128 * 2**20
 """Codes of a cell, before compression, if no number of views is asked for: predictions and truth together."""
 
 CHANNELS = 14
-"""Channels of all ``MAPS``."""
+"""Channels of all ``MAPS`` together."""
 
 MARGIN = 0.1
 """The range of depths is wider than that of the true ones by this share of it, on both sides."""
@@ -100,7 +100,7 @@ def views_to_keep(scene: Scene, count: int | None) -> KeptViews:
     if count is None:
         count = max(1, KEPT_BYTES // _bytes_of(views[middle], len(scene.lights)))
     count = min(count, len(views))
-    chosen = frozenset(views[(middle + place * len(views) // count) % len(views)].name for place in range(count))
+    chosen = frozenset(views[(middle + index * len(views) // count) % len(views)].name for index in range(count))
     return KeptViews([view.name for view in views], chosen, scene.extent)
 
 

@@ -1,4 +1,4 @@
-"""Metrics that are not scored in a scene without masks, because its light is not distant."""
+"""Metrics that a scene without masks cannot have, and why: its light is not distant."""
 
 from radiogs_core.scene.scene import Scene
 

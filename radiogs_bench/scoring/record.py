@@ -47,7 +47,7 @@ def record_of(
 def scored(
     rules: Protocol, metrics: Mapping[str, MetricValue], albedo_scale: list[float] | None = None
 ) -> dict[str, Any]:
-    """The entry of one protocol in a record."""
+    """The part of a record for one protocol."""
     return {"conventions": rules.describe(), "metrics": dict(metrics), "albedo_scale": albedo_scale}
 
 

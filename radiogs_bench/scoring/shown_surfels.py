@@ -40,8 +40,8 @@ def surfel_arrays(model: Trained, seen_from: InitialViewpoint) -> dict[str, np.n
 def arrays_of(surfels: Surfels, seen_from: InitialViewpoint) -> dict[str, np.ndarray]:
     """The arrays of ``surfel_arrays`` of at least one surfel."""
     with torch.no_grad():
-        place = {name: np.array(value, np.float32) for name, value in seen_from.plain().items()}
-        return {f"surfels/{name}": values for name, values in {**_arrays(surfels), **place}.items()}
+        viewpoint = {name: np.array(value, np.float32) for name, value in seen_from.plain().items()}
+        return {f"surfels/{name}": values for name, values in {**_arrays(surfels), **viewpoint}.items()}
 
 
 def _arrays(surfels: Surfels) -> dict[str, np.ndarray]:

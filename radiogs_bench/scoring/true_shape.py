@@ -109,15 +109,15 @@ def _sees(view: View, points: Float[np.ndarray, "points 3"]) -> Bool[np.ndarray,
     column = (camera.fx * local[:, 0] / z + camera.cx).floor()
     row = (camera.fy * local[:, 1] / z + camera.cy).floor()
     inside = before & (column >= 0) & (column < camera.width) & (row >= 0) & (row < camera.height)
-    place = torch.where(inside, row, 0).long(), torch.where(inside, column, 0).long()
-    depth, alpha = (view.read(name)[..., 0].double()[place] for name in ("depth", "alpha"))
+    pixel = torch.where(inside, row, 0).long(), torch.where(inside, column, 0).long()
+    depth, alpha = (view.read(name)[..., 0].double()[pixel] for name in ("depth", "alpha"))
     close = (z - depth).abs() <= TOLERANCE * z / min(camera.fx, camera.fy)
     seen: Bool[np.ndarray, " points"] = (inside & (alpha > COVERED) & close).numpy()
     return seen
 
 
 def _seen_points(view: View) -> Float[np.ndarray, "points 3"]:
-    """The world points of a view's true depth map, one for each pixel."""
+    """The points of a view's true depth map, one a pixel."""
     camera: Camera = view.camera.to("cpu", torch.float64)
     depth, alpha = (view.read(name)[..., 0].double() for name in ("depth", "alpha"))
     kept = (alpha > COVERED) & (depth > 0)

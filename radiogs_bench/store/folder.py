@@ -31,7 +31,7 @@ from .claim import claim, patient_claim
 from .keys import content_key
 from .names import plain_name
 from .schema import RESULT_SCHEMA, Failure, Result
-from .seal import Broken, OtherSchema, read_sealed, sealed, strict_json
+from .seal import Broken, OtherSchema, read_sealed, write_sealed
 from .tensor_file import packed, read_tensors
 
 logger = logging.getLogger(__name__)
@@ -57,7 +57,7 @@ class Store:
         return patient_claim(self.folder / "locks" / name)
 
     def result(self, key: str) -> Result | None:
-        """The finished result of a cell, or None. A file that does not agree with its seal is moved aside and reported.
+        """The finished result of a cell, or None. A file that does not agree with its seal is moved aside.
 
         A result whose array file is missing or another than the one it names is not finished. Raises OtherSchema for a
         result of another version, StoreError where the folder cannot be read.
@@ -143,7 +143,7 @@ class Store:
         self._cell_path(key).unlink(missing_ok=True)  # of arrays that are gone: it must not stand beside new ones
         write_atomically(self.arrays_path(key), content)
         whole = {**result, "arrays": hashlib.sha256(content).hexdigest()}
-        write_atomically(self._cell_path(key), strict_json(sealed(whole)))
+        write_sealed(self._cell_path(key), whole)
         self.drop_failure(key)
 
     def arrays_path(self, key: str) -> Path:
@@ -169,18 +169,18 @@ class Store:
 
     def put_failure(self, failure: Failure) -> None:
         """Store why a cell failed."""
-        write_atomically(self._failure_path(failure["key"]), strict_json(sealed(failure)))
+        write_sealed(self._failure_path(failure["key"]), failure)
 
     @contextmanager
     def keeping_tracebacks(self) -> Iterator[None]:
-        """Store the traceback of a method's exception in the block; the exception then names the traceback's file."""
+        """Raises failures of a method again, with the path of the stored traceback."""
         try:
             yield
         except MethodFailed as failure:
             raise self.with_traceback(failure) from failure
 
     def with_traceback(self, failure: MethodFailed) -> MethodFailed:
-        """The same failure, which says where its traceback is kept: under a name of its content, so once for many."""
+        """The failure with the path of its traceback, which is stored under a digest of its content, once for many."""
         if not failure.trace:
             return failure
         content = failure.trace.encode(errors="replace")
@@ -192,8 +192,7 @@ class Store:
         return MethodFailed(failure.what, failure.why, remedy)
 
     def tensors(self, name: str, device: torch.device) -> dict[str, Any] | None:
-        """The values that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and counts as
-        absent.
+        """The content that ``put_tensors`` stored under ``name``, or None; a damaged file is moved aside and is absent.
 
         Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there.
         """

@@ -17,7 +17,7 @@ from .folder import Store
 from .names import plain_name
 
 LARGEST_BYTES = 10_000
-"""Largest size of the file; no process of this program writes a larger one."""
+"""Largest size of the file in bytes; a longer one was not written by a process of ours."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Pace:
 
     @property
     def seconds_left(self) -> float | None:
-        """Remaining seconds of the task at this speed; None while it is not known."""
+        """Seconds that the task has left at this speed; None while that is not known."""
         return (self.total - self.done) / self.steps_a_second if self.steps_a_second else None
 
     @property
@@ -74,7 +74,7 @@ def pace_of(store: Store, key: str) -> Pace | None:
 
 
 def paces(store: Store) -> list[Pace]:
-    """Progress of all cells in progress in the folder."""
+    """Progress of all cells in the folder that are being worked on."""
     found = (pace_of(store, path.stem) for path in sorted((store.folder / "locks").glob("*.pace")))
     return [pace for pace in found if pace is not None]
 

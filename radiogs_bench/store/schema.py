@@ -83,7 +83,7 @@ class Data(TypedDict):
 
     layout: str
     width: int
-    """Width of the first test view, pixels."""
+    """Size of the first test view, pixels."""
     height: int
     training_views: int
     """As the scene has them; a variant may use a share of them."""

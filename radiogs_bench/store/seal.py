@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import StoreError
+from .atomic import write_atomically
 from .keys import canonical
 
 SEAL = "seal"
@@ -41,6 +42,14 @@ def sealed(content: Mapping[str, Any]) -> dict[str, Any]:
 def strict_json(content: Mapping[str, Any]) -> bytes:
     """JSON without NaN and infinity, one value per line, with the same bytes for the same content."""
     return (json.dumps(content, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
+
+
+def write_sealed(path: Path, content: Mapping[str, Any]) -> None:
+    """Write plain content with its seal, whole or not at all (``atomic.write_atomically``).
+
+    Raises StoreError where the file cannot be written, ValueError for NaN, which JSON does not know.
+    """
+    write_atomically(path, strict_json(sealed(content)))
 
 
 def read_sealed(path: Path, schema: str, required: Collection[str]) -> dict[str, Any]:

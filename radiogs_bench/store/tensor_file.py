@@ -23,7 +23,7 @@ def packed(name: str, content: Mapping[str, Any]) -> memoryview:
 
 
 def read_tensors(path: Path, name: str, device: torch.device) -> dict[str, Any]:
-    """The values that were stored under ``name``. Pickles are not executed; every part's checksum is compared.
+    """Reads the content that was stored under ``name``. Pickles are not executed; every part's checksum is compared.
 
     Tensors saved from a GPU are loaded to ``device``; those saved from the CPU (random states) stay there. Raises
     FileNotFoundError, StoreError where the file cannot be read, and Broken where it is damaged or another's.

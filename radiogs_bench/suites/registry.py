@@ -7,15 +7,14 @@ used in files at once.
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from radiogs_baselines.published import published_tables
 from radiogs_core.contract import current_name, whole_numbers
-from radiogs_core.errors import DataError, UsageError
-from radiogs_core.plain_values import PlainReader, to_plain
+from radiogs_core.errors import DataError, UsageError, unknown
+from radiogs_core.plain_values import PlainReader, flat, to_plain
 from radiogs_datasets import known_names
 from radiogs_datasets.bounded_reading import TABLE_LIMIT, read_bytes
 
@@ -54,18 +53,16 @@ SUITES: Mapping[str, Suite] = {
 def suite(name: str) -> Suite:
     """The suite of that name. Raises UsageError for an unknown one, with the nearest name."""
     if name not in SUITES:
-        # Several tables of one data set are several suites, which share its name.
-        near = [each for each in SUITES if each.startswith(f"{name}-")] or get_close_matches(name, SUITES, 1)
-        raise UsageError(
-            f"unknown suite '{name}'",
-            f"Did you mean {' or '.join(map(repr, near))}?" if near else f"Suites: {', '.join(SUITES)}.",
-            "See them all:  radiogs-bench run --list",
-        )
+        tables = [each for each in SUITES if each.startswith(f"{name}-")]
+        error = unknown("suite", name, SUITES, "See them all:  radiogs-bench run --list")
+        if tables:  # several tables of one data set are several suites, which share its name
+            raise UsageError(error.what, f"Did you mean {' or '.join(map(repr, tables))}?", error.remedy)
+        raise error
     return SUITES[name]
 
 
 LARGEST_FACTOR = 1e4
-"""Largest factor of a number of the budget: no machine finishes the largest preset times this."""
+"""Largest factor of a number of the budget: the largest preset times it is more than any machine finishes."""
 
 
 def read_suite(path: Path) -> Suite:
@@ -91,9 +88,11 @@ def read_suite(path: Path) -> Suite:
 
 
 def _complete(row: object) -> None:
-    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text."""
+    """Fill in what a row may leave out: its LaTeX label, which reports then make from its text; flatten its budget."""
     if isinstance(row, dict):
         row.setdefault("latex", "")
+        if isinstance(row.get("budget"), dict):
+            row["budget"] = flat(row["budget"])
 
 
 def _metric(reader: PlainReader, value: Any, where: str) -> Metric:
@@ -121,8 +120,8 @@ def _check(suite: Suite, reader: PlainReader) -> None:
     if suite.published is not None:
         reader.known("suite.published", "published table", suite.published, published_tables())
     _check_text("suite.title", suite.title, reader)
-    for place, row in enumerate(suite.rows):
-        _check_row(row, reader, f"suite.rows[{place}]")
+    for index, row in enumerate(suite.rows):
+        _check_row(row, reader, f"suite.rows[{index}]")
 
 
 def _check_text(where: str, text: str, reader: PlainReader) -> None:
@@ -138,7 +137,7 @@ def _check_row(row: Row, reader: PlainReader, where: str) -> None:
         used = method(row.method)
     except UsageError as absent:
         reader.fail(f"{where}.method", absent.what, absent.why, absent.remedy)
-    reader.build(used.variant, row.variant, f"{where}.variant")
+    reader.change(used.variant(), row.variant, f"{where}.variant")
     preset = next(iter(used.presets.values()))
     scaled = whole_numbers(preset)
     for label in (row.text, row.latex):

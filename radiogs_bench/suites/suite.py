@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from radiogs_core.capabilities import Part
-from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import flat
+from radiogs_core.errors import UsageError, unknown
+from radiogs_core.plain_values import flat, value_at
 
-from ..methods import DEFAULT, method, variant_of
+from ..methods import DEFAULT, Settings, budget_of, mark, method, settable, settings_of, variant_of
 from .experiment import TRAINING
 
 
@@ -182,6 +182,59 @@ def with_field(suite: Suite, name: str, value: object, mark: str) -> Suite:
     return replace(suite, rows=tuple(map(changed, suite.rows)))
 
 
+def with_settings(suite: Suite, given: Mapping[str, Any], preset: str) -> tuple[Suite, list[str]]:
+    """The suite with fields set in every row whose method has them, and remarks on the rows that differ.
+
+    ``given`` has plain values by dotted names of fields of a variant or a budget (``methods.settings_of``). Labels say
+    what was set. Budgets are changed by the run (``runs.sweep.Request``): a row's factors multiply what is set. A row
+    that sets a field of its variant itself keeps its value: it is what the suite compares. Raises UsageError for a name
+    that no row's method has, and for a value that a method does not take.
+    """
+    methods = {name: method(name) for name in dict.fromkeys(row.method for row in suite.rows)}
+    found = {name: settings_of(used, preset, given) for name, used in methods.items()}
+    for name in given:
+        if not any(_has(settings_of(used, preset, {name: given[name]})) for used in methods.values()):
+            names = dict.fromkeys(each for used in methods.values() for each in settable(used, preset))
+            raise unknown("field", name, names, "See the fields of each method:  radiogs-bench methods")
+    for name, used in methods.items():
+        variant_of(used, found[name].variant)
+        budget_of(used, preset, found[name].budget)
+    remarks: list[str] = []
+    rows = tuple(_with_settings(row, found[row.method], preset, remarks) for row in suite.rows)
+    lacking = [name for name, settings in found.items() if not _has(settings)]
+    remarks += [f"rows of method '{name}' run as they are: it has none of the fields that are set" for name in lacking]
+    return replace(suite, rows=rows), remarks
+
+
+def _has(settings: Settings) -> bool:
+    return bool(settings.variant or settings.budget)
+
+
+def _with_settings(row: Row, settings: Settings, preset: str, remarks: list[str]) -> Row:
+    """A row with fields of its variant set and marks on its label; adds to ``remarks`` what the row keeps."""
+    used, own = method(row.method), flat(row.variant)
+    kept = {
+        name
+        for name in settings.variant
+        if any(name == each or name.startswith(f"{each}.") or each.startswith(f"{name}.") for each in own)
+    }
+    remarks += [f"row '{row.key}' sets {name} itself and keeps its value" for name in sorted(kept)]
+    changes = {name: value for name, value in settings.variant.items() if name not in kept}
+    try:
+        made = variant_of(used, {**row.variant, **changes})
+    except UsageError as refused:
+        remarks.append(f"row '{row.key}' keeps its variant: {refused.what}")
+        made, changes = variant_of(used, row.variant), {}
+    budget = budget_of(used, preset, settings.budget)
+    marks = [
+        *(mark(name, value_at(made, name)) for name in changes),
+        *(mark(name, value_at(budget, name)) for name in settings.budget),
+    ]
+    if not marks:
+        return row
+    return replace(row, variant={**row.variant, **changes}, latex="", text=f"{row.text} ({', '.join(sorted(marks))})")
+
+
 def _accepted(name: str, variant: Mapping[str, Any]) -> bool:
     try:
         variant_of(method(name), variant)
@@ -238,11 +291,11 @@ def knob_rows(key: str, symbol: str, name: str, values: Sequence[int]) -> tuple[
 
 
 NUMBER = re.compile(r"<([a-z_][\w.]*(?:\+[a-z_][\w.]*)*)>")
-"""A number of the budget in a label, or a sum of some: ``<incident_samples>``."""
+"""A number of the budget in a label, or a sum of some, by dotted names: ``<incident_samples>``."""
 
 
 def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
-    """A row's label with the numbers that its budget (plain, by field) has in place of their names.
+    """A row's label with the numbers that its budget (plain, by dotted names) has in place of their names.
 
     Raises UsageError for a name that is none of the budget's fields.
 
@@ -250,17 +303,17 @@ def with_numbers(label: str, budget: Mapping[str, Any]) -> str:
     'N = 3 of 2'
     """
 
-    numbers = flat(budget)
+    budget = flat(budget)
 
     def number(found: re.Match[str]) -> str:
         names = found[1].split("+")
         for name in names:
-            if name not in numbers:
+            if name not in budget:
                 raise UsageError(
                     f"the label '{label}' names '{name}', which the budget does not have",
-                    f"It has: {', '.join(numbers)}.",
+                    f"It has: {', '.join(budget)}.",
                     "Labels name numbers of the budget as <name>.",
                 )
-        return f"{sum(numbers[name] for name in names)}"
+        return f"{sum(budget[name] for name in names)}"
 
     return NUMBER.sub(number, label)

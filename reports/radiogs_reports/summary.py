@@ -200,6 +200,20 @@ class RunSummary(TypedDict):
     """Date, commit, versions, machine and memory of each process that worked on it, by stage."""
 
 
+class ModesSummary(TypedDict):
+    """The ways in which a method shows a trained model under another light."""
+
+    field: str
+    """The field of the variant that holds the mode, by its dotted name."""
+    titles: dict[str, str]
+    """What each mode renders, by its name."""
+    default: str
+    by_steps: list[str]
+    """The modes that prepare for a light by steps of optimisation, in the order of figures."""
+    steps: str
+    """The field of the budget with the number of these steps, by its dotted name."""
+
+
 class PaperColumn(TypedDict):
     """A column of a table of the paper; neighbouring columns with the same ``group`` share that heading."""
 
@@ -283,6 +297,8 @@ class Summary(TypedDict):
     """What the images do not determine, and what is no better than a constant; absent in earlier summaries."""
     settling: NotRequired[dict[str, dict[str, Settled]]]
     """Time to quality by row, then column, of what was scored during training; absent in earlier summaries."""
+    relighting: NotRequired[dict[str, ModesSummary]]
+    """Ways of relighting by method; absent where no method offers several, and in earlier summaries."""
     command: NotRequired[list[str]]
     """What was typed after the program's name to ask for the run; absent where nothing was."""
     conventions: dict[str, Any]

@@ -20,7 +20,7 @@ SOURCES = ("radiogs_core.errors",)
 
 @dataclass(frozen=True)
 class Turned:
-    """What ablations turn; ``shown`` is read by showing alone."""
+    """Fields that ablations change; only rendering reads ``shown``."""
 
     weight: float = 1.0
     shown: float = 1.0

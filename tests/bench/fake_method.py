@@ -24,7 +24,7 @@ from radiogs_bench.runs.interruption import Interruption
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
 from radiogs_bench.runs.stages import Bench
-from radiogs_bench.runs.sweep import Place, Request, Sweep, changing_sweep
+from radiogs_bench.runs.sweep import CellRef, Request, Sweep, changing_sweep
 from radiogs_bench.runs.train import train_and_score
 from radiogs_bench.scoring.evaluate import Evaluation
 from radiogs_bench.store.folder import Store
@@ -52,7 +52,7 @@ def scene_of(name: str, layout: str = "none", width: int = 40) -> Scene:
 
 SCENE = scene_of("fake")
 SOURCES = ("radiogs_core.errors",)
-"""What the fake says that it depends on: little, and not what is edited to see a test fail."""
+"""Sources of the fake method: few, and none that is edited to see a test fail."""
 
 
 def model_at(place: torch.Tensor) -> Model:
@@ -188,7 +188,7 @@ def method(name: str) -> FakeMethod:
 class FakeRequest(Request):
     """A request whose rows run the fake."""
 
-    def cells(self) -> list[tuple[Place, Cell]]:
+    def cells(self) -> list[tuple[CellRef, Cell]]:
         with patch.dict(substitutes, {FAKE.name: FAKE}):
             return super().cells()
 
@@ -199,7 +199,7 @@ def asked(seeds: int = 1, suite: Suite = ABLATIONS, preset: str = "smoke") -> Fa
 
 
 def evaluate(bench: Bench, cell: Cell, scene: Scene, model: FakeTrained) -> Evaluation:
-    """Of a scene without views."""
+    """Scores of a scene without views."""
     count(evaluated=1)
     bench.progress.advance("evaluation", 1, 1)
     bench.interruption.check()
@@ -227,9 +227,9 @@ def fake_cell(seed: int = 0, variant: Variant | None = None, scene: Scene = SCEN
     return cell_of(FAKE, scene, Work(variant or Variant(), budget, seed, **work))
 
 
-def place_of(cell: Cell, row: str = "ours") -> Place:
+def place_of(cell: Cell, row: str = "ours") -> CellRef:
     """Where a table has the cell."""
-    return Place(row=row, scene=cell.scene, seed=cell.seed, key=cell.key, stages=[stage.key for stage in cell.stages])
+    return CellRef(row=row, scene=cell.scene, seed=cell.seed, key=cell.key, stages=[stage.key for stage in cell.stages])
 
 
 class FakeSweep:

@@ -84,7 +84,7 @@ def readers(folder: Path) -> dict[str, tuple[list[Path], Read]]:
 
 
 def outcome(path: Path, read: Read, place: int, bits: int) -> str:
-    """What becomes of one changed byte; the file is put back."""
+    """The outcome of one changed byte; the file is put back."""
     whole, before = path.read_bytes(), read(path)
     content = bytearray(whole)
     content[place] ^= bits

@@ -143,7 +143,7 @@ def _as_written(folder: Path, table: dict[str, Any], frame: dict[str, Any], view
 
 
 def outcome(read: Callable[[], str], label: str) -> str:
-    """What became of one reading, with its time and the process's memory."""
+    """The outcome of one reading, with its time and the process's memory."""
     begun = time.monotonic()
     try:
         found = read()

@@ -26,7 +26,7 @@ POLL_SECONDS = 0.01
 """How long a process waits for another one's cell; a run's second would be longer than the whole sweep."""
 
 SHARE = 0.5
-"""Of the time that an undisturbed sweep takes: the latest moment of a kill. A sweep is killed several times."""
+"""Latest moment of a kill, as a share of the time of an undisturbed sweep. A sweep is killed several times."""
 
 STUCK_SECONDS = 60.0
 """Who has written nothing in this time hangs."""

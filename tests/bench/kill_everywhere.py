@@ -76,7 +76,7 @@ def finished(folder: Path) -> dict[str, str]:
 
 
 def table(folder: Path) -> list[Any]:
-    """What the sweep found, apart from when and how fast."""
+    """The results of the sweep without times and speeds."""
     store = Store(folder)
     return [
         [each["key"], each["metrics"], each["work"], each["losses"],

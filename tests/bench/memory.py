@@ -1,4 +1,4 @@
-"""What each phase of a run takes of memory, beside what the formula says.
+"""Measured memory of each phase of a run, beside the formula's.
 
     python -m bench.memory SPACING [SIDE]
 
@@ -22,10 +22,11 @@ from radiogs.rehearsing import memory_of, short_run
 from radiogs.relighting import RelitBySurfels, fine_tuned, relight
 from radiogs.settings import PRESETS, Budget, Variant
 from radiogs_core.capabilities import TrainingImages
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
 from radiogs_core.kernels.runtime import use_threads
 from radiogs_core.learning.radiance_solver import RenderingEquation
+from radiogs_core.plain_values import with_values
 from radiogs_core.surfels.known_surfaces import surfels_on
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport import light_filters, splitsum
@@ -89,7 +90,7 @@ def measured(spacing: float, budget: Budget, side: int) -> Measured:
     scene = enlarged(load_scene("corner"), VIEWS, 1, side, side)
     light = next(iter(scene.lights.values()))
     short = short_run(Variant(), budget, len(surfels))
-    variant, whole = short.variant, replaced(short.budget, {"geometry.densify_interval": NEVER})
+    variant, whole = short.variant, with_values(short.budget, {"geometry.densify_interval": NEVER})
     warm_up(budget.light_height, light.radiance.shape[0])
     found: dict[str, Allocated] = {}
     with allocations() as ledger:

@@ -114,7 +114,7 @@ def test_a_stage_that_fails_is_closed_and_those_before_it_are_kept(tmp_path: Pat
     assert chain.begun == ["coarse", "fine", "fine", "polish"]
 
 
-def test_what_showing_alone_reads_trains_nothing_anew(tmp_path: Path) -> None:
+def test_fields_that_only_rendering_reads_train_nothing_anew(tmp_path: Path) -> None:
     chain = Chain(NAMES[1])
     bench = bench_of(chain, tmp_path)
     run(bench, cell(chain), cell(chain, shown=0.5))
@@ -150,7 +150,7 @@ def run_chain(
     return lambda *further: fake_run(*further, "--scenes", "sphere", "--method", "chain")
 
 
-def test_a_run_by_a_stranger_ends_with_table_status_and_gate(
+def test_a_run_of_another_method_has_a_table_a_status_and_a_gate(
     run_chain: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_chain("ablations", "--dry-run") == 0
@@ -181,7 +181,7 @@ def test_a_run_by_a_stranger_ends_with_table_status_and_gate(
 
 
 @pytest.mark.parametrize("suite", ["effects", "cost", "finetune", "efficiency"])
-def test_every_kind_of_training_has_its_reports_of_a_stranger_alone(
+def test_every_experiment_has_its_reports_for_another_method_alone(
     suite: str, run_chain: Callable[..., int], tmp_path: Path
 ) -> None:
     """Also those that tell of plans and knobs, which it has none of."""
@@ -191,7 +191,7 @@ def test_every_kind_of_training_has_its_reports_of_a_stranger_alone(
 
 
 @pytest.mark.parametrize("names", NAMES)
-def test_a_stranger_s_model_is_trained_rendered_and_exported(
+def test_a_model_of_another_method_is_trained_rendered_and_exported(
     names: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(substitutes, "chain", Chain(names))
@@ -206,7 +206,7 @@ def test_a_stranger_s_model_is_trained_rendered_and_exported(
     assert "error: Chain keeps light and surface in one" in capsys.readouterr().err
 
 
-def test_options_that_a_stranger_has_no_field_for_are_refused(
+def test_options_that_another_method_has_no_field_for_are_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(substitutes, "chain", Chain(("fit",)))
@@ -214,7 +214,7 @@ def test_options_that_a_stranger_has_no_field_for_are_refused(
     assert main([*train, "--effects", "auto"]) == 2
     assert "chain has no choice of effects" in capsys.readouterr().err
     assert main([*train, "--profile", "released"]) == 2
-    assert "chain has no profile 'released'" in capsys.readouterr().err
+    assert "unknown profile 'released' of chain" in capsys.readouterr().err
     assert main([*train, "--preset", "papr"]) == 2
     assert "unknown preset 'papr' of chain" in capsys.readouterr().err
     assert main([*train[:3], "chian", *train[4:]]) == 2

@@ -86,7 +86,7 @@ def test_tensors_that_are_compressed_are_refused_unread(tmp_path: Path) -> None:
 
 
 class Executed:
-    """What a pickle may do to whoever loads it."""
+    """A pickle that runs code when it is loaded."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

@@ -16,8 +16,8 @@ from radiogs.settings import INVERSE_ONLY, PRESETS, PROFILES, Budget, Variant
 from radiogs_bench.runs.cell import Cell, Work, cell_of, evaluation_code
 from radiogs_bench.store.keys import content_key
 from radiogs_bench.suites.experiment import COST, EXPERIMENTS, FORWARD_PARITY, TRAINING
-from radiogs_core.contract import StageSpec, replaced, values_of
-from radiogs_core.plain_values import flat
+from radiogs_core.contract import StageSpec, values_of
+from radiogs_core.plain_values import flat, with_values
 
 OTHER_VALUES: Mapping[str, Any] = {
     "radiometric_weight": 0.1,
@@ -65,7 +65,7 @@ def test_a_field_of_the_budget_changes_the_first_stage_that_reads_it_and_all_aft
     first = 2 if name in ("name", *Budget.shown_only) else 1 if name in INVERSE_ONLY else 0
     smoke = PRESETS["smoke"]
     value = "other" if name == "name" else 2 * flat(dataclasses.asdict(smoke))[name]
-    found = changed(radiogs_cell(budget=replaced(smoke, {name: value})), radiogs_cell())
+    found = changed(radiogs_cell(budget=with_values(smoke, {name: value})), radiogs_cell())
     assert found == [place >= first for place in range(3)]
 
 
@@ -126,7 +126,7 @@ def test_owner_name_dependencies_and_sources_of_a_stage_change_it_and_all_after(
 
 
 @pytest.mark.parametrize("change", [("title", "another"), ("steps", 99), ("compiles", False)])
-def test_what_a_stage_is_called_for_people_changes_no_key(change: Any) -> None:
+def test_the_title_of_a_stage_changes_no_key(change: Any) -> None:
     """Steps are among what it reads if they decide its outcome."""
     assert changed(differently(0, (change,)), fake_cell()) == [False] * 3
 
@@ -153,7 +153,7 @@ def test_methods_that_name_one_owner_share_a_stage_and_no_more() -> None:
     assert changed(younger, elder) == [False, True, True]
 
 
-def test_a_field_that_showing_alone_reads_changes_the_result_alone() -> None:
+def test_a_field_that_only_rendering_reads_changes_the_result_and_no_stage() -> None:
     chain = Chain(("one", "two", "three"))
     cells = [cell_of(chain, SCENE, Work(Turned(shown=shown), chain.presets["smoke"])) for shown in (1.0, 2.0)]
     assert changed(*cells) == [False, False, False, True]
@@ -202,7 +202,7 @@ def test_the_scene_counts_by_its_content_not_by_its_name() -> None:
     assert changed(fake_cell(scene=replace(SCENE, name="elsewhere/corner")), fake_cell()) == [False] * 3
 
 
-def test_a_method_counts_by_what_it_is_not_by_where_it_was_found() -> None:
+def test_the_key_depends_on_the_method_and_not_on_its_path() -> None:
     work = Work(Variant(), PRESETS["smoke"])
     found = cell_of(FAKE, SCENE, work, "somewhere/fake.toml")
     assert found.found_as == "somewhere/fake.toml"

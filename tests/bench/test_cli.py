@@ -249,7 +249,7 @@ def test_smaller_images_are_other_cells(
 
 
 @pytest.mark.parametrize("how", [(), ("--json",)])
-def test_what_reading_a_scene_set_right_is_said_before_anything_runs(
+def test_repairs_of_a_scene_are_printed_before_anything_runs(
     how: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)

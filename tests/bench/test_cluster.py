@@ -124,7 +124,7 @@ def run_there(address: str, folder: Path, experiment: Any, progress: LogProgress
 
 @needs_ray
 @pytest.mark.slow
-def test_a_machine_that_is_lost_costs_time_and_nothing_else(two_machines: Any, tmp_path: Path) -> None:
+def test_a_lost_machine_costs_no_result(two_machines: Any, tmp_path: Path) -> None:
     whole = FakeSweep(tmp_path / "whole")
     whole.run(CELLS)
     killer = Thread(target=two_machines.remove_node, args=(two_machines.second,), kwargs={"allow_graceful": False})

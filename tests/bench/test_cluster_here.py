@@ -1,4 +1,4 @@
-"""What is put on a cluster, and in which order, by a stand-in for Ray that runs every task at once in this process."""
+"""Tasks of a cluster and their order, by a stand-in for Ray that runs every task at once in this process."""
 
 import pickle
 from collections.abc import Callable, Sequence
@@ -113,15 +113,15 @@ def chain_cell(chain: Chain, **turned: float) -> Cell:
 
 
 def test_cells_of_two_suites_share_their_first_stage(tmp_path: Path) -> None:
-    """One task brings it to its end, and its delivery goes to all of them; so do later calls find it in the store."""
+    """One task brings it to its end, and its outcome goes to all of them; so do later calls find it in the store."""
     assert len({cell.stages[0].key for cell in SHARING}) == 1
     assert len({cell.stages[1].key for cell in SHARING}) == len(SHARING)
     FakeSweep(tmp_path / "whole").run(SHARING)
     ray = HereInsteadOfRay()
     assert run_all(cluster_of(ray, tmp_path / "there"), SHARING[:2]) == []
-    assert ray.called == ["deliver_shared", "deliver_cell", "deliver_cell"]
+    assert ray.called == ["run_shared_stages", "run_remote_cell", "run_remote_cell"]
     assert run_all(cluster_of(ray, tmp_path / "there"), SHARING) == []
-    assert ray.called[3:] == ["deliver_cell"], "two are finished, and the stage is in the store"
+    assert ray.called[3:] == ["run_remote_cell"], "two are finished, and the stage is in the store"
     assert table(tmp_path / "there") == table(tmp_path / "whole")
     assert len(seconds_of_initialisation(tmp_path / "there", SHARING)) == 1
     assert list((tmp_path / "there" / "locks").iterdir()) == []
@@ -132,12 +132,12 @@ def test_cells_that_share_stages_are_on_the_cluster_together(tmp_path: Path) -> 
     ray = HereInsteadOfRay()
     cluster = cluster_of(ray, tmp_path)
     assert unsent(cluster, [Task(cell, cell.key) for cell in SHARING]) == []
-    assert ray.called == ["deliver_shared", *["deliver_cell"] * 3]
+    assert ray.called == ["run_shared_stages", *["run_remote_cell"] * 3]
     cluster.abandon()
     assert list((tmp_path / "locks").iterdir()) == []
 
 
-def test_a_first_stage_that_somebody_else_works_on_holds_its_cells_back(tmp_path: Path) -> None:
+def test_cells_wait_for_a_first_stage_that_another_process_trains(tmp_path: Path) -> None:
     """They are sent as soon as it is let go, and nothing else waits for that."""
     cluster, said = cluster_of(HereInsteadOfRay(), tmp_path), []
     other = asked(2).cells()[-1][1]
@@ -172,7 +172,7 @@ def test_stages_between_the_first_and_the_last_are_shared_too(tmp_path: Path) ->
     ray, chain = HereInsteadOfRay(), three_stages("")
     cells = [chain_cell(chain, shown=shown) for shown in (1.0, 2.0)]
     assert run_all(cluster_of(ray, tmp_path, chain_experiment, three_stages), cells) == []
-    assert ray.called == ["deliver_shared", "deliver_cell", "deliver_cell"]
+    assert ray.called == ["run_shared_stages", "run_remote_cell", "run_remote_cell"]
     kept = {path.stem for path in (tmp_path / "stages").glob("*.pt")}
     assert kept == {stage.key for cell in cells for stage in cell.stages}
 
@@ -180,7 +180,7 @@ def test_stages_between_the_first_and_the_last_are_shared_too(tmp_path: Path) ->
 def test_a_method_of_one_stage_has_no_task_but_its_cells(tmp_path: Path) -> None:
     ray = HereInsteadOfRay()
     assert run_all(cluster_of(ray, tmp_path, chain_experiment, one_stage), [chain_cell(one_stage(""))]) == []
-    assert ray.called == ["deliver_cell"]
+    assert ray.called == ["run_remote_cell"]
 
 
 class Parting(Chain):
@@ -206,7 +206,7 @@ def test_cells_that_part_after_the_first_stage_run_it_once(tmp_path: Path) -> No
     ]
     cluster = cluster_of(ray, tmp_path, chain_experiment, parting)
     assert run_all(cluster, cells) == []
-    assert ray.called == ["deliver_shared", "deliver_cell"] * 2
+    assert ray.called == ["run_shared_stages", "run_remote_cell"] * 2
     results = [cluster.store.result(cell.key) for cell in cells]
     assert len({result["seconds"]["coarse"] for result in results if result is not None}) == 1
     assert len({result["seconds"]["fine"] for result in results if result is not None}) == 2

@@ -81,7 +81,7 @@ def test_every_metric_is_that_of_scoring_the_folder(
 
 
 @pytest.mark.slow
-def test_it_stands_beside_radiogs_and_is_not_run_twice(shelf: Callable[[str], Path], tmp_path: Path) -> None:
+def test_the_method_stands_beside_radiogs_and_is_not_run_twice(shelf: Callable[[str], Path], tmp_path: Path) -> None:
     out, note = tmp_path / "out", tmp_path / "note"
     path = written(tmp_path, shelf("gs-ir"), "gs-ir", habit="")
     path.write_text(path.read_text().replace('"--name", "model-1"', f'"--name", "model-1", "--note", "{note}"'))
@@ -93,7 +93,7 @@ def test_it_stands_beside_radiogs_and_is_not_run_twice(shelf: Callable[[str], Pa
 
 
 @pytest.mark.slow
-def test_one_that_crashes_fails_alone_and_is_run_again_once_mended(
+def test_a_crashing_cell_fails_alone_and_runs_again_once_repaired(
     shelf: Callable[[str], Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"

@@ -38,6 +38,6 @@ def test_a_convention_concerns_its_own_metrics(other: Protocol, changed: set[str
     assert {metric for metric in METRICS if not alike(RULES, other, metric)} == changed
 
 
-def test_costs_are_alike_in_all() -> None:
+def test_costs_are_comparable_between_all_protocols() -> None:
     assert all(alike(RULES, protocol("default"), metric) for metric in ("render/ms", "training/hours", "nvs/ms/bonsai"))
     assert not any(alike(RULES, protocol("default"), metric) for metric in METRICS)

@@ -1,4 +1,4 @@
-"""What a constant map scores, against a search for the best one."""
+"""Scores of constant maps, against a search for the best one."""
 
 from dataclasses import replace
 
@@ -37,7 +37,7 @@ def test_no_constant_roughness_is_better_than_the_best_one(name: str) -> None:
     assert sum(each is not None for each in found["views"]) == 3
 
 
-def test_a_light_that_is_constant_scores_that_constants_error_and_no_other_constant_less() -> None:
+def test_the_best_constant_light_has_the_least_error_of_all_constants() -> None:
     true = light()
     scene = replace(scene_of(view_with(0, EVERYTHING)), training_light=true)
     grey = EnvironmentMap(torch.full((2, 4, 3), 0.7))

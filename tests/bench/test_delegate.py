@@ -13,12 +13,12 @@ from bench.kill_everywhere import table
 from radiogs_bench.errors import Interrupted
 from radiogs_bench.runs.cell import Cell
 from radiogs_bench.runs.engines.delegate import (
-    Delivery,
-    Order,
     Recipe,
-    deliver_cell,
-    deliver_shared,
+    RemoteCell,
+    RemoteResult,
     names_of,
+    run_remote_cell,
+    run_shared_stages,
     scene_for,
 )
 from radiogs_bench.runs.interruption import Interruption
@@ -32,21 +32,21 @@ RECIPE = Recipe(fake_method.method, fake_method.experiment, fake_method.load, "n
 CELLS = [cell for _, cell in asked().cells()]
 
 
-def order(cell: Cell = CELLS[0], **changes: Any) -> Order:
-    return replace(Order(RECIPE, cell, "nowhere/fake", 1), **changes)
+def remote(cell: Cell = CELLS[0], **changes: Any) -> RemoteCell:
+    return replace(RemoteCell(RECIPE, cell, "nowhere/fake", 1), **changes)
 
 
 def test_delivered_cells_are_what_a_run_here_would_have_made(tmp_path: Path) -> None:
     here, there = FakeSweep(tmp_path / "here"), Store(tmp_path / "there")
     here.run(CELLS)
-    firsts: dict[str, Delivery] = {}
+    firsts: dict[str, RemoteResult] = {}
     for cell in CELLS:
-        travelled = pickle.loads(pickle.dumps(order(cell)))
+        travelled = pickle.loads(pickle.dumps(remote(cell)))
         key = cell.first_key
-        firsts[key] = firsts.get(key) or deliver_shared(travelled, {})
-        delivery = pickle.loads(pickle.dumps(deliver_cell(travelled, {}, firsts[key])))
-        assert delivery.failure is None
-        there.take_over({**firsts[key].files, **delivery.files})
+        firsts[key] = firsts.get(key) or run_shared_stages(travelled, {})
+        outcome = pickle.loads(pickle.dumps(run_remote_cell(travelled, {}, firsts[key])))
+        assert outcome.failure is None
+        there.take_over({**firsts[key].files, **outcome.files})
     assert len(firsts) == 2
     assert table(there.folder) == table(here.store.folder)
 
@@ -65,7 +65,7 @@ def test_a_stage_that_was_begun_here_is_continued_there(tmp_path: Path) -> None:
     product, checkpoint = names_of(cell.stages[0])
     given = sweep.store.files([f"{product}.pt", f"{checkpoint}.pt"])
     assert list(given) == [f"{checkpoint}.pt"]
-    sweep.store.take_over(deliver_shared(order(cell), given).files)
+    sweep.store.take_over(run_shared_stages(remote(cell), given).files)
     outcome = sweep.store.tensors(product, CPU)
     assert outcome is not None
     assert len(outcome["ledger"]["sessions"]) == 2
@@ -73,28 +73,28 @@ def test_a_stage_that_was_begun_here_is_continued_there(tmp_path: Path) -> None:
 
 
 def test_other_sources_are_refused() -> None:
-    delivery = deliver_shared(order(replace(CELLS[0], method_code="other")), {})
-    assert delivery.files == {}
-    assert isinstance(delivery.failure, UsageError)
-    assert "other sources" in delivery.failure.what
+    outcome = run_shared_stages(remote(replace(CELLS[0], method_code="other")), {})
+    assert outcome.files == {}
+    assert isinstance(outcome.failure, UsageError)
+    assert "other sources" in outcome.failure.what
 
 
 def test_another_scene_under_the_same_path_is_refused() -> None:
-    delivery = deliver_shared(order(replace(CELLS[0], checksum="1" * 64)), {})
-    assert isinstance(delivery.failure, DataError)
-    assert "nowhere/fake" in delivery.failure.what
+    outcome = run_shared_stages(remote(replace(CELLS[0], checksum="1" * 64)), {})
+    assert isinstance(outcome.failure, DataError)
+    assert "nowhere/fake" in outcome.failure.what
 
 
-def test_a_failure_travels_with_its_three_parts_and_fails_the_cells_that_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_remote_failure_keeps_its_three_parts_and_fails_the_cells_that_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     def bad(*arguments: Any) -> Any:
         raise NumericalFailure("the loss is NaN", "it spreads", "look")
 
-    first = deliver_shared(order(), {})
-    delivery = deliver_cell(order(recipe=replace(RECIPE, experiment=bad)), {}, first)
-    back = pickle.loads(pickle.dumps(delivery)).failure
+    first = run_shared_stages(remote(), {})
+    outcome = run_remote_cell(remote(recipe=replace(RECIPE, experiment=bad)), {}, first)
+    back = pickle.loads(pickle.dumps(outcome)).failure
     assert isinstance(back, NumericalFailure)
     assert (back.what, back.why, back.remedy) == ("the loss is NaN", "it spreads", "look")
-    assert deliver_cell(order(), {}, delivery) is delivery
+    assert run_remote_cell(remote(), {}, outcome) is outcome
 
 
 def test_a_scene_is_opened_on_another_machine_as_it_was_here() -> None:

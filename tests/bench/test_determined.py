@@ -61,19 +61,19 @@ def test_views_that_differ_more_in_error_count_more() -> None:
         ([0.1], BIG, False),  # one view has no second to agree with
     ],
 )
-def test_it_is_determined_if_it_shows_and_the_views_agree_on_it_to_a_step(
+def test_a_quantity_is_determined_if_images_depend_on_it_and_views_agree(
     best: list[float], rise: float, expected: bool
 ) -> None:
     assert parabolas(best, rise)["determined"] is expected
 
 
-def test_an_error_that_falls_on_both_sides_says_nothing() -> None:
+def test_an_error_that_falls_on_both_sides_gives_no_interval() -> None:
     found = parabolas([0.0, 0.0, 0.0], -1e-5)
     assert (found["offset"], found["half_width"], found["determined"]) == (None, None, False)
     assert found["decibels"] < 0
 
 
-def test_a_view_without_which_there_is_no_lowest_point_leaves_no_interval() -> None:
+def test_an_error_curve_without_a_minimum_gives_no_interval() -> None:
     found = from_errors(0.0, 1.0, [0.0, 0.0, 0.0], [BIG, -1e-6, -1e-6], [BIG, -1e-6, -1e-6])
     assert found["offset"] == pytest.approx(0.0)
     assert (found["half_width"], found["determined"]) == (None, False)
@@ -122,7 +122,7 @@ def test_every_quantity_has_its_step() -> None:
     assert tuple(STEPS) == QUANTITIES
 
 
-def test_a_request_to_stop_is_heard() -> None:
+def test_a_request_to_stop_is_noticed() -> None:
     def stop() -> None:
         raise InterruptedError
 

@@ -56,7 +56,7 @@ def test_undetermined_roughness_marks_its_rows_and_says_what_was_measured() -> N
     )
 
 
-def test_a_change_that_rounds_to_nothing_has_no_sign() -> None:
+def test_a_difference_that_rounds_to_zero_is_printed_without_a_sign() -> None:
     cells = [cell("ours", determined={"roughness": record(False, decibels=-1e-5, offset=None, half_width=None)})]
     assert "images by 0.000 dB" in undetermined(cells, "roughness/mse", ("roughness",))[0]["text"]
 
@@ -127,7 +127,7 @@ def test_no_better_than_a_constant_is_judged_over_all_cells_of_a_row() -> None:
     assert no_better_than_constant(cells, "roughness/mse") == []
 
 
-def test_seeds_that_find_different_roughness_are_told() -> None:
+def test_seeds_that_find_different_roughness_are_a_remark() -> None:
     def of(*values: float, scene: str = "corner") -> list[tuple[Any, Any]]:
         return [cell("ours", seed, scene, recovered={"roughness": value}) for seed, value in enumerate(values)]
 
@@ -140,7 +140,7 @@ def test_seeds_that_find_different_roughness_are_told() -> None:
     assert spread_over_seeds(apart, "roughness/mse", ("roughness",)) == [], "scenes may differ"
 
 
-def test_seeds_that_find_different_brightness_are_told() -> None:
+def test_seeds_that_find_different_brightness_are_a_remark() -> None:
     cells = [cell("ours", seed, albedo_scale=[scale] * 3) for seed, scale in enumerate((0.8, 1.0, 1.25))]
     (found,) = spread_over_seeds(cells, "environment/error", ("brightness",))
     half_width = 2.4841 * math.log(1.25)

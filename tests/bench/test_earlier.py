@@ -1,14 +1,16 @@
-"""What a run or a training finds in its folder is kept: reports of another run, and another model's files."""
+"""Runs and trainings keep what is in their folder: reports of another run, and another model's files."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import radiogs_bench as rb
 from bench import fake_method
 from radiogs_bench.cli.main import main
 from radiogs_bench.methods import substitutes
 from radiogs_bench.runs.trained_folder import read_about
+from radiogs_core.errors import UsageError
 
 FakeRun = Callable[..., int]
 
@@ -70,3 +72,25 @@ def test_a_finished_model_is_replaced_only_with_force(
     assert (kept / "render" / "a.png").is_file()
     assert not (tmp_path / "render").exists()
     assert read_about(tmp_path)["seed"] == 1
+
+
+def test_training_from_python_keeps_what_the_command_keeps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(substitutes, fake_method.FAKE.name, fake_method.FAKE)
+    assert train(tmp_path / "shell") == 0
+    said: list[str] = []
+    model = rb.train("radiogs", "convex", preset="smoke", out=tmp_path / "python", say=said.append)
+    assert read_about(tmp_path / "python") == read_about(tmp_path / "shell")
+    assert [path.name for path in model.files] == ["trained.json"]
+    assert model.method == "radiogs"
+    assert model.seconds is not None
+    with pytest.raises(UsageError, match="holds another trained model"):
+        rb.train("radiogs", "convex", preset="smoke", seed=1, out=tmp_path / "python")
+    assert not said
+    rb.train("radiogs", "convex", preset="smoke", seed=1, out=tmp_path / "python", replace=True, say=said.append)
+    assert ["the files of the model that was here are in" in line for line in said] == [True]
+    assert read_about(tmp_path / "python")["seed"] == 1
+
+
+def test_training_from_python_refuses_an_unknown_option() -> None:
+    with pytest.raises(UsageError, match="unknown option 'replaces'"):
+        rb.train("radiogs", "convex", replaces=True)  # type: ignore[call-arg]

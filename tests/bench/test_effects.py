@@ -58,7 +58,7 @@ def test_a_suites_file_may_name_effects(tmp_path: Path) -> None:
     assert [row.variant.get("effects") for row in read_suite(path).rows] == [None, ["visibility"], "auto"]
 
 
-def test_a_variant_survives_being_written_down() -> None:
+def test_a_variant_is_the_same_after_json() -> None:
     for variant in (Variant(), Variant(effects="auto"), Variant(effects=("specular",), deviations=("start-light",))):
         assert variant_of(RADIOGS, json.loads(json.dumps(to_plain(variant)))) == variant
 

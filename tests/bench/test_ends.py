@@ -140,7 +140,7 @@ def test_no_message_promises_that_a_command_makes_again_what_only_run_makes(
 
 
 @pytest.mark.parametrize("name", ["..", ".", ".hidden", "a/b", "a" * 200])
-def test_a_suite_is_not_named_like_a_place(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_suite_s_name_is_no_path(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Audit M18."""
     file = tmp_path / "suite.toml"
     file.write_text(f'name = "{name}"\ntitle = "t"\nreference = "a"\ncolumns = ["nvs/psnr"]\nscenes = ["corner"]\n'
@@ -166,7 +166,7 @@ def test_an_unexpected_error_is_neither_a_failed_cell_nor_a_regression(
 
 
 @pytest.mark.parametrize("name", ["sweep.json", "cells"])
-def test_what_cannot_be_read_is_explained(name: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unreadable_file_is_an_explained_error(name: str, run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Audit M24: only a missing file was expected. A folder in a file's place cannot be read by anybody."""
     places = [run / name] if name == "sweep.json" else sorted((run / name).glob("*.json"))[:1]
     for path in places:
@@ -194,7 +194,9 @@ def test_damage_in_a_folder_that_is_only_readable_is_said(run: Path, caplog: pyt
             folder.chmod(0o755)
 
 
-def test_two_trainings_of_one_folder_are_told_apart(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_second_training_in_a_folder_is_refused_with_the_first_ones_process(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Audit M26: the second ended in a raw ``Claimed``."""
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         work = Work(variant_of(FAKE, {}), budget_of(FAKE, "smoke"))
@@ -216,7 +218,7 @@ def by_pool(commands: Sequence[Sequence[str]], folder: Path, monkeypatch: pytest
 KILL = [sys.executable, "-c", "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"]
 
 
-def test_workers_that_were_all_killed_are_spoken_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_killed_workers_are_named_in_the_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Audit M36: exit code 1 without a word."""
     ended = by_pool([KILL, KILL], tmp_path, monkeypatch)
     assert ended.code == UNEXPECTED
@@ -226,7 +228,7 @@ def test_workers_that_were_all_killed_are_spoken_of(tmp_path: Path, monkeypatch:
     assert exit_code(failure) == exit_code(StoreError("")) == UNEXPECTED
 
 
-def test_a_worker_that_failed_beside_one_that_was_killed_decides_the_code(
+def test_a_failed_worker_decides_the_exit_code_before_a_killed_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ended = by_pool([KILL, [sys.executable, "-c", "raise SystemExit(4)"]], tmp_path, monkeypatch)
@@ -235,7 +237,7 @@ def test_a_worker_that_failed_beside_one_that_was_killed_decides_the_code(
 
 
 @pytest.mark.parametrize(("code", "said"), [(0, [Killed]), (1, []), (139, [])])
-def test_workers_that_leave_cells_never_end_well(
+def test_unfinished_cells_never_end_with_exit_code_0(
     code: int, said: list[type], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ended = by_pool([[sys.executable, "-c", f"raise SystemExit({code})"]], tmp_path, monkeypatch)

@@ -130,7 +130,7 @@ def test_a_failure_that_all_cells_would_share_ends_the_sweep(kind: type[Explaine
     assert len(tried) == 1
 
 
-def test_a_cell_that_somebody_else_works_on_is_left_to_him_and_waited_for(
+def test_a_cell_of_another_process_is_waited_for(
     sweep: FakeSweep, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     theirs = ROWS[0]
@@ -169,7 +169,7 @@ def test_two_processes_on_one_store_share_the_cells(sweep: FakeSweep, tmp_path: 
     assert len(list(sweep.store.results())) == 5
 
 
-def test_a_damaged_checkpoint_costs_the_stage_and_nothing_else(sweep: FakeSweep, tmp_path: Path) -> None:
+def test_a_damaged_checkpoint_restarts_its_stage_alone(sweep: FakeSweep, tmp_path: Path) -> None:
     interruption = Interruption()
     interruption.requested = True
     with pytest.raises(Interrupted):

@@ -18,13 +18,13 @@ def test_the_message_has_three_parts_and_the_code() -> None:
     assert explain(DataError("what", "why", "remedy")) == "error: what\nwhy\nremedy\n(exit code 3)"
 
 
-def test_a_stop_that_was_asked_for_is_not_called_an_error() -> None:
+def test_a_requested_stop_is_no_error() -> None:
     assert explain(Interrupted("stopped as asked", "", "Run it again.")) == (
         "stopped as asked\nRun it again.\n(exit code 130)"
     )
 
 
-def test_of_several_failures_the_most_severe_decides() -> None:
+def test_the_most_severe_failure_decides_the_exit_code() -> None:
     assert worst_exit_code([]) == 0
     assert worst_exit_code([CellFailed("a"), NumericalFailure("b"), CellFailed("c")]) == 4
     assert worst_exit_code([CellFailed("a")]) == 1

@@ -168,7 +168,7 @@ def values(scene: Scene, wrong: Mapping[str, float] | None = None, rules: str = 
     return scored(Perfect(scene, wrong), rules)
 
 
-def test_a_perfect_model_has_perfect_figures() -> None:
+def test_a_perfect_model_has_perfect_metrics() -> None:
     scene = scene_of(view_with(0, EVERYTHING), view_with(1, EVERYTHING), view_with(2, EVERYTHING))
     model = Perfect(scene)
     found = scored(model)
@@ -248,7 +248,7 @@ def test_indirect_light_is_compared_as_it_is_displayed() -> None:
     assert found.metrics["indirect/psnr"]["value"] == pytest.approx(-10 * math.log10(error), abs=1e-3)
 
 
-def test_what_a_scene_has_no_truth_for_is_absent_and_what_some_views_lack_says_so() -> None:
+def test_maps_without_truth_are_absent_and_maps_that_some_views_lack_are_named() -> None:
     some = {"image": 3, "normal": 3}
     found = values(scene_of(view_with(0, {"image": 3}), view_with(1, some)))
     assert {name.split("/")[0] for name in found.metrics} == {"nvs", "normal"}
@@ -288,7 +288,7 @@ def test_a_view_without_alpha_is_covered_everywhere() -> None:
     assert torch.equal(truth(opaque, "image"), view.read("image"))
 
 
-def test_depth_that_was_not_measured_is_not_compared() -> None:
+def test_depth_that_the_truth_lacks_is_not_compared() -> None:
     """A sensor's depth is zero where it knows nothing; half of this map is, and the prediction is 9 units off there."""
     depth = torch.full((SIZE, SIZE, 1), 2.0)
     depth[: SIZE // 2] = 0
@@ -303,7 +303,7 @@ def test_display_is_clipped() -> None:
 
 
 @pytest.mark.parametrize("rules", PROTOCOLS)
-def test_every_protocol_has_a_figure_or_a_reason_for_every_task(rules: str) -> None:
+def test_every_protocol_has_a_value_or_a_reason_for_every_task(rules: str) -> None:
     model = Perfect(scene_of(*(view_with(place, EVERYTHING | {"depth": 1}) for place in range(2))), {"image": 0.01})
     found = scored(model, rules)
     assert model.asked == ["incident"] * (2 if rules == "radiogs" else 1)  # of the view that is shown, always
@@ -318,7 +318,7 @@ def test_every_protocol_has_a_figure_or_a_reason_for_every_task(rules: str) -> N
 
 
 @pytest.mark.parametrize("rules", PROTOCOLS)
-def test_a_method_that_cannot_be_relit_has_its_reason_in_place_of_every_relit_figure(rules: str) -> None:
+def test_a_method_that_cannot_be_relit_gives_its_reason_for_every_relit_metric(rules: str) -> None:
     """And nothing else is missing: the same metrics as of one that can, and all images are told of."""
     scene = scene_of(*(view_with(place, EVERYTHING) for place in range(2)))
     found, able = scored(Fixed(scene), rules), scored(Perfect(scene), rules)
@@ -333,7 +333,7 @@ def test_a_method_that_cannot_be_relit_has_its_reason_in_place_of_every_relit_fi
     assert (found.shown_light, able.shown_light) == (None, "sun")
 
 
-def test_what_a_method_does_not_offer_is_not_scored() -> None:
+def test_maps_that_a_method_does_not_offer_are_not_scored() -> None:
     scene = scene_of(*(view_with(place, EVERYTHING) for place in range(2)))
     found = scored(Chain(("fit",)).restore(run_on(scene), {"value": torch.zeros(1)}), scene=scene)
     assert {name.split("/")[0] for name in found.metrics} == {"nvs", "relight"}

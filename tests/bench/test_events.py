@@ -31,7 +31,7 @@ def of(kind: str, events: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [each for each in events if each["event"] == kind]
 
 
-def test_every_cell_is_told_of_with_its_figures(fake_run: Callable[..., int], events: Events, tmp_path: Path) -> None:
+def test_every_cell_is_an_event_with_its_metrics(fake_run: Callable[..., int], events: Events, tmp_path: Path) -> None:
     assert fake_run("ablations", "--json") == 0
     told = events()
     cells = of("cell", told)
@@ -56,7 +56,7 @@ def test_every_cell_is_told_of_with_its_figures(fake_run: Callable[..., int], ev
     assert power["albedo/psnr"]["wanted"] is None
 
 
-def test_a_failed_cell_is_told_of_once_and_again_only_if_it_fails_again(
+def test_a_failed_cell_is_one_event_and_another_only_if_it_fails_again(
     fake_run: Callable[..., int], events: Events, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good = fake_method.evaluate
@@ -77,7 +77,7 @@ def test_a_failed_cell_is_told_of_once_and_again_only_if_it_fails_again(
     assert [each["state"] for each in of("cell", events())] == ["finished"] * 10
 
 
-def test_what_ends_a_run_is_the_last_event(events: Events) -> None:
+def test_the_error_that_ends_a_run_is_the_last_event(events: Events) -> None:
     assert main(["run", "ablatoins", "--json"]) == 2
     (error,) = events()
     assert error["event"] == "error"
@@ -101,7 +101,7 @@ def test_ctrl_c_is_an_event_that_says_how_to_continue(
     assert last["remedy"] == "Run the same command again: it continues where this run stopped."
 
 
-def test_steps_are_told_once_a_second_and_always_at_their_end(tmp_path: Path, events: Events) -> None:
+def test_steps_are_events_once_a_second_and_always_at_their_end(tmp_path: Path, events: Events) -> None:
     clock = 0.0
     progress = EventProgress(FakeSweep(tmp_path).store, [], lambda: clock)
     for step in range(1, 31):
@@ -110,7 +110,7 @@ def test_steps_are_told_once_a_second_and_always_at_their_end(tmp_path: Path, ev
     assert [each["done"] for each in of("progress", events())] == [1, 9, 17, 25, 30]
 
 
-def test_a_cell_that_another_process_finished_is_told_of_too(tmp_path: Path, events: Events) -> None:
+def test_a_cell_that_another_process_finished_is_an_event_too(tmp_path: Path, events: Events) -> None:
     sweep, cell = FakeSweep(tmp_path), fake_cell()
     with EventProgress(sweep.store, [place_of(cell)]) as progress:
         sweep.run([cell])

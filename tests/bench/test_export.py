@@ -22,7 +22,7 @@ def store(tmp_path: Path) -> FakeSweep:
 
 
 @pytest.mark.parametrize("form", ["csv", "json"])
-def test_every_figure_of_every_cell_is_a_line(store: FakeSweep, form: str) -> None:
+def test_every_metric_of_every_cell_is_a_line(store: FakeSweep, form: str) -> None:
     folder = store.store.folder
     assert main(["export", str(folder), "--to", form]) == 0
     file = folder / f"export.{form}"

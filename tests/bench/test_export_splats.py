@@ -46,7 +46,9 @@ def test_the_surfels_of_a_row_are_written(form: str, run: Path, capsys: pytest.C
         assert np.stack([rows[name] for name in "xyz"], -1) == pytest.approx(surfels_in(run, "no-rad").centre.numpy())
 
 
-def test_what_cannot_be_written_is_explained(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_row_without_a_model_an_unknown_row_and_an_unknown_form_are_refused(
+    run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["export", str(run), "--to", "3dgs-ply", "--row", "ours"]) == 3
     assert "no model is trained" in capsys.readouterr().err
     assert main(["export", str(run), "--to", "3dgs-ply", "--row", "our"]) == 2

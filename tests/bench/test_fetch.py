@@ -95,7 +95,7 @@ def test_a_download_that_breaks_off_goes_on_where_it_stopped(server: Server, tmp
 
 
 @pytest.mark.parametrize("change", ["version", "ranges"])
-def test_it_starts_again_where_the_file_has_changed_or_the_server_knows_no_ranges(
+def test_a_download_starts_again_if_the_file_changed_or_the_server_has_no_ranges(
     change: str, server: Server, tmp_path: Path
 ) -> None:
     server.files["/a"], server.most = CONTENT, 400_000

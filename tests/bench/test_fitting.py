@@ -31,7 +31,7 @@ def test_no_number_is_cut_at_any_width(width: int) -> None:
     assert text.count(made["title"]) == 1
 
 
-def test_what_fits_is_one_table() -> None:
+def test_columns_that_fit_are_one_table() -> None:
     assert len(tables_of(summary(), 160)) == 1
     assert len(tables_of(summary(), 40)) > 1
 

@@ -1,4 +1,4 @@
-"""What is expected of missing cells is what finished ones of their like took; what nothing tells of is unknown."""
+"""Missing cells are forecast from finished cells like them; without any, the forecast is unknown."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -42,7 +42,7 @@ def store(tmp_path: Path) -> Store:
     return sweep.store
 
 
-def test_a_row_takes_what_it_took_and_shared_stages_count_once(store: Store) -> None:
+def test_a_rows_forecast_is_its_own_time_and_shared_stages_count_once(store: Store) -> None:
     expected = forecast(store, CELLS)
     assert expected[:5] == [None] * 5
     assert expected[5:] == [
@@ -79,27 +79,27 @@ def test_a_plan_says_what_workers_take_and_on_how_many_threads_that_was_measured
     assert "at a time" not in said
 
 
-def test_stages_in_the_store_take_nothing(store: Store) -> None:
+def test_stored_stages_take_no_time_in_a_forecast(store: Store) -> None:
     for stage in CELLS[5].stages:
         store.put_tensors(product_name(stage.key), {})
     assert forecast(store, CELLS[5:6]) == [Expected(1.0, 2**30, None)]
 
 
-def test_a_row_that_never_ran_takes_what_others_took(store: Store) -> None:
+def test_a_row_that_never_ran_is_forecast_from_other_rows(store: Store) -> None:
     new = fake_cell(seed=7, variant=Variant(radiometric_weight=0.5))
     (expected,) = forecast(store, [new])
     assert expected is not None
     assert expected.seconds == pytest.approx((4 * 111 + 1110) / 5)
 
 
-def test_another_scene_takes_what_this_one_took(store: Store) -> None:
+def test_another_scene_is_forecast_from_this_one(store: Store) -> None:
     assert forecast(store, [fake_cell(seed=7, scene=replace(SCENE, checksum="1" * 64))]) == [
         Expected(111.0, 2**30, None)
     ]
 
 
 @pytest.mark.parametrize("change", [{"budget": PRESETS["tiny"]}, {"device": "cuda"}, {"experiment": "forward-parity"}])
-def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) -> None:
+def test_a_forecast_of_unlike_work_is_unknown(change: dict[str, Any], store: Store) -> None:
     expected = forecast(store, [fake_cell(**change)])
     assert expected == [Expected(None, None, None)]
     assert total(expected) == (0.0, 1)
@@ -118,7 +118,7 @@ def test_of_other_work_nothing_is_known(change: dict[str, Any], store: Store) ->
         ({}, "neither scenes nor seeds that the stored spread tells of."),
     ],
 )
-def test_what_a_difference_needs_is_said(needed: dict[Level, int], said: str) -> None:
+def test_the_scenes_and_seeds_that_a_difference_needs_are_printed(needed: dict[Level, int], said: str) -> None:
     column = {"key": "nvs/psnr", "label": "NVS PSNR", "unit": "dB", "direction": "up", "decimals": 2}
     found = needs(Planned(column, 0.4, 0.25, needed))  # type: ignore[arg-type]
     assert found == f"To resolve 0.25 dB of NVS PSNR in four of five runs: {said}"

@@ -50,7 +50,7 @@ def test_by_rays_shades_every_direction_of_every_surfel_once_a_frame() -> None:
         (["--scene", "hard-cases"], 3, "the surfaces of scene 'hard-cases' are not known"),
     ],
 )
-def test_what_cannot_be_measured_is_said(
+def test_spacings_and_scenes_that_cannot_be_measured_are_refused(
     wrong: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["bench", "frames", *wrong]) == code

@@ -11,7 +11,7 @@ from radiogs_datasets import load_scene
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(2000, marks=pytest.mark.slow)])
-def test_no_damaged_scene_is_read_for_another(count: int) -> None:
+def test_a_damaged_scene_is_never_read_as_another_scene(count: int) -> None:
     found = fuzz.scenes(count, 1)
     assert {kind: found[kind] for kind in fuzz.WRONG} == dict.fromkeys(fuzz.WRONG, 0)
     assert found["refused"] > count / 4

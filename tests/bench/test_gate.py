@@ -85,7 +85,7 @@ def test_on_another_machine_counters_warn_and_figures_still_stop(
     assert main(["gate", str(finished), "--baseline", str(baseline)]) == 1
 
 
-def test_a_figure_outside_its_band_is_a_regression_and_inside_is_not(finished: Path, baseline: Path) -> None:
+def test_a_value_outside_its_band_is_a_regression_and_inside_is_not(finished: Path, baseline: Path) -> None:
     store, sweep = Store(finished), read_sweep(finished)
     content = json.loads(baseline.read_text())
     band = content["bands"]["fake ours"]["nvs/psnr"]
@@ -109,7 +109,7 @@ def test_a_metric_that_vanished_and_a_cell_that_is_missing_are_regressions(
     assert "fake ours seed 9: has no finished result" in said
 
 
-def test_longer_is_remarked_on_and_never_stops(
+def test_a_longer_time_is_a_remark_and_no_regression(
     finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = altered(baseline, lambda cell: cell.update(seconds=-1.0))
@@ -151,7 +151,7 @@ def test_runs_of_another_kind_are_not_compared(finished: Path, baseline: Path) -
         compare(Store(finished), read_sweep(finished), content)
 
 
-def test_a_baseline_has_no_holes(tmp_path: Path) -> None:
+def test_a_baseline_is_refused_while_cells_are_missing(tmp_path: Path) -> None:
     sweep = FakeSweep(tmp_path)
     cells = REQUEST.cells()
     write_sweep(sweep.store, REQUEST.manifest([place for place, _ in cells]))

@@ -147,7 +147,9 @@ def test_other_scene_files_are_not_compared(finished: Path, baseline: Path, caps
     assert f"other scene files than the baseline's: {OURS}" in capsys.readouterr().err
 
 
-def test_what_the_baseline_lacks_is_said(finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cells_that_the_baseline_lacks_are_a_warning(
+    finished: Path, baseline: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Audit M8: a partial baseline. A stage without counters in it is a regression, a metric or a cell a warning."""
 
     def partial(content: dict[str, Any]) -> None:

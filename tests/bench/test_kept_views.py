@@ -1,4 +1,4 @@
-"""What is kept of every view: codes that decode to the maps that were scored, of as many views as asked for."""
+"""Kept views: codes that decode to the scored maps, of as many views as requested."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is measured is what it says: scenes, yardsticks that compute the same, and the command."""
+"""The kernel bench: its scenes, yardsticks that compute the same, and the command."""
 
 import json
 from dataclasses import replace
@@ -149,7 +149,7 @@ def test_the_command_writes_what_it_measured(tmp_path: Path, capsys: pytest.Capt
     ("wrong", "said"),
     [(["--kernels", "paint"], "no kernel 'paint'"), (["--scenes", "S,X"], "no scene 'X'")],
 )
-def test_unknown_kernels_and_scenes_are_wrong_usage(
+def test_unknown_kernels_and_scenes_are_refused(
     wrong: list[str], said: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["bench", "kernels", *wrong]) == 2

@@ -26,7 +26,7 @@ def test_rows_with_the_same_labels_share_a_remark() -> None:
     ]  # fmt: skip
 
 
-def test_a_label_that_differs_between_scenes_is_told_once_with_them() -> None:
+def test_a_label_that_differs_between_scenes_is_one_remark_that_names_them() -> None:
     cells = [cell("a", scene, labels={"stage1": "shared", "hop": hop})
              for scene, hop in (("corner", "0.2"), ("bowl", "0.3"), ("box", "0.3"))]  # fmt: skip
     assert texts(*cells) == ["A: stage1: shared; hop: 0.2 (corner), 0.3 (bowl, box)."]

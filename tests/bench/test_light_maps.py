@@ -1,4 +1,4 @@
-"""What is kept of the lights: one orientation, one size, the energy of the truth."""
+"""Stored lights have one orientation, one size, and the energy of the truth."""
 
 import pytest
 import torch

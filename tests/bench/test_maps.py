@@ -1,4 +1,4 @@
-"""What any method renders becomes one thing to score: on black, display images clipped, of the declared shape."""
+"""Maps of any method are scored alike: on black, display images clipped, of the declared shape."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -44,7 +44,7 @@ STRAIGHT = Offering(
 
 
 def on_black(offering: Offering, rendered: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """What scoring gets of these maps."""
+    """These maps as scoring receives them."""
     offering.rendered = rendered
     return module.on_black(offering, CAMERA)
 
@@ -95,7 +95,7 @@ def test_a_display_image_beyond_its_range_is_clipped() -> None:
     assert torch.equal(on_black(offering, {"image": torch.full((*SIZE, 3), 1.5)})["image"], torch.ones(*SIZE, 3))
 
 
-def test_without_coverage_nothing_is_made_up() -> None:
+def test_straight_maps_without_coverage_stay_as_they_are() -> None:
     found = on_black(Offering({"image": MapKind("display", "straight")}), {"image": torch.full((*SIZE, 3), 0.5)})
     assert "alpha" not in found
     assert torch.equal(found["image"], torch.full((*SIZE, 3), 0.5))

@@ -29,7 +29,7 @@ def scene() -> Scene:
 
 
 @pytest.mark.parametrize("rules", PROTOCOLS)
-def test_every_figure_that_evaluation_stores_can_be_a_column(rules: str, scene: Scene) -> None:
+def test_every_metric_that_evaluation_stores_can_be_a_column(rules: str, scene: Scene) -> None:
     trained = TrainedRadioGS(MODEL, Run(scene, Variant(), PRESETS["smoke"], 0, CPU))
     found = evaluate(trained, scene, protocol(rules), CPU, lambda done, total: None)
     stored = found.metrics | found.timings

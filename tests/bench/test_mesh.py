@@ -124,7 +124,7 @@ def test_faces_of_a_box_are_flat_and_its_creases_are_where_they_are() -> None:
     assert euler_characteristic(mesh) == 2
 
 
-def test_what_no_view_sees_is_a_hole() -> None:
+def test_surfaces_that_no_view_sees_are_holes() -> None:
     cameras = [looking_at_origin(torch.tensor([0.1, 0.2, 1.0]).double())]
     mesh = fused(cameras, [depth_of_sphere(camera, 1.0) for camera in cameras])
     assert mesh.vertices[:, 2].max() == pytest.approx(1.0, abs=LATTICE.voxel)
@@ -160,7 +160,7 @@ def test_the_order_of_views_does_not_matter() -> None:
     assert (there.faces == back.faces).all()
 
 
-def test_memory_is_bounded_and_the_bound_is_told() -> None:
+def test_memory_is_bounded_and_the_message_names_the_bound() -> None:
     camera = looking_at_origin(torch.tensor([1.0, 0.0, 0.0]).double())
     fusion = Fusion(LATTICE, most_bytes=1 << 16)
     with pytest.raises(UsageError, match=r"than the 6\.1e-05 GiB") as raised:

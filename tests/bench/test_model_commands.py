@@ -60,6 +60,18 @@ def test_views_are_rendered_and_relit_in_every_mode(folder: Path, capsys: pytest
     assert "means little" not in said
 
 
+def test_a_relighting_mode_that_the_method_does_not_offer_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_hdr(folder / "dim.hdr", np.full((8, 16, 3), 0.05, np.float32))
+    arguments = ["relight", str(folder), "--envmap", str(folder / "dim.hdr")]
+    assert main([*arguments, "--mode", "finetune"]) == 2
+    said = capsys.readouterr().err
+    assert "unknown relighting mode 'finetune' of radiogs" in said
+    assert "Did you mean 'finetuned'?" in said
+    assert "There are: pbr, finetuned, surfels." in said
+
+
 def metrics_of(record: Path) -> dict[str, float | None]:
     (scores,) = json.loads(record.read_text())["protocols"].values()
     return {name: each["value"] for name, each in scores["metrics"].items()}
@@ -73,7 +85,7 @@ def test_training_ends_with_the_scores_of_the_model(folder: Path, capsys: pytest
     assert f"{ended['nvs/psnr']:.4f}" in capsys.readouterr().out
 
 
-def test_what_is_rendered_and_relit_scores_as_the_model_does(folder: Path, tmp_path: Path) -> None:
+def test_rendered_and_relit_files_score_as_the_model_does(folder: Path, tmp_path: Path) -> None:
     """But for 8 bits of the images and 11 of the maps."""
     ended, light = metrics_of(folder / "score.json"), sorted(load_scene("convex").lights)[0]
     write_exr(tmp_path / f"{light}.exr", load_scene("convex").lights[light].radiance.numpy())
@@ -97,7 +109,7 @@ def test_a_model_need_not_be_scored(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_model_of_smaller_images_is_rendered_at_their_size(tmp_path: Path) -> None:
-    """What the scene was opened with is kept beside the model: `render` has no such option."""
+    """The scene's options are kept beside the model: `render` has no such option."""
     out = tmp_path / "small"
     arguments = ["train", "convex", "--preset", "smoke", "--out", str(out)]
     assert main([*arguments, "--long-side", "41"]) == 0

@@ -102,7 +102,7 @@ def test_surfels_of_lower_degrees_are_restored(model: Path) -> None:
 
 
 @pytest.mark.parametrize("shading", ["ray-marching", 3, None])
-def test_a_variant_that_does_not_exist_is_not_rendered(model: Path, shading: object) -> None:
+def test_a_model_with_an_unknown_value_of_its_variant_is_not_rendered(model: Path, shading: object) -> None:
     """Audit M13: an unknown shading in trained.json was rendered as if it were another."""
     about = json.loads((model / "trained.json").read_text())
     about["variant"]["shading"] = shading

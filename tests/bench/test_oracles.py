@@ -44,7 +44,7 @@ SCENE = replace(sphere_scene(views=2, size=16), surfaces=no_samples)
 
 @dataclass(frozen=True)
 class Told(Turned):
-    """What ablations turn, and what it was told."""
+    """Fields that ablations change, and the parts that are given."""
 
     told: tuple[str, ...] = ()
 
@@ -122,7 +122,7 @@ def test_a_method_that_takes_no_part_is_refused_before_anything_runs(
     assert not chain.begun
 
 
-def test_rows_that_a_method_cannot_run_say_so_in_their_place(
+def test_rows_that_a_method_cannot_run_give_their_reason(
     strangers: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     method = Oracle(("fit",), name="oracle")

@@ -1,4 +1,4 @@
-"""What only Linux has is not needed: with it hidden, files are read, cores are counted and memory is known."""
+"""The harness works without what only Linux has: files are read, cores counted, memory known."""
 
 import ast
 import io
@@ -71,7 +71,9 @@ def test_nothing_else_of_linux_alone_is_used() -> None:
     assert named == {Path(str(module.__file__)) for module in PLACES}
 
 
-def test_a_command_is_ended_by_its_group_and_never_our_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_is_killed_by_its_process_group_and_never_by_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Before it starts, what an earlier harness left is looked for: without ``/proc`` no group is known of that."""
     signalled, killpg = [], os.killpg
     monkeypatch.setattr(
@@ -92,7 +94,7 @@ def test_exr_files_are_read(tmp_path: Path) -> None:
     assert (read_exr(tmp_path / "map.exr") == image).all()
 
 
-def test_jpegs_are_read_and_damage_is_heard() -> None:
+def test_jpegs_are_read_and_damaged_ones_are_refused() -> None:
     packed = io.BytesIO()
     Image.fromarray(np.full((32, 32, 3), 90, np.uint8)).save(packed, "JPEG")
     data = packed.getvalue()
@@ -120,6 +122,6 @@ def test_rehearsals_know_what_memory_there_is() -> None:
     assert limits.in_use(CPU)["host"] > 50e6
 
 
-def test_what_cannot_be_measured_is_said() -> None:
+def test_peak_memory_is_refused_where_the_system_does_not_say_it() -> None:
     with pytest.raises(UsageError, match="peak memory cannot be measured here"):
         clock.peak_bytes(lambda: None, CPU)

@@ -1,4 +1,4 @@
-"""What a training of about a minute has to find: shape, light and materials, and not the pixels alone.
+"""A training of about a minute finds shape, light and materials, and not the pixels alone.
 
 Bounds are what was measured, and a margin for other machines; the values of a run as short as this are no benchmark.
 """
@@ -10,12 +10,13 @@ from radiogs.method import RADIOGS
 from radiogs.settings import Variant
 from radiogs_bench.scoring.evaluate import SCORES_ALONE, evaluate
 from radiogs_bench.scoring.metrics.protocols import protocol
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.kernels.runtime import use_threads
+from radiogs_core.plain_values import with_values
 from radiogs_datasets import load_scene
 
 CPU = torch.device("cpu")
-BUDGET = replaced(
+BUDGET = with_values(
     RADIOGS.presets["tiny"],
     {
         "geometry.steps": 600,

@@ -81,7 +81,7 @@ def out(run: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
-def test_it_is_listed_with_its_fields_and_presets(run: Run) -> None:
+def test_the_method_is_listed_with_its_fields_and_presets(run: Run) -> None:
     listed = run("methods", "mean-image", "--json")
     assert listed.returncode == 0, listed.stderr
     said = json.loads(listed.stdout)
@@ -91,7 +91,7 @@ def test_it_is_listed_with_its_fields_and_presets(run: Run) -> None:
     assert "radiogs" in run("methods").stdout
 
 
-def test_its_rows_stand_in_the_tables_beside_radiogs(out: Path) -> None:
+def test_the_rows_of_a_command_stand_in_the_tables_beside_radiogs(out: Path) -> None:
     table = (out / "mean-beside-radiogs.md").read_text()
     assert "Mean image, half the light" in table
     assert "RadioGS without L" in table

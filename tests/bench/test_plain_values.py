@@ -46,7 +46,7 @@ def read(**given: Any) -> Outer:
     return made
 
 
-def test_what_is_left_out_has_its_default() -> None:
+def test_fields_that_are_left_out_have_their_defaults() -> None:
     assert read() == Outer("n")
 
 
@@ -106,7 +106,7 @@ def test_a_whole_number_for_a_real_one_becomes_real() -> None:
         ({"count": -1}, "variant of m: count: below zero\nIt counts.\nLeave it out."),
     ],
 )
-def test_what_is_wrong_is_answered_with_its_place(given: dict[str, Any], says: str) -> None:
+def test_wrong_values_are_refused_with_the_path_of_their_field(given: dict[str, Any], says: str) -> None:
     with pytest.raises(UsageError) as caught:
         read(**given)
     assert says in str(caught.value)

@@ -25,7 +25,7 @@ def python(code: str) -> list[str]:
     return [sys.executable, "-c", code]
 
 
-def test_lines_are_passed_on_and_exit_codes_returned() -> None:
+def test_lines_of_workers_are_printed_and_their_exit_codes_returned() -> None:
     said: list[str] = []
     commands = [python("import sys; print('one', file=sys.stderr); sys.exit(3)"), python("print('not this')")]
     assert run_pool(commands, said.append, lambda: None, Interruption()) == [3, 0]
@@ -45,7 +45,7 @@ def test_a_stop_is_passed_on_once_and_waited_for() -> None:
     assert said.count("asked") == 2
 
 
-def test_a_worker_that_is_killed_has_its_signal_for_a_code() -> None:
+def test_the_exit_code_of_a_killed_worker_is_its_signal() -> None:
     code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
     assert run_pool([python(code)], lambda line: None, lambda: None, Interruption()) == [-signal.SIGKILL]
 
@@ -83,7 +83,7 @@ def worker_processes(parent: int) -> list[int]:
 
 
 @pytest.mark.slow
-def test_a_killed_worker_costs_time_and_nothing_else(tmp_path: Path) -> None:
+def test_a_killed_worker_costs_no_result(tmp_path: Path) -> None:
     alone = run(tmp_path / "alone", "--threads", "1")
     assert alone.wait() == 0
     pool = run(tmp_path / "pool", "--threads", "2", "--workers", "2")

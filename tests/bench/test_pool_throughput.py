@@ -19,7 +19,7 @@ from radiogs_bench.store.folder import Store, product_name
 CPU = torch.device("cpu")
 SEEDS = 4
 MEASURED = ("seconds", "parts", "sessions", "timings", "seal")
-"""What no two runs share; the seal is over all of it."""
+"""Entries that no two runs share; the seal covers them."""
 
 SUITE = """
 name = "long-cells"
@@ -29,7 +29,7 @@ columns = ["nvs/psnr"]
 [[rows]]
 key = "ours"
 text = "Ours"
-budget = { "geometry.steps" = 5, inverse_iterations = 15 }
+budget = { geometry.steps = 5, inverse_iterations = 15 }
 """
 
 
@@ -69,7 +69,7 @@ def seconds_of(*runs: Run) -> float:
 
 
 def contents(folder: Path) -> dict[str, tuple[Any, dict[str, bytes], list[bytes]]]:
-    """Of every cell: what its result says but for what is measured, its arrays, and its model, bit for bit."""
+    """Every cell's result without what is measured, its arrays, and its model, bit for bit."""
     store, found = Store(folder), {}
     for result in store.results():
         (place,) = [each for each in read_sweep(folder)["cells"] if each["key"] == result["key"]]

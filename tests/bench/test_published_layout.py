@@ -18,10 +18,10 @@ ROUNDING = 1 / (12 * 255**2)
 """Mean square of the error of 8 bits, in units of the stored values."""
 
 SLOPE = {"nvs/psnr": 1.0, "relight/psnr": 1.0, "albedo/psnr": 3.4}
-"""Of what is compared by what is stored: albedo is stored linear and compared as sRGB, 3.4 times as steep at .03."""
+"""Ratio of compared to stored errors: albedo is stored linear and compared as sRGB, 3.4 times as steep at .03."""
 
 CORRELATION = {"nvs/psnr": 0.05, "relight/psnr": 0.05, "albedo/psnr": 0.15}
-"""Of rounding with the error of the view, at most: pixels of one material have nearly one albedo, rounded alike."""
+"""Largest correlation of rounding with the view's error: pixels of one material have nearly one albedo."""
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_with_16_bits_a_layout_on_black_scores_as_the_model_to_the_last_digit(
         assert found[name] == pytest.approx(ended[name], abs=5e-4), name
 
 
-def test_8_bits_cost_what_their_rounding_adds(trained: Path, ended: dict[str, float], tmp_path: Path) -> None:
+def test_8_bits_change_scores_by_their_rounding_error(trained: Path, ended: dict[str, float], tmp_path: Path) -> None:
     found = exported(trained, tmp_path, "gs-ir", 8)
     for name, slope in SLOPE.items():
         share = slope**2 * ROUNDING / 10 ** (-ended[name] / 10)
@@ -88,9 +88,7 @@ def test_files_have_the_bits_that_were_asked_for(trained: Path, tmp_path: Path) 
         assert bits == 8 or abs(values / 257 - (values / 257).round()).max() > 0.2, "more than 8 bits are used"
 
 
-def test_a_layout_that_is_not_written_is_refused_with_those_that_are(
-    trained: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_unknown_layout_is_refused_with_the_known_ones(trained: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", str(trained), "--layout-of", "plain"]) == 2
     assert "`render` and `relight` write this layout" in capsys.readouterr().err
     assert main(["export", str(trained), "--layout-of", "gsir"]) == 2

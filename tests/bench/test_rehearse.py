@@ -22,7 +22,7 @@ from radiogs_bench.cli import main
 from radiogs_bench.lab.rehearsal import climb as climbing
 from radiogs_bench.lab.rehearsal.climb import Bounds, sizes_of
 from radiogs_bench.lab.rehearsal.document import lines_of, with_tables
-from radiogs_bench.lab.rehearsal.growth import Rung, extended
+from radiogs_bench.lab.rehearsal.growth import SizeResult, extended
 from radiogs_bench.lab.rehearsal.limits import give_memory_back, resident
 from radiogs_bench.lab.rehearsal.phases import Phase, of_memory
 from radiogs_bench.lab.rehearsal.record import whole_of
@@ -73,7 +73,7 @@ def test_radiogs_is_rehearsed_in_every_phase_at_every_size(tmp_path: Path, capsy
     assert "Forecast, not measured, for an NVIDIA GeForce RTX 4090" in capsys.readouterr().out
 
 
-def test_what_does_not_fit_is_named_and_ends_with_exit_code_1(
+def test_a_size_that_does_not_fit_is_named_and_ends_with_exit_code_1(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with patch.dict(substitutes, {FAKE.name: FAKE}):
@@ -143,7 +143,7 @@ def test_a_method_that_does_not_say_its_sizes_is_rehearsed_as_it_begins(tmp_path
     assert len(firsts) < 5
 
 
-def test_what_is_rehearsed_is_found_and_opened_as_asked(tmp_path: Path) -> None:
+def test_the_rehearsed_suite_or_scene_is_opened_with_the_options(tmp_path: Path) -> None:
     (tmp_path / "data" / "made").mkdir(parents=True)
     shutil.copytree(scene_folder("corner"), tmp_path / "data" / "made" / "room")
     where = ["made/room", "--data", str(tmp_path / "data"), "--long-side", "20"]
@@ -166,7 +166,7 @@ def test_what_is_rehearsed_is_found_and_opened_as_asked(tmp_path: Path) -> None:
         (["corner", "--preset", "papre"], 2),
     ],
 )
-def test_wrong_wishes_are_refused(arguments: list[str], code: int, tmp_path: Path) -> None:
+def test_impossible_options_are_refused(arguments: list[str], code: int, tmp_path: Path) -> None:
     assert main(["rehearse", *arguments, "--out", str(tmp_path / "out")]) == code
 
 
@@ -228,9 +228,9 @@ def test_a_variant_that_never_looks_for_hidden_surfels_has_no_such_step() -> Non
     }  # fmt: skip
 
 
-def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> Rung:
+def rung(size: int, seconds: float, peak: float, base: float = 1.0) -> SizeResult:
     phase = Phase("step", f"key-{size}", (seconds, seconds), 10, {"host": round(peak * GIB)})
-    return Rung(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
+    return SizeResult(size, {"host": round(base * GIB)}, [phase], {"ours": [phase.key]}, {}, 2 * seconds, 1.0)
 
 
 def test_another_size_lies_on_the_line_through_the_last_two() -> None:
@@ -240,7 +240,7 @@ def test_another_size_lies_on_the_line_through_the_last_two() -> None:
     assert extended([rung(100, 2.0, 3.0), rung(200, 1.0, 2.0)], 400)[0].mean == pytest.approx(1.0)
 
 
-def test_a_line_is_as_uncertain_as_its_ends_are_the_further_the_more() -> None:
+def test_the_uncertainty_of_an_extrapolation_grows_with_its_distance() -> None:
     generator = np.random.default_rng(3)
     ends = [[rung(size, 0.0, 1.0) for size in (100, 200)] for _ in range(2000)]
     errors = []
@@ -291,14 +291,14 @@ def test_sizes_grow_fourfold_from_a_quarter_of_the_start_to_the_largest() -> Non
     ]  # fmt: skip
 
 
-def test_only_memory_is_taken_for_memory() -> None:
+def test_only_errors_of_allocation_count_as_a_lack_of_memory() -> None:
     assert of_memory(MemoryError())
     assert of_memory(RuntimeError("[enforce fail] DefaultCPUAllocator: can't allocate memory: you tried"))
     assert not of_memory(RuntimeError("shapes do not match"))
     assert not of_memory(None)
 
 
-def test_tables_go_into_their_places_and_nowhere_else(tmp_path: Path) -> None:
+def test_tables_replace_their_marked_parts_of_the_document_alone(tmp_path: Path) -> None:
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         main(["rehearse", "corner", "--preset", "smoke", "--out", str(tmp_path), "--json"])
     record = recorded(tmp_path)
@@ -323,7 +323,7 @@ def test_the_documents_tables_are_those_of_the_stored_rehearsals() -> None:
     assert with_tables(text, {path.stem: json.loads(path.read_bytes()) for path in files}) == text
 
 
-def test_what_one_size_took_does_not_count_as_the_next_size_s() -> None:
+def test_the_memory_of_one_size_does_not_count_for_the_next() -> None:
     """Freed blocks below one that is in use stay with the process until they are given back."""
     if getattr(ctypes.CDLL(None), "malloc_trim", None) is None:
         pytest.skip("this C library cannot give freed memory back")
@@ -336,7 +336,7 @@ def test_what_one_size_took_does_not_count_as_the_next_size_s() -> None:
     assert len(last) == 60_000
 
 
-def test_memory_by_formula_is_told_without_running_anything(capsys: pytest.CaptureFixture[str]) -> None:
+def test_memory_by_formula_is_printed_without_running_anything(capsys: pytest.CaptureFixture[str]) -> None:
     asked = ["rehearse", "corner", "--as", "100x800x800", "--by-formula", "--json"]
     assert main([*asked, "--sizes", "100000,500000", "--forecast-for", "rtx-4090"]) == 0
     found = json.loads(capsys.readouterr().out)
@@ -370,7 +370,7 @@ def test_the_table_by_formula_says_what_fits_and_for_whom_there_is_none(capsys: 
     assert len({line.count("|") for line in tables}) == 1
 
 
-def test_methods_without_formula_or_sizes_are_told_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+def test_methods_without_formula_or_sizes_are_named(capsys: pytest.CaptureFixture[str]) -> None:
     with patch.dict(substitutes, {FAKE.name: FAKE}):
         assert main(["rehearse", "corner", "--method", FAKE.name, "--by-formula"]) == 2
     assert f"no formula is known for the memory of {FAKE.name}" in capsys.readouterr().err

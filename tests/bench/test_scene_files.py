@@ -1,4 +1,4 @@
-"""What is stored was made from the files whose checksum is in its key."""
+"""Stored results were made from the files whose checksum is in their key."""
 
 import shutil
 from collections.abc import Callable

@@ -21,8 +21,8 @@ from radiogs_core.scene.scene import Scene
 from radiogs_datasets import load_scene
 
 TOLERANCE = {"psnr": 0.02, "ssim": 1e-3, "mae": 0.02, "mse": 2e-5, "delta_e": 0.3}
-"""What 8 bits a second time (albedo as sRGB; white taken away at soft edges) may move: an added error of variance
-1 / (12 255^2) beside the noise of 0.05^2 is 0.002 dB; edges add up to ten times that at 96 x 96 pixels."""
+"""Differences that 8 bits a second time may make (albedo as sRGB; white taken away at soft edges): an added error of
+variance 1 / (12 255^2) beside the noise of 0.05^2 is 0.002 dB; edges add up to ten times that at 96 x 96 pixels."""
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def test_every_reader_has_a_writer_to_be_tested_with() -> None:
 
 
 @pytest.mark.parametrize("code", list(WRITERS))
-def test_a_folder_is_told_by_what_it_holds(code: str, folders: dict[str, Path]) -> None:
+def test_the_code_of_a_folder_is_recognised_from_its_files(code: str, folders: dict[str, Path]) -> None:
     assert likely_codes(folders[code]) == [code]
 
 
@@ -96,7 +96,7 @@ def test_a_view_without_its_file_leaves_no_mean_and_is_named(
     assert [place for place, value in enumerate(metric["views"]) if value is None] == [3]
 
 
-def test_what_no_view_has_is_absent_and_named(folders: dict[str, Path], scene: Scene) -> None:
+def test_maps_that_no_view_has_are_absent_and_named(folders: dict[str, Path], scene: Scene) -> None:
     predictions = read_predictions(folders["plain"], scene)
     name = scene.test[0].name
     assert predictions.absent == (f"depth (depth/{name})", f"incident (incident/{name})")
@@ -126,7 +126,7 @@ def test_a_damaged_file_is_an_error_and_never_a_score(damage: str, scene: Scene,
         figures(tmp_path, scene)
 
 
-def test_a_strangers_pickle_is_not_run(scene: Scene, tmp_path: Path) -> None:
+def test_a_pickle_in_a_stored_file_is_not_executed(scene: Scene, tmp_path: Path) -> None:
     class Evil:
         def __reduce__(self) -> tuple[object, tuple[str]]:
             return (Path.touch, (tmp_path / "ran",))  # type: ignore[return-value]
@@ -171,7 +171,7 @@ def test_the_command_writes_its_record(
     assert json.loads(capsys.readouterr().out)["scene"]["name"] == "corner"
 
 
-def test_where_weights_were_looked_for_is_said_and_not_recorded(
+def test_the_folder_of_missing_weights_is_printed_and_not_recorded(
     folders: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("RADIOGS_BENCH_WEIGHTS", str(tmp_path))
@@ -195,7 +195,7 @@ def test_where_weights_were_looked_for_is_said_and_not_recorded(
         ([".", "--from", "stanford-orb"], 3, "no Stanford-ORB results"),
     ],
 )
-def test_wrong_calls_say_what_to_do(
+def test_wrong_calls_are_explained(
     arguments: list[str],
     code: int,
     said: str,

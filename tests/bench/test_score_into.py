@@ -68,7 +68,7 @@ def cell_of_row(run: Path, row: str = "GS-IR, 30k") -> dict[str, Any]:
     return json.loads((run / "cells" / f"{place['key']}.json").read_text())
 
 
-def test_a_row_stands_in_the_tables_with_what_score_says(run: Path, files: Path, tmp_path: Path) -> None:
+def test_a_row_from_files_has_the_metrics_of_score_in_the_tables(run: Path, files: Path, tmp_path: Path) -> None:
     assert into(run, files) == 0
     record = tmp_path / "score.json"
     assert main(["score", str(files), "--scene", "corner", "--out", str(record)]) == 0
@@ -84,7 +84,7 @@ def test_a_row_stands_in_the_tables_with_what_score_says(run: Path, files: Path,
     assert "PNG of 8 bits" in page
 
 
-def test_what_a_folder_cannot_say_is_unknown_and_not_zero(run: Path, files: Path) -> None:
+def test_values_that_a_folder_does_not_hold_are_unknown_and_not_zero(run: Path, files: Path) -> None:
     into(run, files)
     summary = json.loads((run / "summary.json").read_text())
     shown = summary["cells"][row_key("GS-IR, 30k")]
@@ -116,7 +116,7 @@ def test_a_row_is_replaced_only_with_force(run: Path, files: Path, tmp_path: Pat
     assert (run / "cells" / f"{before['key']}.json").exists(), "nothing is lost"
 
 
-def test_what_cannot_be_compared_is_refused_and_changes_nothing(
+def test_files_that_cannot_be_compared_are_refused_and_change_nothing(
     run: Path, files: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     manifest, cells = (run / "sweep.json").read_bytes(), sorted((run / "cells").iterdir())

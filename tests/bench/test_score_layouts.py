@@ -124,7 +124,7 @@ def test_a_folder_that_counts_more_views_is_of_another_scene(code: str, scene: S
         read_predictions(tmp_path, replace(scene, test=scene.test[:7]), code)
 
 
-def test_a_light_that_is_not_there_leaves_no_figure_over_all_lights(scene: Scene, tmp_path: Path) -> None:
+def test_a_missing_light_leaves_no_mean_over_all_lights(scene: Scene, tmp_path: Path) -> None:
     WRITERS["irgs"](tmp_path, noisy(scene))
     (tmp_path / "test_rli_light/envmap_sunset").rename(tmp_path / "elsewhere")
     predictions = read_predictions(tmp_path, scene)
@@ -139,7 +139,7 @@ def test_a_light_that_is_not_there_leaves_no_figure_over_all_lights(scene: Scene
         assert f"relight/sunset/{measure}" not in score.metrics
 
 
-def test_a_relit_view_that_is_not_there_leaves_only_the_other_views_figures(scene: Scene, tmp_path: Path) -> None:
+def test_a_missing_relit_view_leaves_the_metrics_of_the_other_views(scene: Scene, tmp_path: Path) -> None:
     WRITERS["irgs"](tmp_path, noisy(scene))
     (tmp_path / "test_rli_light/envmap_sunset/render/5.png").unlink()
     (score,) = score_predictions(read_predictions(tmp_path, scene), scene, [protocol("default")])
@@ -220,7 +220,7 @@ def test_a_recovered_light_is_scored_against_the_true_one(scene: Scene, tmp_path
         values(tmp_path, scene, "plain")
 
 
-def test_nothing_is_passed_over_in_silence(scene: Scene, tmp_path: Path) -> None:
+def test_everything_that_is_left_out_is_named(scene: Scene, tmp_path: Path) -> None:
     WRITERS["gs-ir"](tmp_path, noisy(scene))
     for index in range(8):
         png(tmp_path / f"test/ours_None/extra/{index:05d}_odd.png", torch.zeros(4, 4, 3))

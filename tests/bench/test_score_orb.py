@@ -72,7 +72,7 @@ def test_the_truth_scores_perfectly_and_scales_do_not_count_where_they_may_not(h
     assert 0 < values["shape/chamfer"] < 1
 
 
-def test_what_lacks_its_target_is_named_and_the_rest_is_scored(handed_in: Path) -> None:
+def test_pairs_without_a_target_are_named_and_the_others_are_scored(handed_in: Path) -> None:
     (handed_in.parent / "truth/z.npy").unlink()
     pairs = read_pairs(handed_in)
     assert [pair.lacking for pair in pairs if pair.lacking] == [("elsewhere/truth/z.npy",)]

@@ -1,4 +1,4 @@
-"""What the store keeps carries seals: a changed digit, a swapped or a missing file is seen, and said."""
+"""Stored files carry seals: a changed digit, a swapped or a missing file is noticed and reported."""
 
 import json
 import shutil
@@ -52,7 +52,7 @@ def another_value(content: dict[str, Any]) -> None:
     content["metrics"]["nvs/psnr"]["value"] += 80.0
 
 
-def test_what_was_sealed_comes_back(tmp_path: Path) -> None:
+def test_sealed_content_is_read_back(tmp_path: Path) -> None:
     content = {"schema": SCHEMA, "value": 0.1 + 0.2, "none": None, "list": [1, "é"]}
     (tmp_path / "f.json").write_bytes(strict_json(sealed(content)))
     assert read_sealed(tmp_path / "f.json", SCHEMA, ("value",)) == content | {SEAL: seal_of(content)}
@@ -73,7 +73,7 @@ def test_what_was_sealed_comes_back(tmp_path: Path) -> None:
         (strict_json(sealed({"schema": SCHEMA})), "lacks value"),
     ],
 )
-def test_what_does_not_agree_is_broken(content: bytes, says: str, tmp_path: Path) -> None:
+def test_content_that_does_not_agree_with_its_seal_is_broken(content: bytes, says: str, tmp_path: Path) -> None:
     (tmp_path / "f.json").write_bytes(content)
     with pytest.raises(Broken, match=says):
         read_sealed(tmp_path / "f.json", SCHEMA, ("value",))
@@ -81,7 +81,7 @@ def test_what_does_not_agree_is_broken(content: bytes, says: str, tmp_path: Path
 
 @pytest.mark.parametrize("older", [{"value": 1}, sealed({"schema": "radiogs-bench/thing/2"})])
 def test_a_file_of_another_version_is_no_damage(older: dict[str, Any], tmp_path: Path) -> None:
-    """Those of versions before there were seals have none."""
+    """Files of versions before there were seals have none."""
     (tmp_path / "f.json").write_bytes(strict_json({"schema": "radiogs-bench/thing/0", **older}))
     with pytest.raises(OtherSchema, match="thing/1"):
         read_sealed(tmp_path / "f.json", SCHEMA, ())

@@ -75,7 +75,9 @@ def test_arrays_hold_what_the_raw_parameters_mean(surfels: Surfels) -> None:
     assert arrays["surfels/count"].tolist() == [COUNT]
 
 
-def test_of_a_large_model_those_that_cover_most_are_kept(surfels: Surfels, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_surfels_with_the_most_coverage_are_kept_of_a_large_model(
+    surfels: Surfels, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(shown_surfels, "MOST", 2)
     faint = replace(surfels, log_scale=torch.zeros(COUNT, 2), opacity_logit=torch.tensor([0.0, -9.0, 3.0, -9.0, 1.0]))
     arrays = surfel_arrays(Model(faint), SEEN_FROM)
@@ -89,13 +91,13 @@ def test_radiance_beyond_half_precision_is_the_largest_number_of_it(surfels: Sur
     assert arrays["surfels/radiance"].min() == 65504
 
 
-def test_models_of_something_else_and_empty_ones_have_none(surfels: Surfels) -> None:
+def test_models_without_surfels_have_no_arrays(surfels: Surfels) -> None:
     empty = Surfels.of({name: value[:0] for name, value in surfels.plain().items()})
     assert surfel_arrays(Model(empty), SEEN_FROM) == {}
     assert surfel_arrays(Bare(), SEEN_FROM) == {}
 
 
-def test_the_place_that_it_is_seen_from_is_kept(surfels: Surfels) -> None:
+def test_the_initial_viewpoint_is_kept(surfels: Surfels) -> None:
     arrays = surfel_arrays(Model(surfels), SEEN_FROM)
     assert arrays["surfels/eye"].tolist() == [3.0, 1.0, 2.0]
     assert arrays["surfels/up"].tolist() == [0.0, 0.0, 1.0]

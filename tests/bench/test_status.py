@@ -61,7 +61,7 @@ def test_the_pace_of_a_cell_is_kept_as_it_goes_and_gone_when_it_ends(tmp_path: P
     ]
 
 
-def test_a_pace_that_cannot_be_written_costs_nothing(tmp_path: Path) -> None:
+def test_a_pace_file_that_cannot_be_written_stops_nothing(tmp_path: Path) -> None:
     (tmp_path / "locks").write_text("a file where the folder would be")
     store = Store(tmp_path)
     with KeptPace(LogProgress(), store, KEY) as progress:
@@ -83,7 +83,7 @@ def test_a_pace_that_cannot_be_written_costs_nothing(tmp_path: Path) -> None:
         '{"task": "a", "done": 1, "total": 2, "steps_a_second": 1.0, "written": 0.0, "more": 1}',
     ],
 )  # fmt: skip
-def test_a_pace_that_is_none_is_not_believed(content: str, tmp_path: Path) -> None:
+def test_a_malformed_pace_file_is_ignored(content: str, tmp_path: Path) -> None:
     (tmp_path / "locks").mkdir()
     (tmp_path / "locks" / f"{KEY}.pace").write_text(content)
     assert pace_of(Store(tmp_path), KEY) is None
@@ -137,7 +137,7 @@ def test_the_time_left_is_that_of_finished_cells_and_shared_stages_count_once(ha
     assert standing_of(store, sweep).seconds_left == pytest.approx(125 / 2)
 
 
-def test_what_has_not_been_heard_of_is_silent_and_no_time_is_promised(half_done: tuple[Store, Sweep]) -> None:
+def test_a_silent_cell_is_marked_and_has_no_time_left(half_done: tuple[Store, Sweep]) -> None:
     store, sweep = half_done
     ago = time.time() - SILENT_AFTER_SECONDS - 5
     put_pace(store, sweep["cells"][5]["key"], Pace("stage 1", 30, 120, 6.0, ago))

@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any
@@ -17,6 +17,7 @@ import pytest
 import torch
 from scipy import stats
 
+from bench.chain_method import Chain
 from bench.fake_method import FAKE
 from radiogs_bench.cli import main
 from radiogs_bench.lab.kernels.clock import processor_seconds
@@ -107,6 +108,56 @@ def test_a_method_that_cannot_be_rehearsed_is_measured_as_it_starts(monkeypatch:
     assert any(title.endswith(": step") for title in done)
 
 
+@dataclass(frozen=True)
+class Geometry:
+    steps: int = 9
+    surfels: int = 100
+    most_surfels: int = 300
+
+
+@dataclass(frozen=True)
+class NestedBudget:
+    name: str
+    geometry: Geometry = field(default_factory=Geometry)
+    consistency_surfels: int = 7
+
+
+@dataclass(frozen=True)
+class BudgetOfAField:
+    name: str
+    cells: int = 9
+    surfels_a_step: int = 7
+
+
+def chain_with(kind: type) -> Chain:
+    """A method that cannot be rehearsed, with a budget of this kind."""
+    chain = Chain(("fit",))
+    chain.presets = {name: kind(name) for name in ("smoke", "tiny", "small")}
+    chain.stages = lambda variant, budget: ()  # type: ignore[method-assign,assignment]
+    return chain
+
+
+def test_a_budget_that_nests_its_surfels_is_given_the_size() -> None:
+    """Surfels of a step are no size of a model."""
+    chain, scene = chain_with(NestedBudget), load_scene("corner")
+    subject = subject_of(chain, scene, SIZES["20k"], CPU)
+    assert subject.surfels == 20_000
+    assert subject.short.budget == NestedBudget("small", Geometry(9, 20_000, 20_000), 7)
+    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels == 300, "the preset's largest model"
+    irgs = method("irgs")
+    assert subject_of(irgs, scene, SIZES["20k"], CPU).surfels == 20_000
+    assert subject_of(irgs, scene, SIZES["smoke"], CPU).surfels == 400
+
+
+def test_a_size_that_cannot_be_set_is_refused() -> None:
+    chain, scene = chain_with(BudgetOfAField), load_scene("corner")
+    with pytest.raises(UsageError, match="size 20k has 20,000 surfels, which chain cannot be given") as caught:
+        subject_of(chain, scene, SIZES["20k"], CPU)
+    assert caught.value.remedy == "Choose sizes that are a preset's own:  --sizes tiny,small"
+    assert subject_of(chain, scene, SIZES["tiny"], CPU).surfels is None
+    assert subject_of(chain, scene, SIZES["smoke"], CPU).surfels is None, "for warming up"
+
+
 def test_surfels_on_surfaces_are_met_as_those_of_a_trained_model() -> None:
     """Surfels that fill the hull are met by 48 a ray."""
     scene = load_scene("corner")
@@ -130,7 +181,7 @@ def test_as_many_surfels_are_laid_as_the_size_asks_for_wherever_a_method_starts(
     assert len(stage.surfels) == 500
 
 
-def test_every_part_is_of_modules_that_there_are() -> None:
+def test_every_part_names_modules_that_exist() -> None:
     for places in PARTS.values():
         for place in places:
             assert importlib.util.find_spec(place) is not None, place
@@ -231,7 +282,7 @@ def test_a_ratio_above_one_is_faster_now_and_pairs_share_their_load() -> None:
     assert ratio_of_medians(before[:1], after[:1], True) == (2.0, None, None)
 
 
-def test_what_takes_less_than_a_tick_of_the_clock_has_no_ratio() -> None:
+def test_times_below_a_clock_tick_have_no_ratio() -> None:
     some, none = [[1.0], [2.0], [3.0]], [[0.0], [0.0], [4.0]]
     assert ratio_of_medians(some, none, True) is None
     assert ratio_of_medians(none, some, True) is None
@@ -283,14 +334,14 @@ def test_a_history_has_a_line_for_each_time_and_no_name_of_the_host(
 @pytest.mark.parametrize(
     ("wrong", "code", "said"),
     [
-        (["--sizes", "huge"], 2, "there is no size 'huge'"),
-        (["--method", "nobody"], 2, "there is no method 'nobody'"),
+        (["--sizes", "huge"], 2, "unknown size 'huge'"),
+        (["--method", "nobody"], 2, "unknown method 'nobody'"),
         (["--compare", "nowhere.json"], 3, "there is no record nowhere.json"),
         (["--against", "."], 2, "is no checkout of this project"),
-        (["--against", ".", "--history", "h.jsonl"], 2, "--history is of this checkout alone"),
+        (["--against", ".", "--history", "h.jsonl"], 2, "--history does not go with --against"),
     ],
 )
-def test_what_cannot_be_measured_is_said(
+def test_wrong_options_are_refused_before_anything_is_measured(
     wrong: list[str], code: int, said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
 ) -> None:  # fmt: skip
@@ -311,7 +362,7 @@ def test_the_document_shows_what_was_stored() -> None:
     )
 
 
-def test_parts_are_said_largest_first() -> None:
+def test_parts_are_printed_largest_first() -> None:
     """Stored records have them by name."""
     assert (
         parts_said({"density, forward": 0.1, "tracing, forward": 0.7, "z": 0.2}, 2) == "tracing, forward 70 %, z 20 %"
@@ -342,7 +393,7 @@ def test_another_checkout_is_measured_by_its_own_sources(tmp_path: Path, capsys:
     assert "times as fast" in capsys.readouterr().out
 
 
-def test_a_history_of_what_takes_less_than_a_tick_has_no_course(measured: tuple[Path, Path], tmp_path: Path) -> None:
+def test_times_below_a_clock_tick_have_no_trend(measured: tuple[Path, Path], tmp_path: Path) -> None:
     (line,) = read_history(measured[1])
     title = next(iter(line["ratios"]["smoke"]))
     line["ratios"]["smoke"][title] = dict.fromkeys(line["yardsticks"], 0.0)

@@ -19,7 +19,7 @@ def test_the_version_is_the_one_that_is_written() -> None:
     assert f"| `{RESULT_SCHEMA.removeprefix('radiogs-bench/')}` |" in section("## Versions")
 
 
-def test_every_key_of_a_result_has_a_line_and_no_line_is_of_none() -> None:
+def test_the_document_lists_exactly_the_keys_of_a_result() -> None:
     lines = re.findall(r"^\| `(\w+)` \|", section("## A cell"), re.MULTILINE)
     assert sorted(lines) == sorted(Result.__annotations__)
     lines = re.findall(r"^\| `(\w+)` \|", section("### A session"), re.MULTILINE)
@@ -30,7 +30,7 @@ def test_every_key_of_a_result_has_a_line_and_no_line_is_of_none() -> None:
         assert f"`{key}`" in section("## A failure")
 
 
-def test_what_is_written_has_these_keys_and_each_stage_its_peak(tmp_path: Path) -> None:
+def test_a_record_has_the_documented_keys_and_a_peak_for_each_stage(tmp_path: Path) -> None:
     FakeSweep(tmp_path).run([fake_cell()])
     (file,) = (tmp_path / "cells").glob("*.json")
     stored = json.loads(file.read_text())

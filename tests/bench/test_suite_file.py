@@ -106,7 +106,7 @@ def test_every_field_arrives(read: Callable[[str], Suite], tmp_path: Path) -> No
         ("scenes =", 'experiment = "trainig"\nscenes =', "there is no experiment 'trainig'\nDid you mean 'training'"),
     ],
 )
-def test_what_is_wrong_is_answered_with_its_place_and_the_nearest_name(
+def test_errors_of_a_suite_file_name_the_field_and_the_nearest_name(
     old: str, new: str, says: str, read: Callable[[str], Suite]
 ) -> None:
     assert old in WHOLE
@@ -145,7 +145,7 @@ def test_rows_of_another_method_have_its_own_fields(
         ("weight = 2", "wieght = 2", r"suite.rows\[1\].variant: there is no field 'wieght'\nDid you mean 'weight'"),
         ("weight = 2", "detach = 'pbr'", r"suite.rows\[1\].variant: there is no field 'detach'"),
         ("each = 2", "incident_samples = 2", r"suite.rows\[1\].budget: there is no field 'incident_samples'"),
-        ('"chain"\nvar', '"chian"\nvar', r"suite.rows\[1\].method: there is no method 'chian'\nDid you mean 'chain'"),
+        ('"chain"\nvar', '"chian"\nvar', r"suite.rows\[1\].method: unknown method 'chian'\nDid you mean 'chain'"),
     ):
         assert old in STRANGERS
         with pytest.raises(UsageError, match=says):

@@ -57,10 +57,10 @@ def test_every_column_has_a_heading_and_a_way_to_be_better() -> None:
     [
         ("ablationss", "Did you mean 'ablations'?"),
         ("mipnerf360", "Did you mean 'mipnerf360-ng' or 'mipnerf360-ns'?"),
-        ("xyz", f"Suites: {', '.join(SUITES)}."),
+        ("xyz", f"There are: {', '.join(SUITES)}."),
     ],
 )
-def test_a_misspelt_suite_is_answered_with_the_nearest(name: str, says: str) -> None:
+def test_a_misspelt_suite_is_refused_with_the_nearest_name(name: str, says: str) -> None:
     with pytest.raises(UsageError) as caught:
         suite(name)
     assert caught.value.why == says
@@ -251,12 +251,12 @@ def test_a_method_from_a_file_has_a_row_whose_key_is_a_name(monkeypatch: pytest.
     assert (row.key, row.method) == ("some-method", "folder/some method.toml")
 
 
-def test_a_method_that_is_not_there_is_answered_with_the_nearest(chain: Chain) -> None:
-    with pytest.raises(UsageError, match=r"there is no method 'chian'\nDid you mean 'chain'"):
+def test_an_unknown_method_is_refused_with_the_nearest_name(chain: Chain) -> None:
+    with pytest.raises(UsageError, match=r"unknown method 'chian'\nDid you mean 'chain'"):
         of_methods(ABLATIONS, ["chian"])
 
 
-def test_a_field_is_turned_in_every_row_that_has_it_and_made_no_choice_of_its_own(chain: Chain) -> None:
+def test_a_field_is_set_in_every_row_that_has_it_and_does_not_set_it_itself(chain: Chain) -> None:
     rows = (
         Row("ours", "Ours", "Ours"),
         Row("chosen", "C", "C", {"effects": []}),

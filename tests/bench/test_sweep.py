@@ -43,7 +43,7 @@ def test_the_manifest_holds_the_kinds_that_scenes_state() -> None:
     assert "kinds" not in request().manifest([])
 
 
-def test_what_was_typed_is_kept_and_shown_by_the_summary(tmp_path: Path) -> None:
+def test_the_command_line_is_kept_in_the_summary(tmp_path: Path) -> None:
     places = [place for place, _ in request().cells()]
     typed = ["run", "ablations", "--scenes", "a b", "--long-side", "48"]
     write_sweep(Store(tmp_path), replace(request(), command=typed).manifest(places))
@@ -63,7 +63,7 @@ def test_a_folder_without_a_run_is_explained(tmp_path: Path) -> None:
         read_sweep(tmp_path / "nowhere")
 
 
-def test_states_follow_what_is_stored(tmp_path: Path) -> None:
+def test_the_state_of_a_cell_follows_from_its_stored_files(tmp_path: Path) -> None:
     sweep, cell = FakeSweep(tmp_path), fake_cell()
     place = place_of(cell)
     first, second = (product_name(stage.key) for stage in cell.stages)

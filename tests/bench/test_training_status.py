@@ -29,7 +29,7 @@ def test_a_line_says_the_step_and_the_time_left(tmp_path: Path, capsys: pytest.C
     assert (found["done"], found["total"]) == (466, 3000)
 
 
-def test_it_is_followed_until_it_ends(
+def test_watch_follows_a_training_until_it_ends(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store = Store(tmp_path)
@@ -61,6 +61,6 @@ def test_a_training_keeps_its_pace_while_it_works_and_status_names_its_model_aft
     assert capsys.readouterr().out.startswith("trained: see ")
 
 
-def test_a_folder_of_neither_is_no_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_folder_without_a_run_or_a_model_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["status", str(tmp_path)]) == 3
     assert "no run in" in capsys.readouterr().err

@@ -108,7 +108,7 @@ def test_pictures_are_blended_in_linear_light_on_white() -> None:
         ("roughness", torch.full((3,), 0.6)),
     ],
 )
-def test_what_is_shown_is_in_display_colours(colour: str, wanted: torch.Tensor) -> None:
+def test_pictures_are_in_display_colours(colour: str, wanted: torch.Tensor) -> None:
     model = surfels([[0.0, 0.0, 0.0]] * 30, [0.99] * 30, [[0.2] * 3] * 30, 5.0)
     (camera,) = cameras_around(model, 1, 5, from_outside(model))
     (picture,) = pictures(model, [camera], colour)  # type: ignore[arg-type]

@@ -106,7 +106,7 @@ def test_links_and_devices_in_a_zip_are_refused(kind: int, tmp_path: Path) -> No
 
 
 @MAKERS
-def test_what_unpacks_to_more_than_its_bound_is_refused(make: Make, tmp_path: Path) -> None:
+def test_an_archive_that_unpacks_beyond_its_bound_is_refused(make: Make, tmp_path: Path) -> None:
     archive = make(tmp_path / "a", {"zeros": bytes(1 << 20), "more": bytes(1 << 20)})
     assert archive.stat().st_size < 20_000
     refused(archive, tmp_path, "needs more than 2000000 bytes", 2_000_000)
@@ -135,7 +135,7 @@ def test_half_an_archive_is_damaged(make: Make, share: float, tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("content", [b"", b"<html>Please log in</html>", bytes(3000)])
-def test_what_is_no_archive_is_refused(content: bytes, tmp_path: Path) -> None:
+def test_a_file_that_is_no_archive_is_refused(content: bytes, tmp_path: Path) -> None:
     (tmp_path / "a").write_bytes(content)
     refused(tmp_path / "a", tmp_path, "damaged|no files")
 

@@ -36,7 +36,7 @@ def files(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_whole_folder_is_said_to_be_whole(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_undamaged_folder_is_reported_as_such(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
     stages = len(list((run / "stages").glob("*.pt")))
     assert main(["verify", str(run)]) == 0
     assert capsys.readouterr().out == f"{2 + 2 * 5 + stages} files are as they were stored, 0 are not\n"
@@ -46,7 +46,7 @@ def test_a_whole_folder_is_said_to_be_whole(run: Path, capsys: pytest.CaptureFix
 @pytest.mark.parametrize(
     "damage", [lambda content: content[: len(content) // 2], lambda content: b""], ids=["cut short", "empty"]
 )
-def test_every_kind_of_file_is_looked_at_and_left_where_it_is(
+def test_verify_reads_every_kind_of_file_and_moves_none(
     name: str, damage: Callable[[bytes], bytes], run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = sorted(run.glob(name))[0]
@@ -92,7 +92,7 @@ def test_files_of_another_version_are_counted_and_no_damage(run: Path, capsys: p
     assert "1 files of other versions were left alone" in capsys.readouterr().out
 
 
-def test_a_failure_is_looked_at(run: Path) -> None:
+def test_a_damaged_failure_record_is_reported(run: Path) -> None:
     key = sorted((run / "cells").glob("*.json"))[0].stem
     path = run / "cells" / f"{key}.failed.json"
     path.write_bytes(strict_json(sealed({"schema": "radiogs-bench/result/6", "key": key}) | {"key": "other"}))

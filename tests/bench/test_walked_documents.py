@@ -1,6 +1,6 @@
 """README and the tutorials are walked through: every command is executed, in order, at preset smoke on small images.
 
-What is changed about a command is listed here. What is not executed: commands that need a network (``datasets fetch``,
+Changes to a command are listed here. Commands are not executed that need a network (``datasets fetch``,
 ``datasets weights``) or a cluster; that the command line takes them is tested in tests/ci.
 """
 
@@ -25,7 +25,7 @@ NOT_HERE = re.compile(r"datasets (fetch|weights)|--engine ray|^make |path/to/met
 """A network, a cluster, what `make test` itself is, and a code of somebody's (tests/baselines/commands have one)."""
 
 WHOLE_SUITES = re.compile(r"^radiogs-bench run (?!forward-parity|stability)(?!.*--(list|dry-run))")
-"""Those of the README train hours: one scene of few pixels, and one seed, have the same path."""
+"""Commands of the README train for hours: one scene of few pixels, and one seed, have the same path."""
 
 TAKES_PRESET = re.compile(r"^radiogs-bench (run|train|probe|rehearse)\b(?!.*--list)")
 
@@ -130,7 +130,7 @@ def test_every_command_of_the_readme_is_executed(walk: Path) -> None:
 
 
 @pytest.mark.parametrize("document", TUTORIALS, ids=lambda path: path.stem)
-def test_a_tutorial_is_walked_through(document: Path, walk: Path) -> None:
+def test_the_commands_of_a_tutorial_run_in_order(document: Path, walk: Path) -> None:
     environment = environment_of(walk)
     executed = [command for given in commands(document) if (command := prepared(given)) is not None]
     assert len(executed) >= 6

@@ -6,13 +6,14 @@ import torch
 from bench.chain_method import Chain, Turned
 from radiogs.method import RADIOGS
 from radiogs.settings import PRESETS, Variant
-from radiogs_bench.runs.warm_up import compile_kernels
-from radiogs_core.contract import Run, replaced
+from radiogs_bench.runs.preflight import compile_kernels
+from radiogs_core.contract import Run
 from radiogs_core.kernels.rasterize.rasterize_source import blend_kernels
+from radiogs_core.plain_values import with_values
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-LITTLE = replaced(PRESETS["smoke"], {"geometry.steps": 12, "inverse_iterations": 9, "geometry.initial_surfels": 100})
+LITTLE = with_values(PRESETS["smoke"], {"geometry.steps": 12, "inverse_iterations": 9, "geometry.initial_surfels": 100})
 
 
 @pytest.mark.parametrize("effects", ["all", "auto"])

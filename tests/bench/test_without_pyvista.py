@@ -20,7 +20,7 @@ def no_pyvista(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyvista", None)
 
 
-def test_what_to_install_is_said(tmp_path: Path) -> None:
+def test_a_missing_library_is_explained_with_what_to_install(tmp_path: Path) -> None:
     with pytest.raises(UsageError) as raised:
         read_mesh(tmp_path / "mesh.obj")
     assert "pip install 'radiogs-bench[meshes]'" in raised.value.remedy

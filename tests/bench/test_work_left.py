@@ -1,16 +1,16 @@
-"""What is left of a run takes what the same row took, and shared stages are trained once."""
+"""The time left of a run is taken from the same row, and shared stages count once."""
 
 from typing import Any, cast
 
 import pytest
 
 from radiogs_bench.results.standing import work_left
-from radiogs_bench.runs.sweep import Place
+from radiogs_bench.runs.sweep import CellRef
 from radiogs_bench.store.schema import Result
 
 
-def place(row: str, seed: int, stages: list[str]) -> Place:
-    return cast(Place, {"row": row, "scene": "s", "seed": seed, "key": f"{row}-{seed}", "stages": stages})
+def place(row: str, seed: int, stages: list[str]) -> CellRef:
+    return cast(CellRef, {"row": row, "scene": "s", "seed": seed, "key": f"{row}-{seed}", "stages": stages})
 
 
 def result(first: tuple[str, float], second: tuple[str, float], scored: float) -> Result:

@@ -21,11 +21,11 @@ from radiogs_bench.method_calls import calling, lacking, losses_of, members, req
 from radiogs_bench.runs.cell import Cell, Work, cell_of
 from radiogs_bench.runs.engines.in_process import Task, run_cells
 from radiogs_bench.runs.interruption import Interruption
+from radiogs_bench.runs.preflight import compile_kernels
 from radiogs_bench.runs.progress import LogProgress
 from radiogs_bench.runs.scene_digest import checksum_now
 from radiogs_bench.runs.stages import Bench, facts_of
 from radiogs_bench.runs.train import train_and_score
-from radiogs_bench.runs.warm_up import compile_kernels
 from radiogs_bench.scoring.maps import on_black
 from radiogs_bench.store.folder import Store
 from radiogs_core.contract import Method, NotOffered, Prepared, Stage, Trained
@@ -98,7 +98,7 @@ def cells_of(chain: Chain, seeds: int = 1) -> list[Cell]:
         ({"prepare": fails(RuntimeError, "shapes\ndiffer")}, "prepare(): RuntimeError: shapes"),
     ],
 )
-def test_what_a_method_raises_ends_its_own_cell_with_its_name_and_its_traceback(
+def test_an_exception_in_a_method_fails_its_cell_with_its_name_and_traceback(
     what: Mapping[str, Callable[..., Any]], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     store, wrong, right = Store(tmp_path), Wrong(**what), Chain(("fit",), name="right")
@@ -122,7 +122,7 @@ def test_what_a_method_raises_ends_its_own_cell_with_its_name_and_its_traceback(
     assert capsys.readouterr().err.count("error: ") == 1, "what failed alike is explained once"
 
 
-def test_a_method_that_was_mended_is_run_and_the_failure_forgotten(tmp_path: Path) -> None:
+def test_a_repaired_method_runs_and_its_failure_is_removed(tmp_path: Path) -> None:
     store, wrong = Store(tmp_path), Wrong(step=fails(ValueError, "x"))
     assert len(run_all(store, wrong)) == 1
     wrong.what = {}
@@ -133,7 +133,7 @@ def test_a_method_that_was_mended_is_run_and_the_failure_forgotten(tmp_path: Pat
 
 
 @pytest.mark.parametrize("error", [NotOffered("not this"), UsageError("a", "b"), NumericalFailure("c")])
-def test_what_explains_itself_passes(error: ExplainedError) -> None:
+def test_explained_errors_of_a_method_pass_unchanged(error: ExplainedError) -> None:
     with pytest.raises(type(error)) as raised, calling("x", "step()"):
         raise error
     assert raised.value is error
@@ -144,7 +144,7 @@ def test_ctrl_c_is_no_failure_of_a_method() -> None:
         raise KeyboardInterrupt
 
 
-def test_a_failure_travels_between_processes_with_its_traceback() -> None:
+def test_a_failure_keeps_its_traceback_between_processes() -> None:
     with pytest.raises(MethodFailed) as raised, calling("x", "step()"):
         fails(ValueError, "y")()
     there = pickle.loads(pickle.dumps(raised.value))
@@ -190,7 +190,7 @@ KEPT = {
 }
 
 
-def test_what_may_be_kept_can_be_read_again(tmp_path: Path) -> None:
+def test_every_storable_value_can_be_read_again(tmp_path: Path) -> None:
     require_storable("x", KEPT, "state()", "fit")
     store = Store(tmp_path)
     store.put_tensors("stages/x", KEPT)
@@ -208,7 +208,7 @@ def test_what_may_be_kept_can_be_read_again(tmp_path: Path) -> None:
         (torch.optim.SGD([torch.zeros(1)]), "torch.optim.sgd.SGD"),
     ],
 )
-def test_what_could_not_be_read_again_is_refused_by_its_place(value: object, kind: str, tmp_path: Path) -> None:
+def test_values_that_could_not_be_read_again_are_refused_by_name(value: object, kind: str, tmp_path: Path) -> None:
     with pytest.raises(MethodFailed, match=rf"x: state\(\)\['a'\]\[1\] of stage 'fit' is a .*{kind}"):
         require_storable("x", {"a": (1, value)}, "state()", "fit")
     store = Store(tmp_path)
@@ -308,7 +308,7 @@ def test_a_package_that_is_broken_does_not_hide_the_others(
         ("METHOD.presets = {'smoke': {'name': 'smoke'}}", "its preset 'smoke' has to be an instance of a dataclass"),
     ],
 )
-def test_what_is_wrong_with_a_method_is_said(
+def test_every_fault_of_a_method_is_explained(
     change: str, told: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     text = """

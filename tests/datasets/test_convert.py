@@ -95,7 +95,7 @@ def test_nothing_is_overwritten_and_no_half_scene_stays(scene: Scene, tmp_path: 
     (tmp_path / "there/mine.txt").write_text("kept")
     with pytest.raises(UsageError, match="exists already"):
         convert(scene, tmp_path / "there", "blender")
-    with pytest.raises(UsageError, match="no writer for layout 'colmab'"):
+    with pytest.raises(UsageError, match="unknown layout to write 'colmab'"):
         convert(scene, tmp_path / "new", "colmab")
 
     def stop(done: int, total: int) -> None:

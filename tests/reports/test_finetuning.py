@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 from made_up_run import arrays, cell, run, summary, write_run
 from radiogs_reports.figures.finetuning import Times, finetuning_figures, times_of, tunings
-from radiogs_reports.summary import Summary
+from radiogs_reports.summary import ModesSummary, Summary
 
 ROWS = {"split-sum": ("pbr", 1.0), "rays-2": ("finetuned", 0.1), "rays-8": ("finetuned", 0.4),
         "surfels-8": ("surfels", 0.8), "surfels-2": ("surfels", 0.2)}  # fmt: skip
@@ -17,6 +17,12 @@ ROWS = {"split-sum": ("pbr", 1.0), "rays-2": ("finetuned", 0.1), "rays-8": ("fin
 
 MILLISECONDS = {"split-sum": (50.0, 10.0), "rays-2": (90.0, 12.0), "rays-8": (200.0, 12.0), "surfels-8": (850.0, 2.0),
                 "surfels-2": (210.0, 2.0)}  # fmt: skip
+
+
+MODES: ModesSummary = {
+    "field": "relighting", "default": "pbr", "by_steps": ["surfels", "finetuned"], "steps": "finetune_iterations",
+    "titles": {"pbr": "split sum", "finetuned": "rays to tuned surfels", "surfels": "tuned surfels"},
+}  # fmt: skip
 
 
 def made_up() -> Summary:
@@ -29,13 +35,14 @@ def made_up() -> Summary:
     ]
     made["rows"] = [{"key": row, "latex": row, "text": row, "seconds": 1.0} for row in ROWS]
     made["cells"], made["runs"], made["sheet"] = {}, [], []
+    made["relighting"] = {"radiogs": MODES}
     for place, (row, (mode, share)) in enumerate(ROWS.items()):
         prepare, frame = MILLISECONDS[row]
         metrics: dict[str, float | None] = {"relight/psnr": 20.0 + place, "render/ms": frame, "prepare/ms": prepare}
         made["cells"][row] = {key: cell(value, 0.25) for key, value in metrics.items()}
         each = run(row, "my_scene", 0, row, metrics)
         budget: dict[str, Any] = {"name": row, "finetune_iterations": round(20 * share), "incident_samples": 8}
-        each["made_from"] = {"variant": {"relighting": mode, "detach": "none"}, "budget": budget}
+        each["made_from"] = {"variant": {"relighting": mode, "detach": "none"}, "budget": budget, "method": "radiogs"}
         made["runs"].append(each)
         made["sheet"].append(
             {"row": row, "scene": "my_scene", "view": "test_004", "arrays": f"cells/{row}.npz", "light": "sky"}
@@ -51,6 +58,29 @@ def test_rows_are_told_by_what_they_were_made_from() -> None:
     assert [each.row for each in tunings(made)] == ["surfels-2", "surfels-8"]
     made["reference"] = "surfels-8"
     assert tunings(made) == []
+
+
+def test_modes_are_those_that_the_run_recorded_of_the_method() -> None:
+    """Fields may be nested, and modes have any names."""
+    made = made_up()
+    for each in made["runs"]:
+        content = each["made_from"]
+        content["variant"] = {"shown": {"way": content["variant"]["relighting"].upper()}}
+        content["budget"] = {"name": "x", "light": {"steps": content["budget"]["finetune_iterations"]}}
+    assert tunings(made) == [], "the field that was recorded is another one"
+    made["relighting"] = {
+        "radiogs": {
+            "field": "shown.way", "default": "PBR", "by_steps": ["FINETUNED", "SURFELS"], "steps": "light.steps",
+            "titles": {"FINETUNED": "learnt"},
+        }
+    }  # fmt: skip
+    found = tunings(made)
+    assert [(each.row, each.iterations) for each in found] == [
+        ("rays-2", 2), ("rays-8", 8), ("surfels-2", 4), ("surfels-8", 16)
+    ]  # fmt: skip
+    assert [each.mode.title for each in found] == ["learnt", "learnt", "SURFELS", "SURFELS"]
+    made["relighting"] = {"another": made["relighting"]["radiogs"]}
+    assert tunings(made) == [], "they are another method's"
 
 
 def test_a_run_without_fine_tuning_has_no_such_figure(tmp_path: Path) -> None:

@@ -3,9 +3,8 @@ replacement."""
 
 import string
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import UsageError, did_you_mean
 
 EVERYWHERE: Mapping[str, str] = {
     "code": "the folder of the public code",
@@ -68,7 +67,6 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
     for name in names:
         if name in known:
             continue
-        near = get_close_matches(name, known, 1)
         why = "It has no value in this field."
         if name in ONE_LIGHT:
             why = "It is allowed only in [relight] without all_lights."
@@ -76,7 +74,7 @@ def check(text: str, known: Mapping[str, str], where: str) -> None:
             why = "It stands for several arguments, so it has to be an argument of its own in a list of arguments."
         raise UsageError(
             f"{where}: there is no placeholder '{{{name}}}'",
-            why + (f" Did you mean '{{{near[0]}}}'?" if near else ""),
+            f"{why} {did_you_mean(f'{{{name}}}', [f'{{{each}}}' for each in known])}".strip(),
             f"Known here: {', '.join(f'{{{each}}}' for each in known)}.",
         )
 

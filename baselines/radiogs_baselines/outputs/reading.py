@@ -2,10 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from difflib import get_close_matches
 from pathlib import Path
 
-from radiogs_core.errors import DataError, UsageError
+from radiogs_core.errors import DataError, unknown
 from radiogs_core.scene.scene import Scene, View
 from radiogs_datasets.bounded_reading import read_bytes
 from radiogs_datasets.image_structure import image_size
@@ -36,9 +35,7 @@ def read_predictions(folder: Path, scene: Scene, code: str | None = None) -> Pre
         raise DataError(f"there is no folder {folder}", "", "Give the folder that the code wrote its results into.")
     name = code if code is not None else _recognised(folder)
     if name not in CODES:
-        near = get_close_matches(name, CODES, 1)
-        hint = f"Did you mean '{near[0]}'?" if near else ""
-        raise UsageError(f"no reader for '{name}'", hint, f"Readers: {', '.join(CODES)}.")
+        raise unknown("reader", name, CODES)
     layout = CODES[name]
     search = _Search(folder, scene)
     maps: dict[str, dict[str, Found]] = {view.name: {} for view in scene.test}

@@ -2,11 +2,10 @@
 
 import tomllib
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from importlib import resources
 from typing import Literal
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import unknown
 
 
 @dataclass(frozen=True)
@@ -72,12 +71,7 @@ def published_tables() -> tuple[str, ...]:
 def published(table: str) -> PublishedTable:
     """The published table of a key. Raises UsageError for an unknown key."""
     if table not in published_tables():
-        near = get_close_matches(table, published_tables(), 1)
-        raise UsageError(
-            f"no published table '{table}'",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Tables: {', '.join(published_tables())}.",
-        )
+        raise unknown("published table", table, published_tables())
     text = resources.files(__package__).joinpath(f"{table}.toml").read_text(encoding="utf-8")
     content = tomllib.loads(text, parse_float=str)
     given = content.pop("conditions")

@@ -162,7 +162,7 @@ def _passes(
         return run(leaves)
 
     def backward() -> Callable[[], object]:
-        values = [value.detach().requires_grad_(place not in constant) for place, value in enumerate(leaves)]
+        values = [value.detach().requires_grad_(index not in constant) for index, value in enumerate(leaves)]
         total = run(values)
         return total.backward
 

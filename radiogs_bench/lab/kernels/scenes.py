@@ -132,9 +132,9 @@ def _scene(
 
 
 def _spread_over_sphere(count: int) -> Float[Tensor, "count 3"]:
-    place = torch.arange(count, dtype=torch.float64) + 0.5
-    z = 1 - 2 * place / count
-    azimuth = place * math.pi * (3 - math.sqrt(5))
+    index = torch.arange(count, dtype=torch.float64) + 0.5
+    z = 1 - 2 * index / count
+    azimuth = index * math.pi * (3 - math.sqrt(5))
     across = (1 - z * z).sqrt()
     return torch.stack([across * azimuth.cos(), across * azimuth.sin(), z], -1)
 

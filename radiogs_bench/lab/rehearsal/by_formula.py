@@ -1,4 +1,4 @@
-"""Memory of the phases of a run at any size, by the formula of a method that has one; nothing is run."""
+"""Memory of a run's phases at any size, by the formula of a method that has one; nothing is run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict

@@ -14,7 +14,7 @@ from radiogs_core.scene.scene import Scene
 
 from ...runs.progress import Progress
 from ...store.folder import Store
-from .growth import Rung, extended, peak
+from .growth import SizeResult, extended, peak
 from .limits import give_memory_back, in_use
 from .one_row import rehearse_rows
 from .phases import Phase, Phases, TooLarge
@@ -29,7 +29,7 @@ FACTOR = 4.0
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of a rehearsal: bytes by kind of memory, and seconds."""
+    """Bounds of a rehearsal: bytes on the host and on the device, and seconds."""
 
     memory: Mapping[str, int]
     seconds: float
@@ -55,13 +55,13 @@ class Refusal:
 
 
 @dataclass(frozen=True)
-class Climb:
-    """Measurements by size, why the rehearsal ended, and whether it was stopped.
+class Rehearsal:
+    """The measurements by size, why the rehearsal ended, and whether it was stopped.
 
-    ``largest`` is the size that was wanted. The last of the sizes may lack phases (``Rung.whole``).
+    ``largest`` is the size that was wanted. The last of the sizes may lack phases (``SizeResult.whole``).
     """
 
-    rungs: Sequence[Rung]
+    rungs: Sequence[SizeResult]
     largest: int | None
     refusal: Refusal | None
     stopped: bool = False
@@ -89,32 +89,34 @@ def stopped_by_signals() -> Iterator[None]:
         signal.signal(signal.SIGTERM, before)
 
 
-def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: Bounds, setting: Setting) -> Climb:
+def climb(rows: Sequence[Row], scene: Scene, rules: str, folder: Path, bounds: Bounds, setting: Setting) -> Rehearsal:
     """Rehearse the rows at each size; what is stored meanwhile is removed from ``folder`` again."""
     ladder: Sequence[int | None] = setting.sizes or sizes_of(rows) or [None]
     largest = max(sizes_of(rows), default=None)
-    rungs: list[Rung] = []
+    rungs: list[SizeResult] = []
     started = time.perf_counter()
     for size in ladder:
         refusal = _refusal(rungs, size, bounds, bounds.seconds - (time.perf_counter() - started))
         if refusal is not None:
-            return Climb(rungs, largest, refusal)
+            return Rehearsal(rungs, largest, refusal)
         setting.progress.say(f"size {size:,}" if size is not None else "its own sizes")
-        rung = _rung(rows, scene, size, rules, folder, setting)
+        rung = _measured(rows, scene, size, rules, folder, setting)
         rungs.append(rung)
         if rung.stopped:
             last = rung.phases[-1].title if rung.phases else "the beginning"
-            return Climb(rungs, largest, Refusal(size, True, f"it was stopped after '{last}'"), stopped=True)
+            return Rehearsal(rungs, largest, Refusal(size, True, f"it was stopped after '{last}'"), stopped=True)
         if rung.broke_at is not None:
             why = f"there was not enough memory for '{rung.broke_at}'"
-            return Climb(rungs, largest, Refusal(size, False, why))
+            return Rehearsal(rungs, largest, Refusal(size, False, why))
         refusal = _over(rung.size, [*rung.phases], bounds.memory, "took")
         if refusal is not None:
-            return Climb(rungs, largest, refusal)
-    return Climb(rungs, largest, None)
+            return Rehearsal(rungs, largest, refusal)
+    return Rehearsal(rungs, largest, None)
 
 
-def _rung(rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting) -> Rung:
+def _measured(
+    rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folder: Path, setting: Setting
+) -> SizeResult:
     phases = Phases(setting.device, setting.clock, setting.progress.say)
     give_memory_back()
     base = in_use(setting.device)
@@ -132,10 +134,12 @@ def _rung(rows: Sequence[Row], scene: Scene, size: int | None, rules: str, folde
         for room in ("stages", "work", "export", "claims"):
             shutil.rmtree(folder / room, ignore_errors=True)
     taken = time.perf_counter() - wall
-    return Rung(size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped)
+    return SizeResult(
+        size, base, phases.done, keys, facts, taken, (time.process_time() - busy) / taken, broke_at, stopped
+    )
 
 
-def _refusal(rungs: Sequence[Rung], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
+def _refusal(rungs: Sequence[SizeResult], size: int | None, bounds: Bounds, seconds: float) -> Refusal | None:
     """Why a size should not be tried, by what smaller ones took; None where nothing speaks against it."""
     if not rungs or size is None:
         return None

@@ -52,13 +52,13 @@ def lines_of(record: Mapping[str, Any]) -> list[str]:
     ]
     models: list[str] = []
     longest = max(rungs, key=lambda rung: len(rung["phases"]))["phases"]
-    for place, phase in enumerate(longest):
+    for index, phase in enumerate(longest):
         cells = []
         for rung in rungs:
-            if place >= len(rung["phases"]):
+            if index >= len(rung["phases"]):
                 cells.append(" | ")
                 continue
-            found = rung["phases"][place]
+            found = rung["phases"][index]
             where = "device" if "device" in found["peaks"] else "host"
             cells.append(f"{seconds(_mean(found))} | {found['peaks'][where] / GIB:.2f}")
         lines.append(f"| {phase['title']} | {' | '.join(cells)} | {phase['whole']:,} |")

@@ -1,4 +1,4 @@
-"""Extrapolates the cost of a phase to another size of the model by a line through the last two measured sizes."""
+"""Extrapolates a phase to sizes of the model that were not measured, by a line through the last two."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,7 +8,7 @@ from .phases import Phase
 
 
 @dataclass(frozen=True)
-class Rung:
+class SizeResult:
     """One size of the model, None where a method does not say, and the phases measured at it.
 
     base: bytes by place before anything was done. seconds: that it took in all. rows: keys of each row's phases.
@@ -40,7 +40,7 @@ class Rung:
         return {(str(numbers[phase.key]), phase.title): phase for phase in self.phases}
 
 
-def extended(rungs: Sequence[Rung], size: int) -> list[Phase]:
+def extended(rungs: Sequence[SizeResult], size: int) -> list[Phase]:
     """The phases at another size: seconds and bytes on the line through the last two rungs, never falling with size.
 
     The standard error of seconds is that of a line through two measured means.

@@ -1,4 +1,4 @@
-"""The available memory, and the speed of this machine relative to another one."""
+"""The machine's free memory, and its speed beside another machine's."""
 
 import ctypes
 import gc
@@ -90,7 +90,7 @@ def in_use(device: torch.device) -> dict[str, int]:
 
 
 def speed_of(device: torch.device) -> Speed:
-    """Speed of a device, on the threads that it computes with: of a matrix product, and of a copy."""
+    """Speed of one device with all its threads: a matrix product, and a copy."""
     square = torch.rand(MATRIX, MATRIX, device=device)
     values = torch.rand(COPIED, device=device)
     target = torch.empty_like(values)

@@ -125,7 +125,7 @@ class RowRehearsal:
                 seconds.append(taken)
         self.phases.end(f"{spec.title}: first step", key, 1, seconds[:1])
         for kind in kinds:
-            counted = [seconds[place] for place in sorted(kind.steps) if 0 < place < len(seconds)] or seconds[:1]
+            counted = [seconds[index] for index in sorted(kind.steps) if 0 < index < len(seconds)] or seconds[:1]
             self.phases.end(f"{spec.title}: {kind.title}", key, max(0, kind.whole - int(0 in kind.steps)), counted)
 
     def _step(self, stage: Stage) -> Mapping[str, float]:

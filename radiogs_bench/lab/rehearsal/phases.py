@@ -14,7 +14,7 @@ from ...store.provenance import peak_memory, reset_peaks
 Result = TypeVar("Result")
 
 MEMORY_MESSAGES = ("out of memory", "can't allocate memory", "not enough memory")
-"""Messages of PyTorch's allocators, on a GPU and on a CPU, in lower case."""
+"""Messages of PyTorch's allocators on a GPU and on a CPU, in lower case."""
 
 
 @dataclass(frozen=True)

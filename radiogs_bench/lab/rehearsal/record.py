@@ -10,8 +10,8 @@ import torch
 from radiogs_core.scene.scene import Scene
 
 from ...store.provenance import session
-from .climb import Bounds, Climb
-from .growth import Rung, extended, peak
+from .climb import Bounds, Rehearsal
+from .growth import SizeResult, extended, peak
 from .limits import KNOWN_DEVICES, Speed, speed_of
 from .phases import Phase
 from .row import Row
@@ -21,20 +21,22 @@ SCHEMA = "radiogs-bench/rehearsal/1"
 
 @dataclass(frozen=True)
 class Asked:
-    """The rehearsed run: name of the suite or scene, preset, the scene, number of scenes that the rows are run on, and
-    the kind of seconds, "wall" or "core"."""
+    """The subject of a rehearsal and its settings."""
 
     name: str
+    """The name of the suite or scene."""
     preset: str
     scene: Scene
     cells: int
+    """The number of scenes that the whole run has for each row."""
     bounds: Bounds
     device: torch.device
     other_device: str | None = None
     clock: str = "wall"
+    """The seconds that are counted, "wall" or "core"."""
 
 
-def record_of(asked: Asked, rows: Sequence[Row], climbed: Climb) -> dict[str, Any]:
+def record_of(asked: Asked, rows: Sequence[Row], climbed: Rehearsal) -> dict[str, Any]:
     """Everything as plain values."""
     camera = asked.scene.train[0].camera
     named = next((row.method.size_name for row in rows if row.sizes() is not None), None)  # type: ignore[attr-defined]
@@ -79,7 +81,7 @@ def fits(content: Mapping[str, Any]) -> bool:
     return not refused and all(not each["beyond"] for each in content["forecast"])
 
 
-def _rung(rung: Rung) -> dict[str, Any]:
+def _rung(rung: SizeResult) -> dict[str, Any]:
     return {
         "size": rung.size,
         "base": dict(rung.base),
@@ -91,7 +93,7 @@ def _rung(rung: Rung) -> dict[str, Any]:
     }
 
 
-def _at(rungs: Sequence[Rung], size: int | None) -> tuple[Sequence[Phase], bool]:
+def _at(rungs: Sequence[SizeResult], size: int | None) -> tuple[Sequence[Phase], bool]:
     """The phases at a size, and whether they were measured there."""
     for rung in rungs:
         if rung.size == size:
@@ -100,7 +102,7 @@ def _at(rungs: Sequence[Rung], size: int | None) -> tuple[Sequence[Phase], bool]
     return extended(rungs, size), False
 
 
-def _forecast(asked: Asked, rungs: Sequence[Rung], size: int | None) -> dict[str, Any]:
+def _forecast(asked: Asked, rungs: Sequence[SizeResult], size: int | None) -> dict[str, Any]:
     """Seconds of the whole run if its models had this size throughout, peaks, and the places where they do not fit."""
     phases, measured = _at(rungs, size)
     whole = whole_of(phases, rungs[-1].rows if not measured else _rows_at(rungs, size), asked.cells)
@@ -115,11 +117,11 @@ def _forecast(asked: Asked, rungs: Sequence[Rung], size: int | None) -> dict[str
     }
 
 
-def _rows_at(rungs: Sequence[Rung], size: int | None) -> Mapping[str, Sequence[str]]:
+def _rows_at(rungs: Sequence[SizeResult], size: int | None) -> Mapping[str, Sequence[str]]:
     return next(rung.rows for rung in rungs if rung.size == size)
 
 
-def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]], rungs: Sequence[Rung]) -> dict:
+def _other(name: str, device: torch.device, forecast: Sequence[Mapping[str, Any]], rungs: Sequence[SizeResult]) -> dict:
     """The forecast for another device, between what arithmetic and what memory traffic alone would say.
 
     Seconds are multiplied by the ratio of speeds here and there, of operations for the lower end and of bytes for the

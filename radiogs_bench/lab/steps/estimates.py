@@ -10,7 +10,7 @@ from scipy.special import stdtrit
 
 CONFIDENCE = 0.95
 DRAWS = 2000
-"""Resamplings of a bootstrap."""
+"""Resamples of a bootstrap."""
 
 Passes = Sequence[Sequence[float]]
 """Seconds of something, pass by pass."""
@@ -51,7 +51,7 @@ def ratio_of_medians(before: Passes, after: Passes, paired: bool) -> Ranged | No
     for _ in range(DRAWS):
         first = [drawn.randrange(len(before)) for _ in before]
         second = first if paired else [drawn.randrange(len(after)) for _ in after]
-        ratio = _ratio(_median([before[place] for place in first]), _median([after[place] for place in second]))
+        ratio = _ratio(_median([before[index] for index in first]), _median([after[index] for index in second]))
         if ratio is None:
             return Ranged(value, None, None)
         found.append(ratio)

@@ -16,7 +16,7 @@ from ..kernels.clock import peak_bytes, seconds
 from ..kernels.scenes import blob
 from .estimates import exponent_of
 from .passes import one_pass
-from .sizes import WARM_UP, Size
+from .sizes import WARM_UP, Size, can_be_sized
 from .subject import subject_of
 
 SCHEMA = "radiogs-bench/growth/1"
@@ -24,7 +24,7 @@ SCHEMA = "radiogs-bench/growth/1"
 REPETITIONS = 3
 
 SURFELS, RAYS, SIDE = 50_000, 1 << 15, 400
-"""Defaults for a kernel while another size is varied."""
+"""Sizes of a kernel's input while another size grows."""
 
 LEAST_BYTES = 1 << 20
 """Peaks below it are pages and rounding; an exponent is of those above it."""
@@ -34,14 +34,14 @@ Plain = dict[str, Any]
 
 @dataclass(frozen=True)
 class Axis:
-    """A size that is varied while all others are fixed. at_most: the exponent that seconds should not exceed, where one
-    is expected."""
+    """One size that grows, while all others stay."""
 
     what: str
     grows: str
     fixed: str
     values: tuple[int, ...]
     at_most: float | None = None
+    """The exponent that seconds should not exceed, where one is expected."""
 
 
 KERNELS = (
@@ -61,7 +61,7 @@ STEPS = (
 """Everything that ``bench steps`` does, at preset tiny."""
 
 USUAL = Size("growth", "tiny", 96, 1500, 24, 1)
-"""Defaults for a step while another size is varied."""
+"""Size of a step while one part of it grows."""
 
 
 def bench_growth(
@@ -72,12 +72,16 @@ def bench_growth(
         announce(f"{axis.what}: {axis.grows}")
         yield from _rows(axis, {axis.what: [_kernel(_case(axis, value, device), device) for value in axis.values]})
     one_pass(subject_of(method, scene, WARM_UP, device), lambda titles, work: work())
-    for axis in STEPS:
+    sized = can_be_sized(method, method.presets[USUAL.preset])
+    if not sized:
+        announce(f"{method.name} is measured at its preset's own size, not along surfels: its budget counts none")
+    for axis in STEPS if sized else [axis for axis in STEPS if axis.grows != "surfels"]:
         found: defaultdict[str, list[tuple[float, int]]] = defaultdict(list)
         for value in axis.values:
             announce(f"steps: {value:,} {axis.grows}")
             watching = Watching(device)
-            one_pass(subject_of(method, scene, _size(axis, value), device), watching)
+            size = _size(axis, value)
+            one_pass(subject_of(method, scene, size if sized else replace(size, surfels=None), device), watching)
             for title, pair in watching.found().items():
                 found[title].append(pair)
         yield from _rows(axis, {title: each for title, each in found.items() if len(each) == len(axis.values)})

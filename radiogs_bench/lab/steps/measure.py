@@ -77,10 +77,10 @@ AUTOGRAD = "torch.autograd"
 def part_of(module: str) -> str | None:
     """The part that a module belongs to; None for one that may serve any."""
     found = [
-        (len(place), part)
+        (len(module_name), part)
         for part, places in PARTS.items()
-        for place in places
-        if module == place or module.startswith(f"{place}.")
+        for module_name in places
+        if module == module_name or module.startswith(f"{module_name}.")
     ]
     return max(found)[1] if found else None
 
@@ -100,8 +100,8 @@ def placed(frame: FrameType | None) -> tuple[str, str]:
 class Looking:
     """Seconds by part and direction of what is done within ``with``, in the main thread.
 
-    Each sample is charged with the processor time since the previous sample: a long operation delays samples, and is
-    charged with all of its time.
+    Each look charges the processor time since the look before it to the part that it finds running: a long operation
+    delays looks, and is charged with all of its time.
     """
 
     def __init__(self) -> None:
@@ -155,7 +155,7 @@ class Here:
         one_pass(subject(WARM_UP.name), lambda titles, work: work())
 
     def passed(self, size: str, counts: bool) -> Plain:
-        """The subject and the device of its model; seconds and parts by title, and counts if ``counts``."""
+        """Measures one pass: its settings, seconds and parts by title, and with ``counts`` the counters."""
         subject = self._subject(size)
         times = Times(subject.device, counts)
         gc.collect()  # not while something is timed

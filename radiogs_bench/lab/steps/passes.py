@@ -36,11 +36,11 @@ def one_pass(subject: Subject, observe: Observe, stages: int | None = None) -> s
     run = _run(subject, subject.short.variant)
     product: Mapping[str, Any] = {}
     lies = ""
-    for place, spec in enumerate(specs[:stages]):
+    for index, spec in enumerate(specs[:stages]):
         begin = partial(begun, method.name, spec, run, product)
         stage = observe((f"{spec.title}: beginning",), begin)
         try:
-            lies = lay_on_surfaces(stage, subject) if place == 0 else lies
+            lies = lay_on_surfaces(stage, subject) if index == 0 else lies
             _steps(subject, spec, stage, observe)
             with calling(method.name, f"product() of stage '{spec.name}'"):
                 product = dict(stage.product())
@@ -62,14 +62,14 @@ def _steps(subject: Subject, spec: StageSpec, stage: Stage, observe: Observe) ->
     """Steps of all kinds in their order; the first one sets things up, and counts as none."""
     kinds = subject.short.kinds[spec.name]
 
-    def step(place: int) -> None:
-        titles = tuple(f"{spec.title}: {kind.title}" for kind in kinds if place in kind.steps) if place else ()
+    def step(index: int) -> None:
+        titles = tuple(f"{spec.title}: {kind.title}" for kind in kinds if index in kind.steps) if index else ()
         with calling(subject.method.name, f"step() of stage '{spec.name}'"):
             observe(titles, stage.step)
 
     last = max(max(kind.steps) for kind in kinds if kind.steps)
-    for place in range(last):
-        step(place)
+    for index in range(last):
+        step(index)
     before = copied(stage.state())
     step(last)
     for _ in range(AGAIN):
@@ -103,7 +103,7 @@ def _relit(
         prepared = observe((f"{title}: preparing",), prepare)
     except NotOffered:
         return
-    for place, view in enumerate(subject.scene.test):
+    for index, view in enumerate(subject.scene.test):
         camera = view.camera.to(subject.device, torch.float32)
         with calling(subject.method.name, "render()"):
-            observe((f"{title}: a frame",) if place else (), partial(prepared.render, camera))
+            observe((f"{title}: a frame",) if index else (), partial(prepared.render, camera))

@@ -17,7 +17,7 @@ AGAINST = "radiogs-bench/steps-against/1"
 """Schema of a record of two checkouts."""
 
 MACHINE = ("cpu", "cores", "memory_bytes", "gpu", "threads")
-"""Properties that two machines must share for their seconds to be compared."""
+"""Properties that two machines have to share for their seconds to be compared."""
 
 MODEL = ("preset", "side", "views", "surfels", "model")
 

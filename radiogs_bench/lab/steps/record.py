@@ -17,14 +17,14 @@ Plain = dict[str, Any]
 
 
 def record_of(
-    session: Mapping[str, Any], place: Mapping[str, str], yardsticks: Yardsticks, sizes: Mapping[str, Plain]
+    session: Mapping[str, Any], subject: Mapping[str, str], yardsticks: Yardsticks, sizes: Mapping[str, Plain]
 ) -> Plain:
-    """Everything that was measured, and where. ``place``: method and scene."""
+    """Everything that was measured, and where. ``subject``: method and scene."""
     medians = yardsticks.medians()
     return {
         "schema": SCHEMA,
         **session,
-        **place,
+        **subject,
         "yardsticks": {name: {"median": medians[name], "seconds": values} for name, values in yardsticks.found.items()},
         "sizes": dict(sizes),
     }
@@ -48,13 +48,13 @@ def parts_said(parts: Mapping[str, float], most: int = MOST_PARTS) -> str:
 
 
 def headline(name: str, size: Mapping[str, Any]) -> str:
-    """A size as text."""
+    """A size in words."""
     surfels = "its own number of surfels" if size["surfels"] is None else f"{size['surfels']:,} surfels"
     return f"{name}: {size['side']} x {size['side']}, {surfels} {size['model']}, {size['views']} views"
 
 
 def yardstick_said(record: Mapping[str, Any]) -> str:
-    """The yardsticks' median times as text."""
+    """The yardsticks' median times as one sentence."""
     return "; ".join(f"{name}: {milliseconds(each['median'])}" for name, each in record["yardsticks"].items())
 
 

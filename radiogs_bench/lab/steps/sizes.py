@@ -1,10 +1,12 @@
 """The sizes that steps are measured at, by name."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
-from radiogs_core.errors import UsageError
-from radiogs_core.plain_values import flat
+from radiogs_core.capabilities import Rehearsing
+from radiogs_core.contract import Method
+from radiogs_core.errors import unknown
+from radiogs_core.plain_values import leaf_names, value_at
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,9 @@ SIZES = {
 WARM_UP = SIZES["smoke"]
 """Done once before anything is timed: kernels are compiled, and libraries loaded."""
 
+OWN_SIZES = tuple(name for name, size in SIZES.items() if size.surfels is None)
+"""Those with as many surfels as a preset's largest model: any method can be measured at them."""
+
 DEFAULT = ("tiny", "20k")
 """Those that take seconds."""
 
@@ -44,10 +49,36 @@ DEFAULT = ("tiny", "20k")
 def size_of(name: str) -> Size:
     """A size by its name. Raises UsageError for one that is not there."""
     if name not in SIZES:
-        raise UsageError(f"there is no size '{name}' to measure", "", f"There are: {', '.join(SIZES)}.")
+        raise unknown("size", name, SIZES)
     return SIZES[name]
 
 
-def surfels_at(size: Size, budget: Any) -> int | None:
-    """How many surfels a model has at this size; None for a method whose budget does not say."""
-    return size.surfels if size.surfels is not None else flat(asdict(budget)).get("geometry.maximum_surfels")
+SURFEL_FIELDS = ("initial_surfels", "maximum_surfels")
+"""Names of a budget's numbers of a model's surfels, wherever they are nested."""
+
+GEOMETRY = "geometry"
+"""A nested part of a budget whose numbers of surfels are all a model's; elsewhere they are a step's."""
+
+
+def surfel_fields(budget: Any) -> list[str]:
+    """The dotted names of a budget's numbers of a model's surfels; none for a method without surfels."""
+    found = []
+    for name in leaf_names(budget):
+        *above, last = name.split(".")
+        if type(value_at(budget, name)) is int and (
+            last in SURFEL_FIELDS or (GEOMETRY in above and last.endswith("surfels"))
+        ):
+            found.append(name)
+    return found
+
+
+def largest_model(method: Method, budget: Any) -> int | None:
+    """The most surfels that a model may have; None for a method that does not say."""
+    if isinstance(method, Rehearsing):
+        return method.sizes(budget)[1]
+    return max((value_at(budget, name) for name in surfel_fields(budget)), default=None)
+
+
+def can_be_sized(method: Method, budget: Any) -> bool:
+    """Whether the number of a model's surfels can be set."""
+    return isinstance(method, Rehearsing) or bool(surfel_fields(budget))

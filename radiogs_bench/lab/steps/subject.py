@@ -1,9 +1,7 @@
-"""The subject of a measurement: a method on a scene of given size, with a model that lies on surfaces as a trained
-one."""
+"""The subject of a measurement: a method on a scene of stated size, with surfels on surfaces as after training."""
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
 
 import torch
 
@@ -11,7 +9,7 @@ from radiogs_core.capabilities import Rehearsing, ShortRun
 from radiogs_core.contract import Method, Stage
 from radiogs_core.errors import UsageError
 from radiogs_core.on_surfels.fit_geometry import FitGeometry
-from radiogs_core.on_surfels.settings import GeometryBudget
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.known_surfaces import OVERLAP as OVERLAP_OF_KNOWN
 from radiogs_core.surfels.known_surfaces import surfels_on
@@ -20,7 +18,7 @@ from radiogs_datasets.enlargement import enlarged
 
 from ..kernels.scenes import OVERLAP, SPREAD
 from ..rehearsal.row import Row
-from .sizes import Size, surfels_at
+from .sizes import OWN_SIZES, WARM_UP, Size, can_be_sized, largest_model, surfel_fields
 
 FIRST_SPACING = 0.05
 """Distance between surfels, in scene extents, from which the wanted number is approached."""
@@ -47,10 +45,26 @@ class Subject:
 
 
 def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -> Subject:
-    """The method on the scene, enlarged to a size.
+    """The method on the scene, enlarged to a size. Raises UsageError as ``require_size`` does.
 
-    A method that cannot be rehearsed takes the first steps of its stages, with as many surfels as its budget can be
-    told. Raises UsageError for a method without the size's preset.
+    A method that cannot be rehearsed takes the first steps of its stages.
+    """
+    require_size(method, size)
+    budget = method.presets[size.preset]
+    wanted = largest_model(method, budget) if size.surfels is None else size.surfels
+    if not can_be_sized(method, budget):
+        wanted = None
+    elif not isinstance(method, Rehearsing):
+        budget = with_values(budget, dict.fromkeys(surfel_fields(budget), wanted), f"budget of {method.name}")
+    row = Row("steps", method, method.name, method.variant(), budget)
+    large = enlarged(scene, size.views, TEST_VIEWS, size.side, size.side)
+    return Subject(method, size, wanted, large, row.short(wanted if isinstance(method, Rehearsing) else None), device)
+
+
+def require_size(method: Method, size: Size) -> None:
+    """Raise UsageError for a method without the size's preset, or that cannot be given the size's number of surfels.
+
+    ``WARM_UP`` takes any method.
     """
     if size.preset not in method.presets:
         raise UsageError(
@@ -58,21 +72,12 @@ def subject_of(method: Method, scene: Scene, size: Size, device: torch.device) -
             f"Size {size.name} takes its samples from it; there are: {', '.join(method.presets)}.",
             "Choose other sizes:  --sizes",
         )
-    budget = method.presets[size.preset]
-    wanted = surfels_at(size, budget)
-    if not isinstance(method, Rehearsing):
-        budget, wanted = _sized(budget, wanted)
-    row = Row("steps", method, method.name, method.variant(), budget)
-    large = enlarged(scene, size.views, TEST_VIEWS, size.side, size.side)
-    return Subject(method, size, wanted, large, row.short(wanted if isinstance(method, Rehearsing) else None), device)
-
-
-def _sized(budget: Any, surfels: int | None) -> tuple[Any, int | None]:
-    """The budget with so many surfels, where it counts them."""
-    geometry = getattr(budget, "geometry", None)
-    if surfels is None or not isinstance(geometry, GeometryBudget):
-        return budget, None
-    return replace(budget, geometry=replace(geometry, initial_surfels=surfels, maximum_surfels=surfels)), surfels
+    if size.surfels is not None and size != WARM_UP and not can_be_sized(method, method.presets[size.preset]):
+        raise UsageError(
+            f"size {size.name} has {size.surfels:,} surfels, which {method.name} cannot be given",
+            "Its budget has no number of a model's surfels, and another size would be measured.",
+            f"Choose sizes that are a preset's own:  --sizes {','.join(OWN_SIZES)}",
+        )
 
 
 def lay_on_surfaces(stage: Stage, subject: Subject) -> str:

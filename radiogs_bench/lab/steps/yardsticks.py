@@ -1,4 +1,4 @@
-"""Yardsticks that do not depend on this project's code: seconds of Embree and PyTorch, measured in the same run."""
+"""Yardsticks that this project's code does not change: seconds of Embree and of PyTorch, measured in the same run."""
 
 from collections.abc import Callable
 from statistics import median

@@ -1,6 +1,6 @@
 """Runs a sweep on a Ray cluster: stages as tasks, with resources and retries; only this process writes to the store.
 
-The stages that several cells share are one task, whose delivery is passed to the tasks of those cells. Ray runs the
+The stages that several cells share are one task, whose outcome is passed to the tasks of those cells. Ray runs the
 tasks of a lost machine again elsewhere. Claims are held for all cells that are on the cluster, so other processes
 leave them alone.
 """
@@ -26,7 +26,16 @@ from ...store.folder import Store
 from ..cell import Cell
 from ..interruption import STOPPING_SIGNALS, Interruption
 from ..progress import Progress
-from .delegate import Delivery, Order, Recipe, deliver_cell, deliver_shared, file_of, names_of, shared_stages
+from .delegate import (
+    Recipe,
+    RemoteCell,
+    RemoteResult,
+    file_of,
+    names_of,
+    run_remote_cell,
+    run_shared_stages,
+    shared_stages,
+)
 from .in_process import STOPPING, Task, record_failure
 
 logger = logging.getLogger(__name__)
@@ -102,8 +111,8 @@ class Cluster:
         self, ray: Any, recipe: Recipe, places: Mapping[str, str], threads: int, device: str, store: Store
     ) -> None:
         needs = {"num_cpus": threads, "num_gpus": 1 if device == "cuda" else 0, "max_retries": RETRIES}
-        self._share = ray.remote(**needs)(deliver_shared)
-        self._finish = ray.remote(**needs)(deliver_cell)
+        self._share = ray.remote(**needs)(run_shared_stages)
+        self._finish = ray.remote(**needs)(run_remote_cell)
         self._needs = {"CPU": threads, "GPU": needs["num_gpus"]}
         self.ray, self.recipe, self.places, self.threads, self.store = ray, recipe, places, threads, store
         self.flights: dict[Any, Flight] = {}
@@ -120,10 +129,10 @@ class Cluster:
             for stage in cell.stages[-1:]:
                 held.enter_context(self.store.claim(f"stages-{stage.key}"))
             names = [name for stage in cell.stages[-1:] for name in names_of(stage)]
-            flight = self._finish.remote(self._order(cell), self._given(names), self._first(cell))
+            flight = self._finish.remote(self._remote_cell(cell), self._given(names), self._first(cell))
             self.flights[flight] = Flight(task, held.pop_all(), tuple(names[1::2]))
 
-    def landed(self) -> list[tuple[Flight, Delivery]]:
+    def landed(self) -> list[tuple[Flight, RemoteResult]]:
         """Work that has finished, after a short wait if there is none; its files are stored, its claims released."""
         ready, _ = self.ray.wait(list(self.flights), num_returns=len(self.flights), timeout=POLL_SECONDS)
         return [self._land(each) for each in ready]
@@ -143,7 +152,7 @@ class Cluster:
     def _first(self, cell: Cell) -> Any:
         shared = shared_stages(cell)
         if not shared:
-            return Delivery({}, None, "")
+            return RemoteResult({}, None, "")
         key = shared[-1].key
         if key not in self.firsts:
             names = [name for stage in shared for name in names_of(stage)]
@@ -152,37 +161,37 @@ class Cluster:
                     held.enter_context(self.store.claim(f"stages-{stage.key}"))
                 given = self._given(names)
                 if file_of(names[-2]) in given:
-                    self.firsts[key] = self.ray.put(Delivery(given, None, ""))
+                    self.firsts[key] = self.ray.put(RemoteResult(given, None, ""))
                 else:
-                    self.firsts[key] = self._share.remote(self._order(cell), given)
+                    self.firsts[key] = self._share.remote(self._remote_cell(cell), given)
                     self.flights[self.firsts[key]] = Flight(None, held.pop_all(), tuple(names[1::2]))
         return self.firsts[key]
 
-    def _order(self, cell: Cell) -> Order:
-        return Order(self.recipe, cell, self.places[cell.scene], self.threads)
+    def _remote_cell(self, cell: Cell) -> RemoteCell:
+        return RemoteCell(self.recipe, cell, self.places[cell.scene], self.threads)
 
     def _given(self, names: Sequence[str]) -> dict[str, bytes]:
         """Files of the store under the given names; damaged ones are moved aside and not sent."""
         sound = [name for name in names if self.store.tensors(name, CPU) is not None]
         return self.store.files(map(file_of, sound))
 
-    def _land(self, arrived: Any) -> tuple[Flight, Delivery]:
+    def _land(self, arrived: Any) -> tuple[Flight, RemoteResult]:
         flight = self.flights[arrived]
         try:
-            delivery = self.ray.get(arrived)
+            outcome = self.ray.get(arrived)
         except self.ray.exceptions.RayTaskError:
             raise  # nobody's fault but ours: it keeps its traceback
         except self.ray.exceptions.RayError as error:
-            delivery = Delivery({}, lost(error), "")
-        self.store.take_over(delivery.files)
-        if delivery.failure is None:
+            outcome = RemoteResult({}, lost(error), "")
+        self.store.take_over(outcome.files)
+        if outcome.failure is None:
             for name in flight.checkpoints:
                 self.store.drop_tensors(name)
-        if delivery.failure is None and flight.task is not None:
+        if outcome.failure is None and flight.task is not None:
             self.store.drop_failure(flight.task.cell.key)
         del self.flights[arrived]
         flight.held.close()
-        return flight, delivery
+        return flight, outcome
 
 
 def lost(error: Exception) -> CellFailed:
@@ -216,8 +225,8 @@ def run_on_cluster(
             if not cluster.flights:
                 time.sleep(POLL_SECONDS)
                 continue
-            for flight, delivery in cluster.landed():
-                report(flight, delivery, failures, store, progress)
+            for flight, outcome in cluster.landed():
+                report(flight, outcome, failures, store, progress)
             left = len(waiting) + sum(flight.task is not None for flight in cluster.flights.values())
             progress.advance("cells", len(tasks) - left, len(tasks))
     finally:
@@ -238,18 +247,18 @@ def unsent(cluster: Cluster, tasks: Sequence[Task]) -> list[Task]:
 
 
 def report(
-    flight: Flight, delivery: Delivery, failures: list[ExplainedError], store: Store, progress: Progress
+    flight: Flight, outcome: RemoteResult, failures: list[ExplainedError], store: Store, progress: Progress
 ) -> None:
     """Report how a cell ended and store a failure; raises one that every cell would have."""
     if flight.task is None:
         return  # shared stages that failed fail the cells that wait for them
-    if delivery.failure is None:
-        progress.say(f"{flight.task.label}: done on {delivery.node}")
+    if outcome.failure is None:
+        progress.say(f"{flight.task.label}: done on {outcome.node}")
         return
-    if isinstance(delivery.failure, (*STOPPING, UsageError)):
-        raise delivery.failure
-    progress.say(f"{flight.task.label}: failed: {delivery.failure.what}")
-    failures.append(record_failure(store, flight.task, delivery.failure))
+    if isinstance(outcome.failure, (*STOPPING, UsageError)):
+        raise outcome.failure
+    progress.say(f"{flight.task.label}: failed: {outcome.failure.what}")
+    failures.append(record_failure(store, flight.task, outcome.failure))
 
 
 def stop_if_asked(interruption: Interruption) -> None:

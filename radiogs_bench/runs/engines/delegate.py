@@ -23,10 +23,10 @@ from radiogs_datasets.options import AS_STORED, SceneOptions
 from ...store.folder import Store, checkpoint_name, product_name
 from ..cell import Cell, StageKey, Work, cell_of
 from ..interruption import Interruption
+from ..preflight import compile_kernels
 from ..progress import LogProgress
 from ..scene_digest import checksum_now
 from ..stages import Bench, all_but_last
-from ..warm_up import compile_kernels
 
 Files = Mapping[str, bytes]
 """Contents of files by path within a store."""
@@ -49,18 +49,18 @@ class Recipe:
 
 
 @dataclass(frozen=True)
-class Order:
-    """A cell to run on ``threads`` threads; ``place`` is its scene's name or path."""
+class RemoteCell:
+    """A cell to run on ``threads`` threads; ``scene_path`` is its scene's name or path."""
 
     recipe: Recipe
     cell: Cell
-    place: str
+    scene_path: str
     threads: int
 
 
 @dataclass(frozen=True)
-class Delivery:
-    """The outcome of an order: files to store, or the failure; ``node`` is the machine that ran it."""
+class RemoteResult:
+    """The answer of a remote machine: files to store, or the failure; ``node`` is the machine that ran it."""
 
     files: Files
     failure: ExplainedError | None
@@ -82,32 +82,32 @@ def file_of(name: str) -> str:
     return f"{name}.pt"
 
 
-def deliver_shared(order: Order, given: Files) -> Delivery:
+def run_shared_stages(remote: RemoteCell, given: Files) -> RemoteResult:
     """Run the stages that several cells share, from checkpoints if any are given."""
-    wanted = [file_of(product_name(stage.key)) for stage in shared_stages(order.cell)]
-    return _deliver(order, given, wanted, lambda bench, scene: all_but_last(bench, order.cell, scene))
+    wanted = [file_of(product_name(stage.key)) for stage in shared_stages(remote.cell)]
+    return _run(remote, given, wanted, lambda bench, scene: all_but_last(bench, remote.cell, scene))
 
 
-def deliver_cell(order: Order, given: Files, first: Delivery) -> Delivery:
+def run_remote_cell(remote: RemoteCell, given: Files, first: RemoteResult) -> RemoteResult:
     """Run the cell's experiment; ``first`` holds the shared stages, if any, whose failure is the cell's."""
     if first.failure is not None:
         return first
-    cell = order.cell
+    cell = remote.cell
     wanted = [file_of(product_name(stage.key)) for stage in cell.stages[-1:]]
     wanted += [f"cells/{cell.key}.npz", f"cells/{cell.key}.json"]
     given = {**given, **first.files}
-    return _deliver(order, given, wanted, lambda bench, scene: order.recipe.experiment(bench, cell, scene))
+    return _run(remote, given, wanted, lambda bench, scene: remote.recipe.experiment(bench, cell, scene))
 
 
-def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Bench, Scene], object]) -> Delivery:
+def _run(remote: RemoteCell, given: Files, wanted: list[str], work: Callable[[Bench, Scene], object]) -> RemoteResult:
     node = socket.gethostname()
-    device = torch.device(order.cell.device)
-    use_threads(order.threads)
+    device = torch.device(remote.cell.device)
+    use_threads(remote.threads)
     try:
-        scene = scene_for(order.recipe, order.place)
-        _check_scene(order, scene, node)
-        _check_sources(order, scene, node)
-        _compile(order.recipe, order.cell, device)
+        scene = scene_for(remote.recipe, remote.scene_path)
+        _check_scene(remote, scene, node)
+        _check_sources(remote, scene, node)
+        _compile(remote.recipe, remote.cell, device)
         with TemporaryDirectory(prefix="radiogs-bench-") as folder:
             store = Store(Path(folder))
             store.take_over(given)
@@ -117,15 +117,15 @@ def _deliver(order: Order, given: Files, wanted: list[str], work: Callable[[Benc
                 device,
                 LogProgress(),
                 Interruption(),
-                order.recipe.method,
+                remote.recipe.method,
                 checksum_now,
                 checkpoint_seconds=math.inf,
-                kept_views=order.recipe.kept_views,
+                kept_views=remote.recipe.kept_views,
             )
             work(bench, scene)
-            return Delivery(store.files(wanted), None, node)
+            return RemoteResult(store.files(wanted), None, node)
     except ExplainedError as failure:
-        return Delivery({}, failure, node)
+        return RemoteResult({}, failure, node)
 
 
 _compiled: list[tuple[str, object]] = []
@@ -139,16 +139,16 @@ def _compile(recipe: Recipe, cell: Cell, device: torch.device) -> None:
 
 
 @cache
-def scene_for(recipe: Recipe, place: str) -> Scene:
+def scene_for(recipe: Recipe, scene_path: str) -> Scene:
     """A cell's scene, opened as for the run that ordered it."""
-    return recipe.load(place) if recipe.options == AS_STORED else recipe.load(place, options=recipe.options)
+    return recipe.load(scene_path) if recipe.options == AS_STORED else recipe.load(scene_path, options=recipe.options)
 
 
-def _check_sources(order: Order, scene: Scene, node: str) -> None:
+def _check_sources(remote: RemoteCell, scene: Scene, node: str) -> None:
     """Raise if this machine's sources differ: they are part of the cell's key."""
-    cell = order.cell
+    cell = remote.cell
     work = Work(cell.variant, cell.budget, cell.seed, cell.device, cell.protocol, cell.experiment, cell.settings)
-    if cell_of(order.recipe.method(cell.found_as), scene, work, cell.found_as).key != cell.key:
+    if cell_of(remote.recipe.method(cell.found_as), scene, work, cell.found_as).key != cell.key:
         raise UsageError(
             f"{node} has other sources of radiogs-bench or of the method, or other LPIPS weights, than the machine that"
             " asks",
@@ -157,10 +157,10 @@ def _check_sources(order: Order, scene: Scene, node: str) -> None:
         )
 
 
-def _check_scene(order: Order, scene: Scene, node: str) -> None:
-    if scene.checksum != order.cell.checksum:
+def _check_scene(remote: RemoteCell, scene: Scene, node: str) -> None:
+    if scene.checksum != remote.cell.checksum:
         raise DataError(
-            f"the scene {order.place} of {node} is not that of the machine that asks",
-            f"Its checksum is {scene.checksum[:12]}, not {order.cell.checksum[:12]}.",
+            f"the scene {remote.scene_path} of {node} is not that of the machine that asks",
+            f"Its checksum is {scene.checksum[:12]}, not {remote.cell.checksum[:12]}.",
             "Put the same files under the same path on every machine, or share the folder.",
         )

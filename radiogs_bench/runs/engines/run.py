@@ -25,10 +25,10 @@ from ...store.pace import Pace, pace_of
 from ..cell import Cell
 from ..interruption import Interruption
 from ..kept_pace import KeptPace
-from ..preflight import COMPILED_ON, make_ready
+from ..preflight import COMPILED_ON, preflight
 from ..progress import Progress
 from ..stages import Bench
-from ..sweep import Place, Request, label
+from ..sweep import CellRef, Request, label
 from .choice import ONE_THREAD, Engine
 from .cluster import Cluster, connected, run_on_cluster
 from .delegate import Recipe
@@ -45,30 +45,30 @@ class Ended:
     code: int = DONE
 
 
-def bring_to_end(request: Request, bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
-    """Run the missing cells. ``arguments`` are those of the command line, which the workers of a pool receive too.
+def run_request(request: Request, bench: Bench, engine: Engine) -> Ended:
+    """Run the missing cells. The workers of a pool are started by the request's command.
 
-    Raises what ends a whole run: Interrupted, DataError, StoreError.
+    Raises the errors that end a whole run: Interrupted, DataError, StoreError.
     """
     cells = request.own_cells()
     unfinished = [cell for _, cell in cells if bench.store.result(cell.key) is None]
-    make_ready(request, unfinished, bench)
-    tasks = [Task(cell, label(place)) for place, cell in cells]
+    preflight(request, unfinished, bench)
+    tasks = [Task(cell, label(ref)) for ref, cell in cells]
     if engine.name == "pool" and unfinished:
-        return _by_pool(cells, bench, engine, arguments)
+        return _by_pool(cells, bench, engine, request.command)
     if engine.name == "ray" and unfinished:
         return _on_cluster(request, tasks, bench, engine)
     return Ended(run_tasks(request, tasks, bench))
 
 
-def work_along(request: Request, bench: Bench, number: int, count: int) -> Ended:
+def run_worker(request: Request, bench: Bench, number: int, count: int) -> Ended:
     """Run the cells as one of several workers, each starting at another place in the list.
 
     Cells that share their first stage stay together, so that workers rarely wait for each other.
     """
     groups: dict[str, list[Task]] = {}
-    for place, cell in request.own_cells():
-        groups.setdefault(cell.first_key, []).append(Task(cell, label(place)))
+    for ref, cell in request.own_cells():
+        groups.setdefault(cell.first_key, []).append(Task(cell, label(ref)))
     ordered = list(groups.values())
     first = number * len(ordered) // count
     tasks = [task for group in (*ordered[first:], *ordered[:first]) for task in group]
@@ -86,8 +86,8 @@ def run_tasks(request: Request, tasks: Sequence[Task], bench: Bench) -> list[Exp
     return run_cells(tasks, run, bench.store, bench.progress, bench.interruption)
 
 
-def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, arguments: Sequence[str]) -> Ended:
-    labels = {cell.key: label(place) for place, cell in cells}
+def _by_pool(cells: Sequence[tuple[CellRef, Cell]], bench: Bench, engine: Engine, command: Sequence[str]) -> Ended:
+    labels = {cell.key: label(ref) for ref, cell in cells}
     shown = OthersProgress(bench.progress, bench.store, labels)
 
     def look() -> None:
@@ -96,7 +96,7 @@ def _by_pool(cells: Sequence[tuple[Place, Cell]], bench: Bench, engine: Engine, 
         shown.look()
 
     threads = workers(CPU)
-    commands = worker_commands(arguments, engine.workers or threads, threads)
+    commands = worker_commands(command, engine.workers or threads, threads)
     codes = run_pool(commands, bench.progress.say, look, bench.interruption)
     bench.interruption.check()
     # A worker that was killed costs time only, if the others have taken up its cells.
@@ -189,7 +189,7 @@ class OthersProgress:
 
 
 def killed(codes: Sequence[int], left: int) -> list[ExplainedError]:
-    """What to say of workers that ended without a word: by a signal, or well with cells left; ``left`` counts those."""
+    """The error for workers that were killed, or that ended well with ``left`` cells unfinished."""
     signals = sorted({-code for code in codes if code < 0})
     if not signals and any(codes):
         return []  # they have explained their failures themselves

@@ -75,7 +75,7 @@ def fitted_views(count: int, rules: Albedo) -> list[int]:
     if rules.fitted_to == "first view":
         return [0] if count else []
     if rules.fitted_to == "20 views" and count > SUBSET:
-        return [place * (count // SUBSET) for place in range(SUBSET)]
+        return [index * (count // SUBSET) for index in range(SUBSET)]
     return list(range(count))
 
 

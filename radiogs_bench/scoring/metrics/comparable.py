@@ -8,7 +8,7 @@ from .protocol import Protocol
 def alike(one: Protocol, other: Protocol, metric: str) -> bool:
     """Whether both compute ``metric`` (``task/measure``) by the same conventions.
 
-    Metrics that no protocol governs, such as times, are the same in all.
+    Metrics that no protocol governs, such as times, are alike in all.
     """
     return conventions(one, metric) == conventions(other, metric)
 

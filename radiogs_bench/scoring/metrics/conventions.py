@@ -17,7 +17,7 @@ Space = Literal["linear", "srgb", "gamma 2.2"]
 """Encoding in which linear albedo is compared."""
 
 Task = Literal["nvs", "relight", "indirect"]
-"""Tasks of images: a new view, a new light, or the radiance after two or more surfaces."""
+"""The subject of an image: a new view, a new light, or the radiance that has met two or more surfaces."""
 
 
 @dataclass(frozen=True)

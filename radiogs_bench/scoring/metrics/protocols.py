@@ -2,9 +2,8 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from difflib import get_close_matches
 
-from radiogs_core.errors import UsageError
+from radiogs_core.errors import unknown
 
 from .conventions import Albedo, Bits, DepthOffset, Indirect, Lpips, Normal, Picture, Psnr, Roughness, Ssim
 from .protocol import Protocol
@@ -102,10 +101,5 @@ PROTOCOLS: Mapping[str, Protocol] = {
 def protocol(name: str) -> Protocol:
     """The protocol of that name. Raises UsageError for an unknown one."""
     if name not in PROTOCOLS:
-        near = get_close_matches(name, PROTOCOLS, 1)
-        raise UsageError(
-            f"unknown metric protocol '{name}'",
-            f"Did you mean '{near[0]}'?" if near else "",
-            f"Protocols: {', '.join(PROTOCOLS)}.",
-        )
+        raise unknown("metric protocol", name, PROTOCOLS)
     return PROTOCOLS[name]

@@ -15,27 +15,28 @@ from numpy.typing import NDArray
 
 from ..analysis.samples import made_from
 from ..maps import Image
-from ..summary import ColumnSummary, Summary, reference_of, row_texts
+from ..summary import ColumnSummary, ModesSummary, Summary, reference_of, row_texts
 from ..wording import population_of
 from .axes import add_grid, metric_title, plain_numbers
 from .canvas import COLOURS, STYLE, TILE, Sketch, blank, file_name, hide_empty, name_row, plain, show, wrapped
 from .views import SceneViews, scene_views
 
-MODES: Mapping[str, str] = {"surfels": "fine-tuned surfels alone", "finetuned": "rays to fine-tuned surfels"}
-"""What is rendered after fine-tuning, by the variant's ``relighting``."""
-
-UNTUNED = "pbr"
-"""The variant's ``relighting`` without fine-tuning: rays meet split-sum radiance."""
-
 MILLISECONDS = ("prepare/ms", "render/ms")
 """Columns: preparing for one light, and rendering one frame under it."""
+
+
+class Mode(NamedTuple):
+    """A way of relighting that fine-tunes: its place among the method's such ways, and what it renders."""
+
+    number: int
+    title: str
 
 
 class Tuned(NamedTuple):
     """A row that fine-tunes: its mode and its number of iterations."""
 
     row: str
-    mode: str
+    mode: Mode
     iterations: int
 
 
@@ -84,14 +85,15 @@ def finetuning_figures(summary: Summary, out: Path) -> list[Sketch]:
     return [*_progression(summary, tuned), *_crossover(summary, tuned), *_pictures(summary, out, tuned)]
 
 
-def colour_of(mode: str) -> str:
+def colour_of(mode: Mode) -> str:
     """Colour of a mode's lines."""
-    return COLOURS[list(MODES).index(mode)]
+    return COLOURS[mode.number % len(COLOURS)]
 
 
-def by_mode(tuned: list[Tuned]) -> dict[str, list[Tuned]]:
+def by_mode(tuned: list[Tuned]) -> dict[Mode, list[Tuned]]:
     """Rows by mode, fewest iterations first; modes without rows are absent."""
-    return {mode: mine for mode in MODES if (mine := [each for each in tuned if each.mode == mode])}
+    modes = sorted({each.mode for each in tuned})
+    return {mode: [each for each in tuned if each.mode == mode] for mode in modes}
 
 
 def _progression(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
@@ -151,7 +153,7 @@ def _handles(summary: Summary, tuned: list[Tuned]) -> list[Line2D]:
     texts = {row["key"]: plain(row["text"]) for row in summary["rows"]}
     handles = [Line2D([], [], color="#000000", linestyle="--", linewidth=0.9, label=texts[reference_of(summary)])]
     handles += [
-        Line2D([], [], color=colour_of(mode), marker="o", markersize=4, linewidth=1.0, label=MODES[mode])
+        Line2D([], [], color=colour_of(mode), marker="o", markersize=4, linewidth=1.0, label=plain(mode.title))
         for mode in by_mode(tuned)
     ]
     return handles
@@ -178,7 +180,7 @@ def _crossover(summary: Summary, tuned: list[Tuned]) -> list[Sketch]:
     caption = (
         "When fine-tuning pays: total seconds for a number of frames under one light, preparation included (times per"
         f" light and per frame are means over the finished cells, on {summary['machine']}). Points: where a fine-tuned"
-        " row and rays that meet split-sum radiance (dashed) break even."
+        f" row and {_untuned(summary)} (dashed) break even."
     )
     if quality:
         caption += " Right: quality by preparation time; dashed: without fine-tuning."
@@ -210,14 +212,14 @@ def _alpha(place: int, mine: list[Tuned]) -> float:
     return 0.25 + 0.75 * (place + 1) / len(mine)
 
 
-def _timed_handles(mode: str, mine: list[Tuned], versus: dict[str, str]) -> list[Line2D]:
+def _timed_handles(mode: Mode, mine: list[Tuned], versus: dict[str, str]) -> list[Line2D]:
     """A column of the legend: the mode, then for which frames each of its rows is ahead."""
     lines = [
         Line2D([], [], color=colour_of(mode), alpha=_alpha(place, mine), linewidth=1,
                label=f"{_iterations(each)}: {versus[each.row]}")
         for place, each in enumerate(mine)
     ]  # fmt: skip
-    return [Line2D([], [], linestyle="", label=MODES[mode]), *lines]
+    return [Line2D([], [], linestyle="", label=plain(mode.title)), *lines]
 
 
 def _in_columns(columns: list[list[Line2D]]) -> list[Line2D]:
@@ -244,7 +246,7 @@ def _pictures(summary: Summary, out: Path, tuned: list[Tuned]) -> list[Sketch]:
 
 
 def _picture_grid(
-    summary: Summary, views: SceneViews, found: dict[str, Image], modes: dict[str, list[Tuned]]
+    summary: Summary, views: SceneViews, found: dict[str, Image], modes: dict[Mode, list[Tuned]]
 ) -> Sketch:
     reference = reference_of(summary)
     beside = [(plain(row_texts(summary)[reference]), found[reference]), ("truth", views.truth["relit"])]
@@ -256,7 +258,7 @@ def _picture_grid(
             for axes, each in zip(line, mine, strict=False):
                 show(axes, found[each.row])
                 axes.set_title(_iterations(each))
-            name_row(line[0], wrapped(MODES[mode]))
+            name_row(line[0], wrapped(plain(mode.title)))
         for axes, (label, image) in zip(grid[0, across:], beside, strict=True):
             show(axes, image)
             axes.set_title(wrapped(label))
@@ -269,22 +271,22 @@ def _picture_grid(
 def tunings(summary: Summary) -> list[Tuned]:
     """Rows that differ from the reference row in mode and iterations of fine-tuning alone, sorted by both.
 
-    Empty if the reference row is fine-tuned itself, or if no mode has two numbers of iterations.
+    Empty if the reference row is fine-tuned itself or its method offers no modes, or if no mode has two numbers of
+    iterations.
     """
-    reference = summary["reference"]
-    base = None if reference is None else _variant_and_budget(summary, reference)
-    if base is None or base["variant"].get("relighting") != UNTUNED:
+    modes, base = _modes_and_content(summary, summary["reference"])
+    if modes is None or base is None or base["variant"].get(modes["field"]) in (None, *modes["by_steps"]):
         return []
     found = []
     for row in summary["rows"]:
-        content = _variant_and_budget(summary, row["key"])
-        if content is not None and _without_tuning(content) == _without_tuning(base):
-            mode, iterations = content["variant"].get("relighting"), content["budget"].get("finetune_iterations")
-            if mode in MODES and iterations is not None:
-                found.append(Tuned(row["key"], mode, iterations))
-    order = list(MODES)
+        content = _content(summary, row["key"])
+        if content is not None and _without_tuning(content, modes) == _without_tuning(base, modes):
+            mode, iterations = content["variant"].get(modes["field"]), content["budget"].get(modes["steps"])
+            if mode in modes["by_steps"] and iterations is not None:
+                title = modes["titles"].get(mode, mode)
+                found.append(Tuned(row["key"], Mode(modes["by_steps"].index(mode), title), iterations))
     kept = [each for each in found if sum(each.mode == other.mode for other in found) > 1]
-    return sorted(kept, key=lambda each: (order.index(each.mode), each.iterations))
+    return sorted(kept, key=lambda each: (each.mode, each.iterations))
 
 
 def times_of(summary: Summary, row: str) -> Times | None:
@@ -295,13 +297,40 @@ def times_of(summary: Summary, row: str) -> Times | None:
     return Times(*known) if len(known) == len(MILLISECONDS) else None
 
 
-def _variant_and_budget(summary: Summary, row: str) -> dict[str, Any] | None:
+def _content(summary: Summary, row: str) -> dict[str, Any] | None:
+    """What a row's cells are made of, variant and budget by dotted names; None without a finished cell."""
     content = made_from(summary, row)
-    return content if content is not None and {"variant", "budget"} <= content.keys() else None
+    if content is None or not {"variant", "budget"} <= content.keys():
+        return None
+    return {**content, "variant": _flat(content["variant"]), "budget": _flat(content["budget"])}
 
 
-def _without_tuning(content: dict[str, Any]) -> list[Any]:
+def _flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as one, with dotted names."""
+    found: dict[str, Any] = {}
+    for name, value in values.items():
+        found |= _flat(value, f"{prefix}{name}.") if isinstance(value, dict) else {f"{prefix}{name}": value}
+    return found
+
+
+def _modes_and_content(summary: Summary, reference: str | None) -> tuple[ModesSummary | None, dict[str, Any] | None]:
+    """The relighting modes of the reference row's method, and what the row's cells are made of."""
+    content = None if reference is None else _content(summary, reference)
+    modes = None if content is None else summary.get("relighting", {}).get(content.get("method", ""))
+    return modes, content
+
+
+def _untuned(summary: Summary) -> str:
+    """What the reference row renders."""
+    modes, content = _modes_and_content(summary, summary["reference"])
+    assert modes is not None  # only then a figure is drawn
+    assert content is not None
+    mode = content["variant"][modes["field"]]
+    return modes["titles"].get(mode, mode)
+
+
+def _without_tuning(content: dict[str, Any], modes: ModesSummary) -> list[Any]:
     """What a cell is made of, apart from how it is relit."""
-    dropped = {"variant": ("relighting",), "budget": ("finetune_iterations", "name")}
+    dropped = {"variant": (modes["field"],), "budget": (modes["steps"], "name")}
     kept = [{key: each for key, each in content[part].items() if key not in names} for part, names in dropped.items()]
     return [*kept, content.get("settings"), content.get("method")]

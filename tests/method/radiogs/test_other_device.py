@@ -17,12 +17,13 @@ from radiogs.method import inverse_rendering
 from radiogs.model import Model
 from radiogs.relighting import relight
 from radiogs.settings import Relighting, Variant
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.kernels.arrangement import cpu_as_cuda
 from radiogs_core.learning.views import load
 from radiogs_core.on_surfels.light_start import light_and_albedo
 from radiogs_core.on_surfels.start_values import LightStart
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.light import EnvironmentMap
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_datasets.generate.materials import Material
@@ -30,7 +31,7 @@ from radiogs_datasets.generate.solids import Sphere
 from scenes import surfels_over
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
-SHORT = replaced(
+SHORT = with_values(
     BUDGET, {"geometry.steps": 10, "geometry.densify_interval": 4, "inverse_iterations": 6, "refresh_interval": 4}
 )
 MOST_WAITS = {"initialise": 3, "invert": 7}
@@ -47,7 +48,7 @@ def test_on_a_card_losses_fall_as_on_the_host(stage: str, place: str) -> None:
 
 def last_loss(device: torch.device, stage: str) -> float:
     """Mean of all losses over the last steps of a stage."""
-    first = Initialisation(Run(SCENE, Variant(), replaced(SHORT, {"geometry.steps": 60}), 0, device))
+    first = Initialisation(Run(SCENE, Variant(), with_values(SHORT, {"geometry.steps": 60}), 0, device))
     told = [sum(first.step().values()) for _ in range(first.iterations)]
     if stage == "invert":
         budget = replace(SHORT, inverse_iterations=40)
@@ -88,7 +89,7 @@ def test_a_step_rarely_waits_for_the_device() -> None:
             found.append(account.waits - before)
         return min(found)
 
-    long = replaced(SHORT, {"geometry.steps": 1000, "geometry.densify_interval": 500})
+    long = with_values(SHORT, {"geometry.steps": 1000, "geometry.densify_interval": 500})
     with elsewhere() as account:
         first = Initialisation(Run(SCENE, Variant(), long, 0, registered()))
         assert fewest(first, account) == MOST_WAITS["initialise"], account.awaited

@@ -10,9 +10,10 @@ from radiogs.invert import InverseRendering
 from radiogs.method import inverse_rendering
 from radiogs.model import Model
 from radiogs.settings import INVERSE_ONLY, Budget, Variant
-from radiogs_core.contract import Run, Stage, replaced
+from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import NumericalFailure
 from radiogs_core.instruments import recording
+from radiogs_core.plain_values import with_values
 from short_training import BUDGET, CPU, SCENE, through_a_file
 
 
@@ -111,7 +112,7 @@ def test_what_a_probe_takes_is_told_apart(initialised: dict[str, Any]) -> None:
 
 
 def test_initialisation_learns_the_images() -> None:
-    longer = replaced(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
+    longer = with_values(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
     stage = Initialisation(Run(SCENE, Variant(), longer, 0, CPU))
     history = [stage.step()["radiance"] for _ in range(120)]
     # Eight steps are every view on both backgrounds.

@@ -9,8 +9,8 @@ import torch
 from known_ball import BALL, BUDGET, COLOUR, SCENE, WHITE, changed, initialisation, noise, tilted
 from radiogs.learning import SplitSumLearning
 from radiogs.settings import Variant
-from radiogs_core.contract import replaced
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, GeometryWeights
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.colour import srgb_encode
 from radiogs_core.surfels.harmonics import COEFFICIENTS
 from radiogs_core.surfels.surfels import Surfels, radiance_to_sh
@@ -255,7 +255,7 @@ def test_positions_take_steps_as_long_as_the_budget_says_and_rotations_by_the_ro
     """A first step of Adam is as long as its rate."""
     rates = Variant().geometry.rates
     for factor in (1.0, 9.0):
-        stage = initialisation(worn(), 0.0, budget=replaced(BUDGET, {"geometry.rate": factor}))
+        stage = initialisation(worn(), 0.0, budget=with_values(BUDGET, {"geometry.rate": factor}))
         before = {name: stage.optimiser.tensors[name].detach().clone() for name in ("centre", "rotation", "log_scale")}
         stage.step()
         moved = {

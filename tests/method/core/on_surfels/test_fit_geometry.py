@@ -8,7 +8,7 @@ import torch
 
 from radiogs.initialise import Initialisation
 from radiogs.settings import Variant
-from radiogs_core.contract import Run, Stage, replaced
+from radiogs_core.contract import Run, Stage
 from radiogs_core.errors import DataError
 from radiogs_core.learning.geometry import GeometryLearning, GeometrySchedule, SurfelRates
 from radiogs_core.learning.views import load
@@ -18,6 +18,7 @@ from radiogs_core.on_surfels.fit_geometry import (
     largest_contribution,
     surfels_of,
 )
+from radiogs_core.plain_values import with_values
 from radiogs_core.surfels.density import AdaptiveDensity
 from radiogs_core.surfels.starting_points import SurfelStart
 from short_training import BUDGET, CPU, SCENE, through_a_file
@@ -89,7 +90,7 @@ def test_surfels_that_start_in_the_hull_move_from_the_first_step_on(
 
 
 def test_surfels_take_their_colours_before_they_move() -> None:
-    budget = replaced(BUDGET, {"geometry.densify_interval": 10**6})
+    budget = with_values(BUDGET, {"geometry.densify_interval": 10**6})
     learning = GeometryLearning(schedule=GeometrySchedule(moving_from=0.4), density=AdaptiveDensity(hidden_at=()))
     stage = fit_geometry(learning, budget.geometry).begin(RUN, {})
     assert isinstance(stage, FitGeometry)
@@ -127,7 +128,7 @@ def test_surfels_that_show_in_no_view_do_not_outlive_the_stage() -> None:
 
 @pytest.mark.parametrize("colour", ["linear", "display"])
 def test_it_learns_the_images_in_either_colour(colour: str) -> None:
-    longer = replaced(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
+    longer = with_values(BUDGET, {"geometry.steps": 120, "geometry.densify_interval": 20})
     spec = fit_geometry(GeometryLearning(colour=colour), longer.geometry)  # type: ignore[arg-type]
     stage = spec.begin(Run(SCENE, Variant(), longer, 0, CPU), {})
     losses = [stage.step()["radiance"] for _ in range(stage.iterations)]

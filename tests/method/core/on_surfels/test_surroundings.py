@@ -6,9 +6,10 @@ from dataclasses import replace
 import pytest
 import torch
 
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.learning.geometry import GeometryLearning
 from radiogs_core.on_surfels.fit_geometry import FitGeometry, NoShading, mean_distortion
+from radiogs_core.plain_values import with_values
 from radiogs_core.scene.scene import Scene
 from radiogs_core.surfels.surfels import Surfels
 from radiogs_core.transport.maps import radiance_maps
@@ -18,7 +19,7 @@ from scenes import sphere_scene
 from short_training import BUDGET, CPU
 
 STEPS, SURFELS = 200, 600
-ROOM_BUDGET = replaced(
+ROOM_BUDGET = with_values(
     BUDGET, {"geometry.steps": STEPS, "geometry.initial_surfels": SURFELS, "geometry.maximum_surfels": SURFELS}
 )
 

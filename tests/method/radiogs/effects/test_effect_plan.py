@@ -15,16 +15,17 @@ from radiogs.learning import MaterialLearning, MaterialStart
 from radiogs.method import inverse_rendering
 from radiogs.settings import PRESETS, Variant
 from radiogs.showing import Renderer
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.errors import UsageError
 from radiogs_core.instruments import recording
+from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import Incident
 from radiogs_core.transport.plan import EFFECTS, EffectPlan, plan_of
 from radiogs_core.transport.tracer import SurfelTracer, gather_incident
 from scenes import sphere_scene
 
 CPU = torch.device("cpu")
-BUDGET = replaced(
+BUDGET = with_values(
     PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
 )
 SCENE = sphere_scene(views=4, size=16)

@@ -19,8 +19,9 @@ from radiogs.invert import InverseRendering
 from radiogs.method import inverse_rendering
 from radiogs.rays import RaySettings
 from radiogs.settings import PRESETS, Variant
-from radiogs_core.contract import Run, replaced
+from radiogs_core.contract import Run
 from radiogs_core.instruments import recording
+from radiogs_core.plain_values import with_values
 from radiogs_core.transport.incident import unoccluded
 from radiogs_core.transport.plan import EffectPlan
 from radiogs_core.transport.sampling import hemisphere_directions
@@ -53,7 +54,7 @@ def test_the_work_of_a_step_is_what_it_asks_for() -> None:
 
 CPU = torch.device("cpu")
 
-BUDGET = replaced(
+BUDGET = with_values(
     PRESETS["smoke"], {"geometry.steps": 24, "geometry.densify_interval": 8, "geometry.initial_surfels": 120}
 )
 
