@@ -333,11 +333,6 @@ def row_texts(summary: Summary) -> dict[str, str]:
     return {row["key"]: row["text"] for row in summary["rows"]}
 
 
-def beside(summary: Summary, row: str, column: ColumnSummary) -> float | None:
-    """The published value that stands beside a measured one; None where there is none of the same conventions."""
-    return None if "published_by" in column else summary["published"].get(row, {}).get(column["key"])
-
-
 def half_width(interval: Interval | None) -> float | None:
     """Half the length of an interval; None where there is no interval."""
     if interval is None or interval["low"] is None or interval["high"] is None:

@@ -299,6 +299,7 @@ def test_the_table_of_means_is_of_the_cells_that_are_ticked(of_two_seeds: Watche
     assert of_two_seeds.column("means", 1)[:2] == ["32.00", "30.00"], "31 and 33 of ours, 30 of the other row"
     tick(of_two_seeds, "seed", "1")
     assert of_two_seeds.column("means", 1)[:2] == ["31.00", "30.00"]
+    assert of_two_seeds.column("means", 4)[:2] == ["31.0", "21.0"], "seconds of training, without the evaluation"
     assert not page.locator("#means-partial").is_hidden()
     assert page.locator('table[data-name="means"] .difference').count() == 0
     hidden = 'table[data-name="cells"] tbody tr[hidden]'

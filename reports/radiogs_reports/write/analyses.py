@@ -16,7 +16,7 @@ from ..analysis.published_order import OrderReport
 from ..analysis.samples import COSTS
 from ..statistics import Estimate
 from ..summary import Summary, reference_of
-from .caption import run_note
+from ..tables.caption import run_note
 from .document import itemized
 from .latex import BOX_BEGIN, BOX_END, as_formula
 from .markdown import table_head, table_line

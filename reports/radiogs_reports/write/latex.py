@@ -1,8 +1,9 @@
-"""What every LaTeX report shares: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
+"""Parts of every LaTeX report: the preamble, escapes, symbols, colours, notes, and boxes that fit the page."""
 
 from collections.abc import Mapping, Sequence
 
-from ..summary import RowSummary, Verdict
+from ..summary import Verdict
+from ..tables.model import Row
 from ..wording import SYMBOL
 
 COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
@@ -100,9 +101,9 @@ def as_formula(text: str) -> str:
     return made
 
 
-def row_label(row: RowSummary) -> str:
+def row_label(row: Row) -> str:
     """A row's label in LaTeX; its plain text, escaped, if it has no other."""
-    return row["latex"] or escape(row["text"])
+    return row.latex or escape(row.text)
 
 
 def colour_of(verdict: Verdict | None) -> str:
@@ -111,7 +112,7 @@ def colour_of(verdict: Verdict | None) -> str:
 
 
 def legend(sentences: Sequence[str]) -> list[str]:
-    """What stands below a table, a paragraph each; the colours are shown in front."""
+    """The sentences below a table, a paragraph each; the colours are shown in front."""
     swatches = " ".join(rf"\colorbox[HTML]{{{code}}}{{{verdict}}}" for verdict, code in COLOURS.items())
     first = [rf"{swatches} "] + [""] * max(0, len(sentences) - 1)
     return [

@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
+from ..tables.model import Difference
 from .latex import BOX_BEGIN, BOX_END
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
@@ -36,6 +37,14 @@ class Entry(NamedTuple):
         aligned = PLAIN.fullmatch(self.number)
         number = f"{self.style}{self.number}" if aligned else f"{{{self.style}{self.number}}}" if self.number else ""
         return f"{number} & {self.behind}"
+
+
+def difference_entry(difference: Difference | None) -> Entry:
+    """A paired difference with the half-width of its interval, in small print; empty without one."""
+    if difference is None:
+        return Entry()
+    behind = rf"\scriptsize $\pm${difference.half_width}" if difference.half_width else ""
+    return Entry(difference.text, r"\scriptsize ", behind)
 
 
 def layout(entries: Iterable[Entry]) -> str:
