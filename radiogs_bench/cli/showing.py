@@ -180,7 +180,8 @@ UNKNOWN = "unknown"
 
 
 def show_plan(request: Request, store: Store, at_a_time: int, threads: int, wanted: Mapping[str, float]) -> None:
-    """Print every cell, its state, and what the store tells of time, memory and the differences that would be resolved.
+    """Print every cell, its state, and forecasts from the store: time, memory and the differences that would be
+    resolved.
 
     ``at_a_time`` cells run at the same time, each on ``threads`` threads. ``wanted``: differences by column.
     """
@@ -258,7 +259,7 @@ def power_of(request: Request, store: Store, wanted: Mapping[str, float]) -> lis
 
 
 def emit_plan(request: Request, store: Store, wanted: Mapping[str, float]) -> None:
-    """The plan as events: one per cell, then one per column that the store tells of; null for unknown values."""
+    """The plan as events: one per cell, then one per column with a stored spread; null for unknown values."""
     cells = request.own_cells()
     for (place, cell), each in zip(cells, forecast(store, [cell for _, cell in cells]), strict=True):
         rest = {} if each is None else asdict(each)

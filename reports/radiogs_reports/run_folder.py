@@ -49,7 +49,7 @@ PARTS = 4
 
 
 def unheard(done: int, total: int) -> None:
-    """Where nobody wants to know how many parts are done."""
+    """Progress callback that does nothing."""
 
 
 def write_reports(out: Path, alone: bool = False, advance: Callable[[int, int], None] = unheard) -> list[Path]:

@@ -1,4 +1,4 @@
-"""How values, headings and counts are put into plain text."""
+"""Values, headings and counts in plain text."""
 
 import re
 
@@ -6,7 +6,7 @@ from .statistics import Level
 from .summary import ColumnSummary, Summary
 
 ARROWS = {"up": "↑", "down": "↓", "zero": "→ 0", "none": ""}
-"""Which values of a column are better, by its direction."""
+"""Arrows towards the better values of a column, by its direction."""
 
 SYMBOL = re.compile(r"(?<![A-Za-z])([LλN])_([A-Za-z]+)(?:\^([A-Za-z]+))?")
 """Symbols in labels: L_rad, L_G^PBR, λ_rad, N_g."""

@@ -1,4 +1,4 @@
-"""Every report marks a value that is not to be taken at its word, and says why below."""
+"""Every report marks an uncertain value, and gives the reason below."""
 
 import io
 
@@ -28,7 +28,7 @@ def doubted() -> Summary:
     return made
 
 
-def test_marks_are_of_the_rows_that_a_footnote_names() -> None:
+def test_only_the_rows_that_a_footnote_names_have_its_mark() -> None:
     made = doubted()
     assert marks(made, "ours", "normal/mae") == "†"
     assert marks(made, "no-rad", "normal/mae") == "†‡"

@@ -76,7 +76,7 @@ def test_each_stage_has_a_panel_under_its_title_with_the_total_loss(stages: dict
 
 
 @EACH
-def test_what_the_method_lacks_is_missing_with_a_reason(stages: dict[str, str]) -> None:
+def test_a_value_that_the_method_lacks_is_missing_with_a_reason(stages: dict[str, str]) -> None:
     made = made_up(stages)
     table = cells_table(made)
     (place,) = [place for place, column in enumerate(table.columns) if column.label == "surfels"]

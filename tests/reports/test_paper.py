@@ -82,7 +82,7 @@ def test_every_text_of_a_run_in_latex_holds_together() -> None:
         "λ",
     ],
 )
-def test_what_does_not_hold_together_is_found(broken: str) -> None:
+def test_broken_latex_is_found(broken: str) -> None:
     with pytest.raises((AssertionError, IndexError)):
         assert_holds_together(broken.replace(r" \\ ", " \\\\\n").replace("{lc} ", "{lc}\n"))
 
@@ -134,7 +134,7 @@ def test_every_missing_value_has_its_reason_below_the_table() -> None:
     assert "$^{c}$ Printed otherwise in table 3." in LATEX
 
 
-def test_what_is_resolved_has_a_colour_and_published_values_have_none() -> None:
+def test_a_resolved_difference_has_a_colour_and_published_values_have_none() -> None:
     assert r"\cellcolor[HTML]{FBDCC4}30.123" in LATEX
     assert LATEX.count(r"\cellcolor") == 1
     assert "smallest true difference of a typical row" in LATEX
@@ -146,7 +146,7 @@ def test_a_small_value_is_not_printed_as_zero() -> None:
     assert hours == ["n/a", "0.00047", "2.0"]
 
 
-def test_the_caption_says_seeds_interval_and_where_published_values_come_from() -> None:
+def test_the_caption_names_seeds_interval_and_source_of_published_values() -> None:
     text = made_table(TABLE, SUMMARY).caption
     for part in ("2 seeds (0, 1)", "1 scene (my_scene)", "95 % t interval", "TensoIR_Ind", "Ours_100 %"):
         assert part in text

@@ -48,7 +48,7 @@ def test_rows_that_are_compared_with_none_of_them_have_all_reports_too(tmp_path:
     assert {"ablations.tex", "report.html", "report.tex"} <= written
 
 
-def test_the_legend_says_what_is_counted_resolved_and_could_have_been_shown() -> None:
+def test_the_legend_names_units_resolved_differences_and_the_smallest_one() -> None:
     intervals, resolved, power, *beside = suite_table(summary()).legend
     assert intervals.endswith("t intervals over 2 seeds of my_scene, and of that scene alone.")
     assert "at most 5 % of columns would have a false difference, and at most 10 % of tables of 2 columns" in resolved
@@ -69,7 +69,7 @@ def test_the_legend_says_what_is_counted_resolved_and_could_have_been_shown() ->
         (35.0, 0.02, 1.0, "The paper's differences that are resolved here with the other sign"),
     ],
 )
-def test_the_papers_difference_is_told_from_one_that_could_not_have_been_seen(
+def test_a_published_difference_is_listed_by_whether_it_could_have_been_resolved(
     published: float, p_value: float, mean: float, outcome: str
 ) -> None:
     made = summary()
@@ -80,7 +80,7 @@ def test_the_papers_difference_is_told_from_one_that_could_not_have_been_seen(
     assert suite_table(made).legend[-1] == f"{outcome}: lambda_rad = 0: NVS PSNR {published - 37.86:+.2f}."
 
 
-def test_a_row_that_spreads_more_than_others_could_have_shown_less() -> None:
+def test_a_row_with_a_larger_spread_resolves_only_larger_differences() -> None:
     made = summary()
     made["columns"][0]["published_by"] = "radiogs"
     difference = made["cells"]["no-rad"]["nvs/psnr"]["difference"]
@@ -188,7 +188,7 @@ def test_another_schema_is_refused(tmp_path: Path) -> None:
 
 
 def pdflatex(name: str, folder: Path) -> str:
-    """What pdflatex says of a document that it can print; skips without it or siunitx."""
+    """The output of pdflatex for a document that it can print; skips without pdflatex or siunitx."""
     if shutil.which("pdflatex") is None or shutil.which("kpsewhich") is None:
         pytest.skip("pdflatex is not installed (Debian: texlive-latex-recommended, texlive-science)")
     if subprocess.run(["kpsewhich", "siunitx.sty"], capture_output=True, check=False).returncode != 0:

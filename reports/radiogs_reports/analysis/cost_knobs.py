@@ -1,4 +1,4 @@
-"""Knobs of a run, and what turning one gives and costs: from setting to setting, and per doubling over all settings.
+"""Knobs of a run, with the gain and cost of turning one: from setting to setting, and per doubling over all settings.
 
 A knob is a field of the budget in which alone some rows differ from the reference row.
 """
@@ -23,7 +23,7 @@ TEXTS: Mapping[str, Mapping[str, str]] = {
         "initialise_iterations": "iterations of stage 1",
     },
 }
-"""What fields of the budget are called, by method; a field that is not listed is called by its own name."""
+"""Labels of the budget's fields, by method; a field that is not listed has its own name as its label."""
 
 COMPARED = ("method", "variant", "settings")
 """Parts of a key's content that rows of one knob share."""

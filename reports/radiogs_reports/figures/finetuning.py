@@ -301,7 +301,7 @@ def _variant_and_budget(summary: Summary, row: str) -> dict[str, Any] | None:
 
 
 def _without_tuning(content: dict[str, Any]) -> list[Any]:
-    """What a cell is made of, apart from how it is relit."""
+    """The content of a cell's key without the way of relighting."""
     dropped = {"variant": ("relighting",), "budget": ("finetune_iterations", "name")}
     kept = [{key: each for key, each in content[part].items() if key not in names} for part, names in dropped.items()]
     return [*kept, content.get("settings"), content.get("method")]

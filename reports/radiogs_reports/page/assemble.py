@@ -48,7 +48,7 @@ SCRIPTS = (
     "printing",
     "selection",
 )
-"""In the order in which they run: all may use the first, and the last tells the others what is selected."""
+"""In the order in which they run: all may use the first, and the last one announces the selection to the others."""
 
 
 METRICS_OF = {"image": "nvs/psnr", "albedo": "albedo/psnr", "normal": "normal/mae", "roughness": "roughness/mse",
@@ -172,7 +172,7 @@ def selectable(summary: Summary) -> list[tuple[str, str, list[tuple[str, str]]]]
 
 
 SHORT = 10
-"""Characters of a commit."""
+"""Characters of a commit's hash that are shown."""
 
 
 def origin(summary: Summary) -> dict[str, str]:

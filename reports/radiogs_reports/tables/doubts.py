@@ -1,4 +1,4 @@
-"""Marks beside values that are not to be taken at their word, and the footnotes that say why."""
+"""Marks beside uncertain values, and the footnotes with the reasons."""
 
 from ..summary import Doubt, Interval, Summary, Verdict
 

@@ -1,4 +1,5 @@
-"""The sentences below a table: what its intervals count, what is resolved, and what it could have shown."""
+"""The sentences below a table: the units of its intervals, its resolved differences, and the smallest one that it could
+show."""
 
 from collections.abc import Sequence
 

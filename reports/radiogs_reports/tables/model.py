@@ -126,7 +126,7 @@ class Row:
     latex: str = ""
     """Its label in LaTeX; empty where that is ``text``, escaped."""
     ran: str = ""
-    """What ran, if that is something else than the row of the paper; else empty."""
+    """Label of the measured row, if another one ran than the row of the paper; else empty."""
     remark: str = ""
     """How to read the paper's values of this row."""
     opens: str = ""

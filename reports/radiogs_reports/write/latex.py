@@ -7,7 +7,7 @@ from ..tables.model import Row
 from ..wording import SYMBOL
 
 COLOURS: Mapping[Verdict, str] = {"better": "CDE4F7", "worse": "FBDCC4"}
-"""Blue and orange, which people tell apart who do not see red and green."""
+"""Blue and orange: they differ for readers who cannot tell red from green."""
 
 ARROWS = {"up": r"$\uparrow$", "down": r"$\downarrow$", "zero": r"$\to 0$"}
 
@@ -17,10 +17,11 @@ BOX_END = (
     "\n"
     r"\ifdim\dimexpr\ht0+\dp0\relax>0.85\textheight\setbox0=\hbox{\resizebox*{!}{0.85\textheight}{\box0}}\fi\box0"
 )
-"""Around a tabular: shrinks it to the line's width and the page's height if it is larger, never enlarges it."""
+"""Together with ``BOX_BEGIN`` around a tabular: shrinks it to the line's width and the page's height, never enlarges
+it."""
 
 LEFT = r"\par\raggedright"
-"""In front of the notes below a table."""
+"""Precedes the notes below a table."""
 
 PREAMBLE = r"""\documentclass{article}
 \usepackage[T1]{fontenc}

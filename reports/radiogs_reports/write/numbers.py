@@ -8,26 +8,29 @@ from ..tables.model import Difference
 from .latex import BOX_BEGIN, BOX_END
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
-"""What siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column."""
+"""Numbers that siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column.
+"""
 
 SETUP = r"\sisetup{group-minimum-digits=9}"
-"""In front of a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
+"""Precedes a tabular: digits are not grouped, so that a value is printed with the digits that it was given."""
 
 
 MOST_ACROSS = 6
-"""Numbers side by side; more continue in a tabular below, because print would make them too small to read."""
+"""Most numbers side by side; more continue in a tabular below, because print would make them too small to read."""
 
 
 MOST_LINES = 40
-"""Of the parts of a table on one page, without their heads; further parts are a table of their own."""
+"""Most lines of a table on one page, without its heads; further parts are a table of their own."""
 
 
 class Entry(NamedTuple):
-    """A number with what stands before it (size and colour) and behind it (LaTeX, in the narrow column)."""
+    """A number in a table."""
 
     number: str = ""
     style: str = ""
+    """LaTeX in front of it: size and colour."""
     behind: str = ""
+    """LaTeX behind it, in the narrow column."""
 
     def __bool__(self) -> bool:
         return bool(self.number or self.behind)
@@ -57,9 +60,10 @@ def layout(entries: Iterable[Entry]) -> str:
 
 
 class Line(NamedTuple):
-    """What heads a line (LaTeX, cells and all), and its numbers."""
+    """A line of a table."""
 
     label: str
+    """LaTeX in front of the numbers, with the separators of its cells."""
     entries: Sequence[Entry]
 
     def cut(self, part: slice) -> "Line":
@@ -78,7 +82,7 @@ class Group(NamedTuple):
     title: str = ""
 
     def cut(self, part: slice) -> "Group":
-        """The group of some of the columns, without further lines that say nothing of them."""
+        """The group with some of the columns, without further lines that have no entry in them."""
         first, *others = (line.cut(part) for line in self.lines)
         kept = [line for line in others if any(line.entries)]
         return Group([first, *kept] if kept or any(first.entries) or not self.title else [], self.title)
