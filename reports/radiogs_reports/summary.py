@@ -304,16 +304,19 @@ def read_summary(out: Path) -> Summary:
     path = out / "summary.json"
     stored = json.loads(path.read_text(encoding="utf-8"))
     if stored["schema"] != SCHEMA:
-        raise ValueError(f"{path} has schema {stored['schema']}; this version reads {SCHEMA}")
+        raise ValueError(
+            f"{path} has schema {stored['schema']}, but this version reads {SCHEMA};"
+            f" rebuild it with: radiogs-bench report {out}"
+        )
     if stored.get("seal") != seal_of(stored):
-        raise ValueError(f"{path} does not agree with its seal; radiogs-bench report {out} makes it anew")
+        raise ValueError(f"{path} does not agree with its seal; rebuild it with: radiogs-bench report {out}")
     summary: Summary = stored
     for name in (summary["suite"], *(table["key"] for table in summary["paper"])):
         if PLAIN.fullmatch(name) is None:
             raise ValueError(f"{path}: {name!r} is no plain file name")
     for each in (*summary["sheet"], *summary["runs"]):
         if each["arrays"] is not None and ARRAYS.fullmatch(each["arrays"]) is None:
-            raise ValueError(f"{path}: {each['arrays']!r} is no array file of the folder")
+            raise ValueError(f"{path}: {each['arrays']!r} is not an array file of the folder")
     return summary
 
 

@@ -4,8 +4,8 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from ..tables.model import Difference
-from .latex import BOX_BEGIN, BOX_END
+from ..tables.model import Difference, Table
+from .latex import BOX_BEGIN, BOX_END, LEFT, as_formula, escape, legend, note_mark
 
 PLAIN = re.compile(r"([+-]?)(\d+)(?:\.(\d+))?")
 """Numbers that siunitx aligns; anything else, such as n/a or an exponent, is set as text in the middle of the column.
@@ -134,3 +134,23 @@ def _body(groups: Sequence[Group], across: int) -> list[str]:
             lines += [r"\addlinespace"] * (place > 0 and apart)
         lines += [line.text() for line in group.lines]
     return lines
+
+
+def environment(
+    table: Table, label: str, caption: str, lead: str, heads: Callable[[slice], Sequence[str]], groups: Sequence[Group]
+) -> list[str]:
+    """The table environment with its caption (LaTeX), tabulars, notes and legend; parameters as in ``tabulars``."""
+    notes = (rf"{note_mark(index)} {as_formula(note)}." for index, note in enumerate(table.notes))
+    return [
+        f"% {escape(f'{table.name}: {table.source}')}",
+        r"\begin{table}[tbp]",
+        r"\centering",
+        SETUP,
+        f"\\caption{{{caption}}}",
+        f"\\label{{{label}}}",
+        *tabulars(lead, label, heads, groups),
+        LEFT,
+        *(rf"\par\smallskip\footnotesize {note}" for note in notes),
+        *legend(table.legend),
+        r"\end{table}",
+    ]

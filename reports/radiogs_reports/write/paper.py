@@ -8,9 +8,9 @@ import pandas as pd
 from ..summary import PaperTable
 from ..tables.model import Cell, Column, Row, Table
 from ..tables.paper import apart_table
-from .latex import ARROWS, LEFT, as_formula, colour_of, escape, legend, note_mark
+from .latex import ARROWS, as_formula, colour_of, escape, note_mark
 from .markdown import table_head, table_line
-from .numbers import SETUP, Entry, Group, Line, difference_entry, over, tabulars
+from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
 
@@ -24,22 +24,9 @@ def paper_latex(table: Table) -> str:
     groups = [Group(_row_lines(table, row)) for row in table.rows]
     if table.apart_title:
         groups.append(Group(_apart(table), f"{as_formula(table.apart_title)}:"))
-    lines = [
-        f"% {escape(f'{table.name}: {table.source}')}",
-        r"\begin{table}[tbp]",
-        r"\centering",
-        SETUP,
-        f"\\caption{{{as_formula(table.caption)}}}",
-        f"\\label{{measured:{table.name}}}",
-        *tabulars("ll", f"measured:{table.name}", lambda part: _heads(table.columns[part]), groups),
-        LEFT,
-        *(
-            rf"\par\smallskip\footnotesize {note_mark(index)} {as_formula(note)}."
-            for index, note in enumerate(table.notes)
-        ),
-        *legend(table.legend),
-    ]
-    return "\n".join([*lines, r"\end{table}", ""])
+    caption, label = as_formula(table.caption), f"measured:{table.name}"
+    lines = environment(table, label, caption, "ll", lambda part: _heads(table.columns[part]), groups)
+    return "\n".join([*lines, ""])
 
 
 def _heads(columns: Sequence[Column]) -> list[str]:

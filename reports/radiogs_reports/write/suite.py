@@ -5,9 +5,9 @@ import pandas as pd
 from ..summary import Summary
 from ..tables.doubts import texts_of
 from ..tables.model import Cell, Row, Table
-from .latex import ARROWS, END, LEFT, PREAMBLE, colour_of, escape, legend, note_mark, row_label
+from .latex import ARROWS, END, PREAMBLE, colour_of, escape, note_mark, row_label
 from .markdown import table_head, table_line
-from .numbers import SETUP, Entry, Group, Line, difference_entry, over, tabulars
+from .numbers import Entry, Group, Line, difference_entry, environment, over
 from .records import difference_fields
 
 
@@ -23,21 +23,9 @@ def suite_latex(table: Table) -> str:
     it, in grey, the published value. A value that does not exist is n/a, with its reason in a note; footnotes of
     values and remarks on methods follow the table as text.
     """
-    lines = [
-        f"% {escape(f'{table.name}: {table.source}')}",
-        r"\begin{table}[tbp]",
-        r"\centering",
-        SETUP,
-        f"\\caption{{{_caption(table)}}}",
-        f"\\label{{tab:{table.name}}}",
-        *tabulars(
-            "l", f"tab:{table.name}", lambda part: _heads(table, part), [_group(table, row) for row in table.rows]
-        ),
-        LEFT,
-        *(rf"\par\smallskip\footnotesize {note_mark(index)} {escape(note)}." for index, note in enumerate(table.notes)),
-        *legend(table.legend),
-    ]
-    return "\n".join([*lines, r"\end{table}", *_beside(table), ""])
+    groups = [_group(table, row) for row in table.rows]
+    lines = environment(table, f"tab:{table.name}", _caption(table), "l", lambda part: _heads(table, part), groups)
+    return "\n".join([*lines, *_beside(table), ""])
 
 
 def _beside(table: Table) -> list[str]:
